@@ -1,0 +1,124 @@
+"""Configurations: the states of a system of robots. [CONFIG]
+
+A configuration is immutable. ``M`` of the paper is ``locals`` and ``copy`` together: a robot's own
+variables and its copy of every shared one; ``cp`` is ``ports``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from fractions import Fraction
+from typing import Generic, TypeVar
+
+from koord.semantics.storage import Storage
+from koord.syntax import core
+from koord.syntax.source import Span
+
+V = TypeVar("V")
+
+
+class Turn(Enum):
+    """Whose turn it is: the program's or the environment's."""
+
+    PROG = "prog"
+    ENV = "env"
+
+
+class Status(IntEnum):
+    """Whether a robot still runs events. [STOP]"""
+
+    RUNNING = 0
+    ASKED = 1  #: ``trystop()`` was called: goes on until everyone asked
+    STOPPED = 2
+
+
+class FaultKind(Enum):
+    """What a program can do wrong while it runs. [FAULT]"""
+
+    INDEX = "index out of range"
+    DIVISION = "division by zero"
+    UNSET = "read of an unset value"
+    KEY = "missing map key"
+    EMPTY = "empty list"
+    PRECONDITION = "precondition not met"
+    CHOICE = "empty range to choose from"
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault, the robot that met it, and the place in the text."""
+
+    kind: FaultKind
+    robot: int | None
+    span: Span
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Store(Generic[V]):
+    """The shared variables, by slot. An allread variable is a tree with one part per robot."""
+
+    allread: tuple[Storage[V], ...]
+    allwrite: tuple[Storage[V], ...]
+
+
+#: ``Robot.ran`` of a robot that ran no event in its last program turn.
+NO_EVENT = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Robot(Generic[V]):
+    """One robot: ``L = (M, cp, turn)``.
+
+    ``kind`` is the position of its agent in the program; ``ran`` the position of the event of its
+    last program turn, or ``NO_EVENT``.
+    """
+
+    kind: int
+    locals: tuple[Storage[V], ...]
+    ports: tuple[Storage[V], ...]
+    copy: Store[V]
+    status: V
+    ran: V
+    turn: Turn = Turn.PROG
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration(Generic[V]):
+    """A system configuration ``c = ({L_i}, S, τ, turn)``; ``τ`` is ``round · δ``.
+
+    ``taken`` are the lock classes that a robot entered in this round. A configuration with a
+    ``fault`` has no successors.
+    """
+
+    robots: tuple[Robot[V], ...]
+    store: Store[V]
+    round: int
+    turn: Turn = Turn.PROG
+    taken: frozenset[int] = frozenset()
+    fault: Fault | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """A program with its robots: ``kinds[i]`` is robot i's position in ``program.agents``."""
+
+    program: core.Program
+    kinds: tuple[int, ...]
+    delta_s: Fraction = Fraction(1, 10)
+
+    @property
+    def robots(self) -> int:
+        """``numAgents``."""
+        return len(self.kinds)
+
+    def agent(self, robot: int) -> core.Agent:
+        """The kind of one robot."""
+        return self.program.agents[self.kinds[robot]]
+
+
+def dealt(program: core.Program, robots: int, delta_s: Fraction = Fraction(1, 10)) -> System:
+    """A system of that many robots, of the kinds in order of declaration, round-robin."""
+    kinds = tuple(i % len(program.agents) for i in range(robots))
+    return System(program, kinds, delta_s)

@@ -1,0 +1,481 @@
+"""Evaluation of expressions. [LOOKUP] and the rules of chapter 2, each cited where it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TypeVar, assert_never
+
+from koord.semantics.configurations import FaultKind, Status
+from koord.semantics.domain import disjunction
+from koord.semantics.machine import Machine, NotFiniteError
+from koord.semantics.storage import (
+    AtField,
+    AtIndex,
+    AtKey,
+    Cell,
+    Location,
+    Storage,
+    Tree,
+    contents,
+    descend,
+    merge_storage,
+    part_of,
+)
+from koord.semantics.values import (
+    Rec,
+    Seq,
+    Table,
+    Value,
+    default,
+    equal,
+    insert,
+    inside,
+    listed,
+    lookup,
+    merge_known,
+    scalar,
+    sequence,
+    table,
+)
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, Home, ListOp
+from koord.syntax.types import INT, ArrayType, Robots
+
+V = TypeVar("V")
+
+
+def evaluate(m: Machine[V], e: core.Expr) -> Value[V]:
+    """The value of an expression on the machine's memory. Total: faults are logged."""
+    match e:
+        case core.Read():
+            return read(m, e.place)
+        case core.Const():
+            return m.d.const(e.value, e.type)
+        case core.Binary():
+            return binary(m, e)
+        case core.Unary():
+            return m.d.unary(e.op, scalar(evaluate(m, e.operand)))
+        case core.Pid():
+            assert m.robot is not None
+            return m.d.const(m.robot, INT)
+        case core.NumAgents():
+            return m.d.const(m.system.robots, INT)
+        case core.Delta():
+            return m.d.const(m.system.delta_s, e.type)
+        case core.Select():
+            return select(m, e)
+        case core.Builtin():
+            return builtin(m, e)
+        case core.MakeList():
+            return listed(m.d, [evaluate(m, item) for item in e.items])
+        case core.MakeRecord():
+            return Rec(tuple(evaluate(m, part) for part in e.fields))
+        case core.MakeMap():
+            return make_map(m, e)
+        case core.Call():
+            # Calls run statements, so their rule stands with them.
+            from koord.semantics.statements import call
+
+            return call(m, e)
+        case core.ExternalCall():
+            return external_call(m, e)
+        case core.Choose():
+            return choose(m, e)
+        case core.Quantified():
+            return quantified(m, e)
+        case core.Ran():
+            return ran(m, e)
+        case core.Stopped():
+            return stopped(m, e)
+    assert_never(e)
+
+
+def condition(m: Machine[V], e: core.Expr) -> V:
+    """The value of a Boolean expression."""
+    return scalar(evaluate(m, e))
+
+
+# --- operators ----------------------------------------------------------------------------------
+
+
+def binary(m: Machine[V], e: core.Binary) -> Value[V]:
+    """[E-EQUAL] [E-ARITH] [E-SHORT]"""
+    match e.op:
+        case BinaryOp.AND | BinaryOp.IMPLIES:
+            left = condition(m, e.left)
+            if m.d.known(left) is False:
+                return m.truth(e.op is BinaryOp.IMPLIES)
+            right = scalar(m.within(left, lambda: evaluate(m, e.right)))
+            return m.d.binary(e.op, left, right)
+        case BinaryOp.OR:
+            left = condition(m, e.left)
+            if m.d.known(left) is True:
+                return m.truth(True)
+            right = scalar(m.within(m.negated(left), lambda: evaluate(m, e.right)))
+            return m.d.binary(e.op, left, right)
+        case BinaryOp.EQ | BinaryOp.NE:
+            same = equal(m.d, evaluate(m, e.left), evaluate(m, e.right))
+            return same if e.op is BinaryOp.EQ else m.negated(same)
+        case BinaryOp.DIV | BinaryOp.MOD:
+            left, right = scalar(evaluate(m, e.left)), scalar(evaluate(m, e.right))
+            zero = m.d.const(0, e.right.type)
+            m.fault_unless(m.d.binary(BinaryOp.NE, right, zero), FaultKind.DIVISION, e.right.span)
+            return m.d.binary(e.op, left, right)
+        case _:
+            left, right = scalar(evaluate(m, e.left)), scalar(evaluate(m, e.right))
+            return m.d.binary(e.op, left, right)
+
+
+def make_map(m: Machine[V], e: core.MakeMap) -> Value[V]:
+    """[E-MAP]: of two entries with one key the later counts."""
+    made: Table[V] = Table(m.d.const(0, INT), ())
+    for key, value in e.entries:
+        made = insert(m.d, made, evaluate(m, key), evaluate(m, value))
+    return made
+
+
+def builtin(m: Machine[V], e: core.Builtin) -> Value[V]:
+    """[E-LIST]"""
+    first = e.arguments[0]
+    if e.op is ListOp.LENGTH and isinstance(first.type, ArrayType):
+        # A fixed array's length is known without reading what may still be unset.
+        size = first.type.size
+        return m.d.const(m.system.robots if size is Robots.ALL else size, INT)
+    value = evaluate(m, first)
+    match e.op:
+        case ListOp.LENGTH:
+            assert isinstance(value, Seq | Table)
+            return value.length
+        case ListOp.CONTAINS:
+            return contains(m, value, evaluate(m, e.arguments[1]))
+        case ListOp.ANY | ListOp.ALL:
+            return any_or_all(m, e.op, sequence(value))
+        case ListOp.MIN | ListOp.MAX:
+            return extreme(m, e, sequence(value))
+    assert_never(e.op)
+
+
+def contains(m: Machine[V], value: Value[V], wanted: Value[V]) -> V:
+    """Whether a list has an element, or a map a key."""
+    if isinstance(value, Table):
+        found_key, _ = lookup(m.d, table(value), wanted)
+        return found_key
+    items = sequence(value)
+    found = [
+        m.both(inside(m.d, k, items.length), equal(m.d, item, wanted))
+        for k, item in enumerate(items.items)
+    ]
+    return disjunction(m.d, found)
+
+
+def any_or_all(m: Machine[V], op: ListOp, items: Seq[V]) -> V:
+    """Whether some or every element of a list of Booleans is true."""
+    result = m.truth(op is ListOp.ALL)
+    for k, item in enumerate(items.items):
+        here = inside(m.d, k, items.length)
+        if op is ListOp.ANY:
+            result = m.either(result, m.both(here, scalar(item)))
+        else:
+            result = m.both(result, m.d.binary(BinaryOp.IMPLIES, here, scalar(item)))
+    return result
+
+
+def extreme(m: Machine[V], e: core.Builtin, items: Seq[V]) -> V:
+    """The least or greatest element of a list of numbers; of an empty one a fault."""
+    some = m.d.binary(BinaryOp.LT, m.d.const(0, INT), items.length)
+    m.fault_unless(some, FaultKind.EMPTY, e.span)
+    if not items.items:
+        return scalar(default(m.d, e.type, m.system.robots))
+    best = scalar(items.items[0])
+    op = BinaryOp.MIN if e.op is ListOp.MIN else BinaryOp.MAX
+    for k, item in enumerate(items.items[1:], start=1):
+        better = m.d.binary(op, best, scalar(item))
+        best = scalar(merge_known(m.d, inside(m.d, k, items.length), better, best))
+    return best
+
+
+# --- places -------------------------------------------------------------------------------------
+
+
+def read(m: Machine[V], place: core.Place) -> Value[V]:
+    """The value at a place. [LOOKUP]"""
+    storage = root(m, place)
+    type_ = place.variable.type
+    if not isinstance(storage, Cell | Tree):
+        return parts(m, storage, place.steps)
+    steps = list(place.steps)
+    while steps and isinstance(storage, Tree):
+        step = steps.pop(0)
+        below, legal = descend(m.d, storage, located(m, step))
+        m.fault_unless(legal, FaultKind.INDEX, step.span)
+        type_ = step.type
+        if below is None:
+            return default(m.d, place.type, m.system.robots)
+        storage = below
+    value, is_set = contents(m.d, storage, type_)
+    m.fault_unless(is_set, FaultKind.UNSET, place.span, place.variable.name)
+    return parts(m, value, tuple(steps))
+
+
+def parts(m: Machine[V], value: Value[V], steps: tuple[core.Step, ...]) -> Value[V]:
+    """A part of a value, some steps below it. [E-SELECT]"""
+    for step in steps:
+        location = located(m, step)
+        below, legal = part_of(m.d, value, location)
+        kind = FaultKind.KEY if isinstance(location, AtKey) else FaultKind.INDEX
+        m.fault_unless(legal, kind, step.span)
+        value = below if below is not None else default(m.d, step.type, m.system.robots)
+    return value
+
+
+def located(m: Machine[V], step: core.Step) -> Location[V]:
+    """A step with its index or key evaluated."""
+    match step:
+        case core.FieldStep():
+            return AtField(step.position)
+        case core.IndexStep():
+            return AtIndex(scalar(evaluate(m, step.index)))
+        case core.KeyStep():
+            return AtKey(evaluate(m, step.key))
+    assert_never(step)
+
+
+def select(m: Machine[V], e: core.Select) -> Value[V]:
+    """A part of a computed value. [E-SELECT]"""
+    return parts(m, evaluate(m, e.base), (e.step,))
+
+
+def root(m: Machine[V], place: core.Place) -> Storage[V] | Value[V]:
+    """What a place's variable holds: from ``M`` in a turn, from the view in a property."""
+    variable = place.variable
+    if variable.home is Home.BOUND:
+        value = m.memory.bound[variable.slot]
+        if value is None:
+            return Cell(m.truth(False), default(m.d, variable.type, m.system.robots))
+        return value
+    if m.view is not None:
+        return viewed(m, place)
+    match variable.home:
+        case Home.LOCAL:
+            return m.memory.locals[variable.slot]
+        case Home.PORT:
+            return (m.memory.after if place.primed else m.memory.ports)[variable.slot]
+        case Home.ALLREAD:
+            return m.memory.allread[variable.slot]
+        case Home.ALLWRITE:
+            return m.memory.allwrite[variable.slot]
+
+
+def viewed(m: Machine[V], place: core.Place) -> Storage[V]:
+    """The storage of a variable in the configuration that a property is about. [PROP-READ]"""
+    assert m.view is not None
+    variable = place.variable
+    if variable.home is Home.ALLREAD:
+        return m.view.store.allread[variable.slot]
+    if variable.home is Home.ALLWRITE:
+        return m.view.store.allwrite[variable.slot]
+    assert place.robot is not None
+    storages = {
+        robot: storage
+        for robot, storage in enumerate(_of_robots(m, variable))
+        if storage is not None
+    }
+    return at_robot(m, place, storages)
+
+
+def at_robot(m: Machine[V], place: core.Place, storages: dict[int, Storage[V]]) -> Storage[V]:
+    """The storage of the robot that ``v@i`` names; no such robot is a fault."""
+    assert place.robot is not None
+    index = scalar(evaluate(m, place.robot))
+    known = m.d.known(index)
+    if known is not None and known in storages:
+        assert isinstance(known, int)
+        return storages[known]
+    there = [m.d.binary(BinaryOp.EQ, index, m.d.const(robot, INT)) for robot in storages]
+    m.fault_unless(disjunction(m.d, there), FaultKind.INDEX, place.robot.span)
+    if not storages:
+        return Cell(m.truth(False), default(m.d, place.variable.type, m.system.robots))
+    *others, last = storages.values()
+    chosen = last
+    for here, storage in zip(there, others, strict=False):
+        if m.d.known(here) is None:
+            chosen = merge_storage(m.d, here, storage, chosen)
+    return chosen
+
+
+def _of_robots(m: Machine[V], variable: core.Variable) -> Iterator[Storage[V] | None]:
+    """Robot by robot what it holds in a local or port; None for kinds without that variable."""
+    assert m.view is not None
+    for robot in m.view.robots:
+        slot = slot_in(m.system.program.agents[robot.kind], variable)
+        storages = robot.locals if variable.home is Home.LOCAL else robot.ports
+        yield storages[slot] if slot is not None else None
+
+
+def slot_in(agent: core.Agent, variable: core.Variable) -> int | None:
+    """The slot of a local or port in one kind of robot: kinds may number a name differently."""
+    declarations = (
+        agent.locals
+        if variable.home is Home.LOCAL
+        else tuple(port.declaration for port in agent.ports)
+    )
+    if variable.slot < len(declarations):
+        here = declarations[variable.slot].variable
+        if here.name == variable.name and here.type == variable.type:
+            return variable.slot
+    for declaration in declarations:
+        if declaration.variable.name == variable.name:
+            return declaration.variable.slot
+    return None
+
+
+# --- what is left open --------------------------------------------------------------------------
+
+
+def choose(m: Machine[V], e: core.Choose) -> Value[V]:
+    """[CHOOSE]"""
+    low, high = scalar(evaluate(m, e.low)), scalar(evaluate(m, e.high))
+    m.fault_unless(m.d.binary(BinaryOp.LE, low, high), FaultKind.CHOICE, e.span)
+    value = m.oracle.choose((e.site, *m.trail), low, high, e.type)
+    between = m.both(m.d.binary(BinaryOp.LE, low, value), m.d.binary(BinaryOp.LE, value, high))
+    # An empty range is a fault already; then any value will do.
+    empty = m.d.binary(BinaryOp.LT, high, low)
+    m.require(m.either(empty, between), "a chosen value lies in its range", e.span)
+    return value
+
+
+def external_call(m: Machine[V], e: core.ExternalCall) -> Value[V]:
+    """[EXTERNAL]: the answer is the oracle's; the summary is required of it."""
+    function = m.system.program.external(e.function)
+    arguments = tuple(evaluate(m, argument) for argument in e.arguments)
+    answer = m.oracle.external(function, (e.site, *m.trail), arguments)
+    if m.in_summary:
+        # Summaries that mention external functions speak of them without summaries of their own.
+        return answer
+    bound = m.memory.bound
+    m.memory.bound = [*arguments, answer, *[None] * (function.bound - len(arguments) - 1)]
+    m.in_summary = True
+    met = m.truth(True)
+    for requirement in function.requires:
+        holds = condition(m, requirement)
+        m.fault_unless(holds, FaultKind.PRECONDITION, e.span, function.name)
+        met = m.both(met, holds)
+    for promise in function.ensures:
+        holds = m.d.binary(BinaryOp.IMPLIES, met, condition(m, promise))
+        m.require(holds, f"the answer of {function.name} meets its summary", promise.span)
+    m.in_summary = False
+    m.memory.bound = bound
+    return answer
+
+
+# --- properties ---------------------------------------------------------------------------------
+
+
+def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
+    """[E-QUANT]: over finitely many values, one after the other."""
+    slot = e.variable.slot
+    if isinstance(e.domain, core.AllValues):
+
+        def body(value: Value[V]) -> V:
+            m.memory.bound[slot] = value
+            return condition(m, e.body)
+
+        assert e.quantifier is core.QuantifierKind.FORALL
+        return m.oracle.every(e.domain.type, body)
+    universal = e.quantifier is core.QuantifierKind.FORALL
+    result = m.truth(universal)
+    for here, value in instances(m, e):
+        # As with ``and`` and ``or``: what is decided already is not looked at.
+        undecided = result if universal else m.negated(result)
+        if m.d.known(undecided) is False:
+            break
+        m.memory.bound[slot] = value
+        relevant = m.both(undecided, here)
+        holds = scalar(m.within(relevant, lambda: evaluate(m, e.body)))
+        if universal:
+            result = m.both(result, m.d.binary(BinaryOp.IMPLIES, here, holds))
+        else:
+            result = m.either(result, m.both(here, holds))
+    return result
+
+
+def instances(m: Machine[V], e: core.Quantified) -> Iterator[tuple[V, Value[V]]]:
+    """The values of a bound variable, each with the condition that it is one."""
+    match e.domain:
+        case core.RobotRange(agent=agent):
+            for robot, kind in enumerate(m.system.kinds):
+                if agent is None or kind == agent:
+                    yield m.truth(True), m.d.const(robot, INT)
+        case core.IntRange(low=low, high=high):
+            yield from integers(m, low, high)
+        case core.Elements(sequence=over):
+            items = sequence(evaluate(m, over))
+            for k, item in enumerate(items.items):
+                here = inside(m.d, k, items.length)
+                if m.d.known(here) is not False:
+                    yield here, item
+        case core.AllValues():
+            raise AssertionError("handled by the caller")
+
+
+def integers(m: Machine[V], low: core.Expr, high: core.Expr) -> Iterator[tuple[V, V]]:
+    """The integers from ``low`` up to and excluding ``high``, each with its condition."""
+    start, end = scalar(evaluate(m, low)), scalar(evaluate(m, high))
+    first, last = limit(m, low, start, least=True), limit(m, high, end, least=False)
+    for k in range(first, last):
+        number = m.d.const(k, INT)
+        above = m.d.binary(BinaryOp.LE, start, number)
+        here = m.both(above, m.d.binary(BinaryOp.LT, number, end))
+        if m.d.known(here) is not False:
+            yield here, number
+
+
+def limit(m: Machine[V], e: core.Expr, value: V, *, least: bool) -> int:
+    """A bound of an integer that the domain knows in part: itself, or from how it is built."""
+    known = m.d.known(value)
+    if known is not None:
+        assert isinstance(known, int)
+        return known
+    match e:
+        case core.Builtin(op=ListOp.LENGTH, arguments=(over,)):
+            if least:
+                return 0
+            items = evaluate(m, over)
+            assert isinstance(items, Seq | Table)
+            return len(items.items if isinstance(items, Seq) else items.entries)
+        case core.Binary(op=BinaryOp.ADD, left=left, right=right):
+            values = scalar(evaluate(m, left)), scalar(evaluate(m, right))
+            return limit(m, left, values[0], least=least) + limit(m, right, values[1], least=least)
+        case core.Binary(op=BinaryOp.SUB, left=left, right=right):
+            values = scalar(evaluate(m, left)), scalar(evaluate(m, right))
+            return limit(m, left, values[0], least=least) - limit(
+                m, right, values[1], least=not least
+            )
+        case _:
+            raise NotFiniteError(e.span, "the range has no bound that is known beforehand")
+
+
+def ran(m: Machine[V], e: core.Ran) -> Value[V]:
+    """[PROP-RAN]: the robot's last program turn ran one of these events."""
+    assert m.view is not None
+    index = scalar(evaluate(m, e.robot))
+    holds = []
+    for number, robot in enumerate(m.view.robots):
+        here = m.d.binary(BinaryOp.EQ, index, m.d.const(number, INT))
+        for kind, position in e.events:
+            if kind == robot.kind:
+                did = m.d.binary(BinaryOp.EQ, robot.ran, m.d.const(position, INT))
+                holds.append(m.both(here, did))
+    return disjunction(m.d, holds)
+
+
+def stopped(m: Machine[V], e: core.Stopped) -> Value[V]:
+    """[PROP-STOPPED]"""
+    assert m.view is not None
+    index = scalar(evaluate(m, e.robot))
+    holds = []
+    for number, robot in enumerate(m.view.robots):
+        here = m.d.binary(BinaryOp.EQ, index, m.d.const(number, INT))
+        done = m.d.binary(BinaryOp.EQ, robot.status, m.d.const(int(Status.STOPPED), INT))
+        holds.append(m.both(here, done))
+    return disjunction(m.d, holds)

@@ -1,0 +1,212 @@
+"""The state of one running body: memory, flow of control, and the path taken so far.
+
+A machine runs one robot's turn (or evaluates one property). Its memory changes in place; what it
+found out (faults, conditions of legality) is logged together with the condition of the path, the
+``guard``, so that a domain that follows two branches at once loses nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from koord.semantics.configurations import Configuration, Fault, FaultKind, Store, System
+from koord.semantics.domain import Domain
+from koord.semantics.oracle import Oracle
+from koord.semantics.storage import Mask, Storage, merge_storage
+from koord.semantics.values import Value, merge
+from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.source import Span
+from koord.syntax.types import BOOL
+
+V = TypeVar("V")
+
+
+class NotFiniteError(Exception):
+    """A loop or quantifier has no bound that the domain knows: the caller must say *unknown*."""
+
+    def __init__(self, span: Span, what: str) -> None:
+        super().__init__(f"{span}: {what}")
+        self.span = span
+        self.what = what
+
+
+@dataclass(slots=True)
+class Memory(Generic[V]):
+    """All that statements change. ``after`` receives ports in the environment's turn."""
+
+    locals: list[Storage[V]]
+    ports: list[Storage[V]]
+    allread: list[Storage[V]]
+    allwrite: list[Storage[V]]
+    after: list[Storage[V]]
+    bound: list[Value[V] | None]
+    stop: V
+    trystop: V
+    broke: V
+    returned: V
+    result: Value[V] | None = None
+
+    def copied(self) -> Memory[V]:
+        """A memory that changes on its own from here."""
+        return Memory(
+            self.locals.copy(),
+            self.ports.copy(),
+            self.allread.copy(),
+            self.allwrite.copy(),
+            self.after.copy(),
+            self.bound.copy(),
+            self.stop,
+            self.trystop,
+            self.broke,
+            self.returned,
+            self.result,
+        )
+
+    def merged(self, d: Domain[V], condition: V, other: Memory[V]) -> Memory[V]:
+        """One memory: ``self`` where the condition holds, ``other`` elsewhere."""
+
+        def storages(left: list[Storage[V]], right: list[Storage[V]]) -> list[Storage[V]]:
+            pairs = zip(left, right, strict=True)
+            return [merge_storage(d, condition, a, b) for a, b in pairs]
+
+        def values(a: Value[V] | None, b: Value[V] | None) -> Value[V] | None:
+            if a is None or b is None:
+                return b if a is None else a
+            return merge(d, condition, a, b)
+
+        return Memory(
+            storages(self.locals, other.locals),
+            storages(self.ports, other.ports),
+            storages(self.allread, other.allread),
+            storages(self.allwrite, other.allwrite),
+            storages(self.after, other.after),
+            [values(a, b) for a, b in zip(self.bound, other.bound, strict=True)],
+            d.ite(condition, self.stop, other.stop),
+            d.ite(condition, self.trystop, other.trystop),
+            d.ite(condition, self.broke, other.broke),
+            d.ite(condition, self.returned, other.returned),
+            values(self.result, other.result),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Legality(Generic[V]):
+    """A condition on recorded answers without which a run is not one of the program's."""
+
+    condition: V
+    what: str
+    span: Span
+
+
+@dataclass(slots=True)
+class Machine(Generic[V]):
+    """A domain, a system, a robot, an oracle; a memory; and the log of what was found out.
+
+    ``view`` is the configuration that a property is about (None in a robot's turn).
+    """
+
+    d: Domain[V]
+    system: System
+    robot: int | None
+    oracle: Oracle[V]
+    memory: Memory[V]
+    guard: V
+    view: Configuration[V] | None = None
+    in_environment: bool = False
+    in_summary: bool = False
+    trail: list[int] = field(default_factory=list)
+    faults: list[tuple[V, Fault]] = field(default_factory=list)
+    legality: list[Legality[V]] = field(default_factory=list)
+    entered: dict[int, V] = field(default_factory=dict)
+    allread_masks: dict[int, Mask[V]] = field(default_factory=dict)
+    allwrite_masks: dict[int, Mask[V]] = field(default_factory=dict)
+    output: list[tuple[V, str, tuple[Value[V], ...]]] = field(default_factory=list)
+
+    # --- paths ----------------------------------------------------------------------------------
+
+    def branch(self, condition: V, then: Callable[[], None], other: Callable[[], None]) -> None:
+        """Run ``then`` where the condition holds and ``other`` elsewhere."""
+        known = self.d.known(condition)
+        if known is not None:
+            (then if known else other)()
+            return
+        guard, start = self.guard, self.memory
+        self.memory = start.copied()
+        self.guard = self.both(guard, condition)
+        then()
+        after_then = self.memory
+        self.memory = start
+        self.guard = self.both(guard, self.negated(condition))
+        other()
+        self.guard = guard
+        self.memory = after_then.merged(self.d, condition, self.memory)
+
+    def within(self, condition: V, compute: Callable[[], Value[V]]) -> Value[V]:
+        """Evaluate on the part of the path where a condition holds."""
+        guard = self.guard
+        self.guard = self.both(guard, condition)
+        value = compute()
+        self.guard = guard
+        return value
+
+    # --- logs -----------------------------------------------------------------------------------
+
+    def fault_unless(self, legal: V, kind: FaultKind, span: Span, detail: str = "") -> None:
+        """Log a fault where ``legal`` does not hold on this path. [FAULT]"""
+        if self.d.known(legal) is True:
+            return
+        condition = self.both(self.guard, self.negated(legal))
+        if self.d.known(condition) is not False:
+            self.faults.append((condition, Fault(kind, self.robot, span, detail)))
+
+    def require(self, condition: V, what: str, span: Span) -> None:
+        """Log what a recorded answer must satisfy on this path."""
+        needed = self.d.binary(BinaryOp.IMPLIES, self.guard, condition)
+        if self.d.known(needed) is not True:
+            self.legality.append(Legality(needed, what, span))
+
+    # --- Booleans -------------------------------------------------------------------------------
+
+    def truth(self, value: bool) -> V:
+        return self.d.const(value, BOOL)
+
+    def both(self, left: V, right: V) -> V:
+        return self.d.binary(BinaryOp.AND, left, right)
+
+    def either(self, left: V, right: V) -> V:
+        return self.d.binary(BinaryOp.OR, left, right)
+
+    def negated(self, value: V) -> V:
+        return self.d.unary(UnaryOp.NOT, value)
+
+
+def machine(
+    d: Domain[V],
+    system: System,
+    oracle: Oracle[V],
+    *,
+    robot: int | None = None,
+    locals: tuple[Storage[V], ...] = (),
+    ports: tuple[Storage[V], ...] = (),
+    copy: Store[V] | None = None,
+    after: tuple[Storage[V], ...] = (),
+    bound: int = 0,
+    view: Configuration[V] | None = None,
+) -> Machine[V]:
+    """A machine at the start of a body that needs ``bound`` bound slots."""
+    never = d.const(False, BOOL)
+    memory: Memory[V] = Memory(
+        list(locals),
+        list(ports),
+        list(copy.allread) if copy is not None else [],
+        list(copy.allwrite) if copy is not None else [],
+        list(after),
+        [None] * bound,
+        never,
+        never,
+        never,
+        never,
+    )
+    return Machine(d, system, robot, oracle, memory, d.const(True, BOOL), view)

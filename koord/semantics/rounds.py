@@ -1,0 +1,218 @@
+"""The rules of a system: INIT, program turns one at a time, the environment's turn.
+
+This is the reference: a tiny loop over pure steps, for domains that know every scalar (exact
+rationals, doubles). The verifier builds the same rounds from the same turns (:mod:`turns`), with
+all robots at once, which the theorems of chapter 8 allow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
+
+from koord.semantics.configurations import (
+    Configuration,
+    Fault,
+    Robot,
+    Status,
+    System,
+    Turn,
+)
+from koord.semantics.domain import Domain
+from koord.semantics.machine import Legality
+from koord.semantics.oracle import Inputs
+from koord.semantics.turns import (
+    Evolved,
+    Turned,
+    committed,
+    declared,
+    environment_turn,
+    guard_of,
+    initial_turn,
+    program_turn,
+    skip_turn,
+)
+from koord.semantics.values import Value
+from koord.syntax import core
+from koord.syntax.types import INT
+
+V = TypeVar("V")
+
+
+class IllegalStepError(Exception):
+    """A step that the rules do not allow; names the rule."""
+
+    def __init__(self, rule: str, reason: str) -> None:
+        super().__init__(f"[{rule}] {reason}")
+        self.rule = rule
+        self.reason = reason
+
+
+@dataclass(frozen=True, slots=True)
+class Stepped(Generic[V]):
+    """A configuration reached by one step, with what was written to streams on the way."""
+
+    configuration: Configuration[V]
+    output: tuple[tuple[str, tuple[Value[V], ...]], ...] = ()
+    promises: tuple[tuple[int, core.Contract], ...] = ()  #: contracts that the model broke
+
+
+def initialised(
+    d: Domain[V], system: System, inputs: Inputs[V], order: Iterable[int] | None = None
+) -> Stepped[V]:
+    """The configuration after INIT, with the robots' turns in an order. [INIT]"""
+    store, faults = declared(d, system, inputs)
+    turns = [initial_turn(d, system, i, store, inputs) for i in range(system.robots)]
+    final = store
+    output: list[tuple[str, tuple[Value[V], ...]]] = []
+    found = _first(d, faults)
+    for i in order if order is not None else range(system.robots):
+        _check(d, turns[i].legality)
+        found = found or _first(d, turns[i].faults)
+        final = committed(d, final, turns[i])
+        output += _shown(d, turns[i])
+    robots = tuple(replace(t.robot, copy=final, turn=Turn.PROG) for t in turns)
+    return Stepped(Configuration(robots, final, 0, fault=found), tuple(output))
+
+
+def enabled(
+    d: Domain[V], system: System, configuration: Configuration[V], robot: int, inputs: Inputs[V]
+) -> list[int]:
+    """The events that a robot may select, in program order. [SELECT]
+
+    An event whose ``pre`` cannot be evaluated may be selected: that is a fault.
+    """
+    state = configuration.robots[robot]
+    if state.turn is not Turn.PROG or d.known(state.status) == Status.STOPPED:
+        return []
+    found = []
+    for position, event in enumerate(system.agent(robot).events):
+        holds, sound = guard_of(d, system, robot, state, event, inputs)
+        if d.known(holds) is True or d.known(sound) is False:
+            found.append(position)
+    return found
+
+
+def may_skip(
+    d: Domain[V], system: System, configuration: Configuration[V], robot: int, inputs: Inputs[V]
+) -> bool:
+    """Whether doing nothing is allowed: no urgent event is enabled with its classes free. [SKIP]"""
+    state = configuration.robots[robot]
+    if d.known(state.status) == Status.STOPPED:
+        return True
+    for event in system.agent(robot).events:
+        if event.urgent and not event.lock_classes & configuration.taken:
+            holds, _ = guard_of(d, system, robot, state, event, inputs)
+            if d.known(holds) is True:
+                return False
+    return True
+
+
+def run_event(
+    d: Domain[V],
+    system: System,
+    configuration: Configuration[V],
+    robot: int,
+    position: int,
+    inputs: Inputs[V],
+) -> Stepped[V]:
+    """One robot runs one event. [EVENT-TRANS] [ATOMIC]
+
+    Raises :class:`IllegalStepError` if it may not be selected, or enters a lock class
+    that is taken.
+    """
+    state = _to_move(configuration, robot)
+    if d.known(state.status) == Status.STOPPED:
+        raise IllegalStepError("STOP", f"robot {robot} has stopped")
+    name = system.agent(robot).events[position].name
+    selectable, turned = program_turn(d, system, robot, state, position, inputs)
+    if d.known(selectable) is not True:
+        raise IllegalStepError("SELECT", f"the pre of {name} does not hold for robot {robot}")
+    _check(d, turned.legality)
+    found = _first(d, turned.faults)
+    entered = frozenset(c for c, condition in turned.entered.items() if d.known(condition) is True)
+    if found is None and entered & configuration.taken:
+        raise IllegalStepError("ATOMIC", f"{name} of robot {robot} enters a taken lock class")
+    after = replace(
+        configuration,
+        robots=_with(configuration.robots, robot, turned.robot),
+        store=committed(d, configuration.store, turned),
+        taken=configuration.taken | entered,
+        fault=found,
+    )
+    return Stepped(_ended(d, after), _shown(d, turned))
+
+
+def run_skip(
+    d: Domain[V], system: System, configuration: Configuration[V], robot: int, inputs: Inputs[V]
+) -> Stepped[V]:
+    """One robot does nothing. [SKIP]"""
+    state = _to_move(configuration, robot)
+    if not may_skip(d, system, configuration, robot, inputs):
+        raise IllegalStepError("SKIP", f"robot {robot} has an urgent event to run")
+    turned = skip_turn(d, state)
+    robots = _with(configuration.robots, robot, turned.robot)
+    return Stepped(_ended(d, replace(configuration, robots=robots)))
+
+
+def evolved(
+    d: Domain[V], system: System, configuration: Configuration[V], inputs: Inputs[V]
+) -> Stepped[V]:
+    """The environment's turn: time, ports, copies. [ENV-TRANS] [REFRESH]"""
+    if configuration.turn is not Turn.ENV or configuration.fault is not None:
+        raise IllegalStepError("ENV-TRANS", "it is not the environment's turn")
+    robots, found = [], None
+    broken: list[tuple[int, core.Contract]] = []
+    for i, state in enumerate(configuration.robots):
+        turned: Evolved[V] = environment_turn(d, system, i, state, inputs)
+        _check(d, turned.legality)
+        found = found or _first(d, turned.faults)
+        broken += [(i, contract) for kept, contract in turned.promises if d.known(kept) is False]
+        robots.append(replace(state, ports=turned.ports, copy=configuration.store, turn=Turn.PROG))
+    after = Configuration(tuple(robots), configuration.store, configuration.round + 1, fault=found)
+    return Stepped(after, promises=tuple(broken))
+
+
+def _to_move(configuration: Configuration[V], robot: int) -> Robot[V]:
+    if configuration.fault is not None:
+        raise IllegalStepError("FAULT", "a faulted configuration has no successors")
+    state = configuration.robots[robot]
+    if state.turn is not Turn.PROG:
+        raise IllegalStepError("EVENT-TRANS", f"robot {robot} has had its turn in this round")
+    return state
+
+
+def _ended(d: Domain[V], configuration: Configuration[V]) -> Configuration[V]:
+    """The environment's turn begins when every robot has had its own. [END-PROG] [STOP]"""
+    if any(state.turn is Turn.PROG for state in configuration.robots):
+        return configuration
+    robots = configuration.robots
+    if all(d.known(state.status) != Status.RUNNING for state in robots):
+        stopped = d.const(int(Status.STOPPED), INT)
+        robots = tuple(replace(state, status=stopped) for state in robots)
+    return replace(configuration, robots=robots, turn=Turn.ENV)
+
+
+def _with(robots: tuple[Robot[V], ...], robot: int, state: Robot[V]) -> tuple[Robot[V], ...]:
+    return (*robots[:robot], state, *robots[robot + 1 :])
+
+
+def _first(d: Domain[V], faults: Iterable[tuple[V, Fault]]) -> Fault | None:
+    """The first fault that happened, in order of evaluation. [FAULT]"""
+    return next((fault for condition, fault in faults if d.known(condition) is True), None)
+
+
+def _check(d: Domain[V], legality: Iterable[Legality[V]]) -> None:
+    """Recorded answers must be possible ones. [CHOOSE] [EXTERNAL] [ENV-CONTRACT]"""
+    for needed in legality:
+        if d.known(needed.condition) is not True:
+            raise IllegalStepError("EXTERNAL", f"{needed.what} ({needed.span})")
+
+
+def _shown(d: Domain[V], turned: Turned[V]) -> tuple[tuple[str, tuple[Value[V], ...]], ...]:
+    return tuple(
+        (stream, values)
+        for condition, stream, values in turned.output
+        if d.known(condition) is True
+    )

@@ -1,0 +1,350 @@
+"""Execution of statements. The rules of chapter 3, each cited where it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import TypeVar, assert_never
+
+from koord.semantics.configurations import FaultKind
+from koord.semantics.expressions import condition, evaluate, integers, located
+from koord.semantics.machine import Machine
+from koord.semantics.storage import (
+    AtIndex,
+    AtKey,
+    Cell,
+    Location,
+    Storage,
+    Tree,
+    marked,
+    stored,
+    write,
+)
+from koord.semantics.values import (
+    Rec,
+    Seq,
+    Table,
+    Value,
+    default,
+    equal,
+    inside,
+    lookup,
+    merge_known,
+    put_at,
+    sequence,
+    table,
+    without,
+)
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, Home
+from koord.syntax.types import INT, MapType, QueueType
+
+V = TypeVar("V")
+
+
+def run(m: Machine[V], block: core.Block) -> None:
+    """The statements in order, until one leaves the block. [S-SEQ]"""
+    for position, statement in enumerate(block):
+        execute(m, statement)
+        left = m.either(m.memory.broke, m.memory.returned)
+        known = m.d.known(left)
+        if known is True:
+            return
+        if known is None:
+            m.branch(left, _nothing, partial(run, m, block[position + 1 :]))
+            return
+
+
+def _nothing() -> None:
+    """The other side of a branch without an else."""
+
+
+def execute(m: Machine[V], s: core.Stmt) -> None:
+    """One statement."""
+    match s:
+        case core.Assign():
+            assign(m, s.place, evaluate(m, s.value))
+        case core.If():
+            # [S-IF]
+            m.branch(
+                condition(m, s.condition),
+                lambda: run(m, s.then),
+                lambda: run(m, s.otherwise),
+            )
+        case core.ForRange():
+            for_range(m, s)
+        case core.ForEach():
+            for_each(m, s)
+        case core.Break():
+            m.memory.broke = m.truth(True)
+        case core.Return():
+            m.memory.result = evaluate(m, s.value) if s.value is not None else None
+            m.memory.returned = m.truth(True)
+        case core.Atomic():
+            atomic(m, s)
+        case core.Stop():
+            m.memory.stop = m.truth(True)
+        case core.TryStop():
+            m.memory.trystop = m.truth(True)
+        case core.Output():
+            # [OUTPUT]
+            m.output.append((m.guard, s.stream, tuple(evaluate(m, v) for v in s.values)))
+        case core.Append():
+            append(m, s)
+        case core.Remove():
+            remove(m, s)
+        case core.Pop():
+            pop(m, s)
+        case _:
+            assert_never(s)
+
+
+# --- assignment ---------------------------------------------------------------------------------
+
+
+def assign(m: Machine[V], place: core.Place, value: Value[V]) -> None:
+    """Write a place. [LOCAL-ASSIGN] [SHARED-ASSIGN] [ALLREAD] [ACTUATE]"""
+    variable = place.variable
+    locations = [located(m, step) for step in place.steps]
+    if variable.home is Home.BOUND:
+        m.memory.bound[variable.slot] = _assigned_value(m, place, locations, value)
+        return
+    storages = _storages(m, variable.home)
+    storage = storages[variable.slot]
+    fresh = _fresh(m, place, storage, locations, value)
+    changed, legal = write(m.d, storage, locations, fresh)
+    _check_write(m, place, storage, locations, legal)
+    storages[variable.slot] = changed
+    _mark(m, variable, storage, locations)
+
+
+def _storages(m: Machine[V], home: Home) -> list[Storage[V]]:
+    match home:
+        case Home.LOCAL:
+            return m.memory.locals
+        case Home.PORT:
+            return m.memory.after if m.in_environment else m.memory.ports
+        case Home.ALLREAD:
+            return m.memory.allread
+        case Home.ALLWRITE:
+            return m.memory.allwrite
+        case Home.BOUND:
+            raise AssertionError("bound variables are values")
+
+
+def _fresh(
+    m: Machine[V],
+    place: core.Place,
+    storage: Storage[V],
+    locations: Sequence[Location[V]],
+    value: Value[V],
+) -> Storage[V]:
+    """The value as storage of the written part: a bare cell where that part lies in an atom."""
+    part = storage
+    for location in locations:
+        if not isinstance(part, Tree):
+            return Cell(m.truth(True), value)
+        assert not isinstance(location, AtKey)
+        if not part.parts:
+            return Cell(m.truth(True), value)
+        # All elements of an array have one shape.
+        part = part.parts[0 if isinstance(location, AtIndex) else location.position]
+    return stored(m.d, place.type, value, m.system.robots)
+
+
+def _check_write(
+    m: Machine[V],
+    place: core.Place,
+    storage: Storage[V],
+    locations: Sequence[Location[V]],
+    legal: V,
+) -> None:
+    """Log why a place cannot be written: outside of an array, below an unset list, no such key."""
+    if m.d.known(legal) is True:
+        return
+    step = place.steps[-1]
+    kind = FaultKind.KEY if isinstance(step, core.KeyStep) else FaultKind.INDEX
+    if isinstance(storage, Cell) and m.d.known(storage.is_set) is not True:
+        m.fault_unless(storage.is_set, FaultKind.UNSET, place.span, place.variable.name)
+    m.fault_unless(legal, kind, step.span)
+
+
+def _assigned_value(
+    m: Machine[V], place: core.Place, locations: Sequence[Location[V]], value: Value[V]
+) -> Value[V]:
+    """A bound variable with a part replaced. Bound variables hold values, not storage."""
+    if not locations:
+        return value
+    old = m.memory.bound[place.variable.slot]
+    is_set = m.truth(old is not None)
+    m.fault_unless(is_set, FaultKind.UNSET, place.span, place.variable.name)
+    if old is None:
+        return default(m.d, place.variable.type, m.system.robots)
+    whole: Cell[V] = Cell(m.truth(True), old)
+    changed, legal = write(m.d, whole, locations, Cell(m.truth(True), value))
+    _check_write(m, place, whole, locations, legal)
+    assert isinstance(changed, Cell)
+    return changed.value
+
+
+def _mark(
+    m: Machine[V],
+    variable: core.Variable,
+    storage: Storage[V],
+    locations: Sequence[Location[V]],
+) -> None:
+    """Note which locations of a shared variable were written, and on which path."""
+    masks = {Home.ALLREAD: m.allread_masks, Home.ALLWRITE: m.allwrite_masks}.get(variable.home)
+    if masks is not None:
+        before = masks.get(variable.slot)
+        masks[variable.slot] = marked(m.d, before, storage, locations, m.guard)
+
+
+# --- control ------------------------------------------------------------------------------------
+
+
+def for_range(m: Machine[V], s: core.ForRange) -> None:
+    """[S-FOR]: bounds are taken once; each trip is under the condition that it happens."""
+
+    def trip(number: V) -> Callable[[], None]:
+        def body() -> None:
+            m.memory.bound[s.variable.slot] = number
+            run(m, s.body)
+
+        return body
+
+    _loop(m, ((here, trip(number)) for here, number in list(integers(m, s.low, s.high))))
+
+
+def for_each(m: Machine[V], s: core.ForEach) -> None:
+    """[S-FOREACH]: over a value taken before the loop."""
+    over = evaluate(m, s.sequence)
+    if isinstance(over, Table):
+        pairs = list(over.entries)
+    else:
+        items = sequence(over).items
+        pairs = [(m.d.const(k, INT), item) for k, item in enumerate(items)]
+    assert isinstance(over, Seq | Table)
+
+    def trip(key: Value[V], value: Value[V]) -> Callable[[], None]:
+        def body() -> None:
+            if s.key is not None:
+                m.memory.bound[s.key.slot] = key
+            m.memory.bound[s.value.slot] = value
+            run(m, s.body)
+
+        return body
+
+    length = over.length
+    _loop(m, ((inside(m.d, k, length), trip(*pair)) for k, pair in enumerate(pairs)))
+
+
+def _loop(m: Machine[V], trips: Iterable[tuple[V, Callable[[], None]]]) -> None:
+    """Run trips, each with the condition that it happens, until one breaks out. [S-BREAK]"""
+    outer = m.memory.broke
+    m.memory.broke = m.truth(False)
+    for number, (here, body) in enumerate(trips):
+        left = m.either(m.memory.broke, m.memory.returned)
+        if m.d.known(left) is True:
+            break
+        m.trail.append(number)
+        m.branch(m.both(here, m.negated(left)), body, _nothing)
+        m.trail.pop()
+    m.memory.broke = outer
+
+
+def atomic(m: Machine[V], s: core.Atomic) -> None:
+    """[ATOMIC]: entering is noted; who may enter is decided by the round."""
+    entered = m.entered.get(s.lock_class, m.truth(False))
+    m.entered[s.lock_class] = m.either(entered, m.guard)
+    run(m, s.body)
+
+
+def call(m: Machine[V], e: core.Call) -> Value[V]:
+    """A call of a function defined in Koord: its body on bound slots of its own. [E-CALL]"""
+    function = m.system.program.function(e.function)
+    arguments = [evaluate(m, argument) for argument in e.arguments]
+    caller = m.memory
+    outer = (caller.bound, caller.broke, caller.returned, caller.result)
+    caller.bound = [*arguments, *[None] * (function.bound - len(arguments))]
+    caller.broke = caller.returned = m.truth(False)
+    caller.result = None
+    m.trail.append(e.site)
+    run(m, function.body)
+    m.trail.pop()
+    result = m.memory.result
+    m.memory.bound, m.memory.broke, m.memory.returned, m.memory.result = outer
+    return result if result is not None else default(m.d, e.type, m.system.robots)
+
+
+# --- lists --------------------------------------------------------------------------------------
+
+
+def _whole(m: Machine[V], place: core.Place) -> Value[V]:
+    """The list or map at a place that a list operation rewrites."""
+    return evaluate(m, core.Read(place, span=place.span))
+
+
+def append(m: Machine[V], s: core.Append) -> None:
+    """[S-APPEND]"""
+    value = evaluate(m, s.value)
+    items = sequence(_whole(m, s.place))
+    longer = m.d.binary(BinaryOp.ADD, items.length, m.d.const(1, INT))
+    assign(m, s.place, Seq(longer, put_at(m.d, items.length, items.items, value)))
+
+
+def remove(m: Machine[V], s: core.Remove) -> None:
+    """[S-REMOVE]: the first equal element, or the key, if there is one."""
+    value = evaluate(m, s.value)
+    whole = _whole(m, s.place)
+    if isinstance(s.place.type, MapType):
+        entries = table(whole)
+        found, _ = lookup(m.d, entries, value)
+        keys: Sequence[Value[V]] = [key for key, _ in entries.entries]
+        length = entries.length
+    else:
+        keys, length = sequence(whole).items, sequence(whole).length
+        found = m.truth(False)
+    position = length
+    for k in range(len(keys) - 1, -1, -1):
+        here = m.both(inside(m.d, k, length), equal(m.d, keys[k], value))
+        position = m.d.ite(here, m.d.const(k, INT), position)
+        found = m.either(found, here)
+    known = m.d.known(found)
+    if known is False:
+        return
+    shorter = m.d.binary(BinaryOp.SUB, length, m.d.const(1, INT))
+    new_length = m.d.ite(found, shorter, length)
+    if isinstance(whole, Table):
+        pairs_as_records: list[Value[V]] = [Rec(pair) for pair in whole.entries]
+        rest = without(m.d, position, pairs_as_records)
+        pairs = tuple((r.fields[0], r.fields[1]) for r in rest if isinstance(r, Rec))
+        changed: Value[V] = Table(new_length, pairs)
+    else:
+        changed = Seq(new_length, without(m.d, position, keys))
+    m.branch(found, lambda: assign(m, s.place, changed), _nothing)
+
+
+def pop(m: Machine[V], s: core.Pop) -> None:
+    """[S-POP]: the first of a queue, the last of a list; of an empty one a fault."""
+    items = sequence(_whole(m, s.place))
+    zero, one = m.d.const(0, INT), m.d.const(1, INT)
+    some = m.d.binary(BinaryOp.LT, zero, items.length)
+    m.fault_unless(some, FaultKind.EMPTY, s.span)
+    if not items.items:
+        if s.into is not None:
+            assign(m, s.into, default(m.d, s.into.type, m.system.robots))
+        return
+    last = m.d.binary(BinaryOp.SUB, items.length, one)
+    position = zero if isinstance(s.place.type, QueueType) else last
+    taken = items.items[0]
+    for k in range(1, len(items.items)):
+        here = m.d.binary(BinaryOp.EQ, position, m.d.const(k, INT))
+        taken = merge_known(m.d, here, items.items[k], taken)
+    shorter = m.d.binary(BinaryOp.MAX, zero, last)
+    assign(m, s.place, Seq(shorter, without(m.d, position, items.items)))
+    if s.into is not None:
+        assign(m, s.into, taken)
+
+
+__all__ = ["assign", "call", "execute", "run"]

@@ -1,0 +1,346 @@
+"""One robot's turns: initial, program, environment. Point-wise in the robot, over any domain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Generic, TypeAlias, TypeVar
+
+from koord.semantics.configurations import (
+    NO_EVENT,
+    Configuration,
+    Fault,
+    Robot,
+    Status,
+    Store,
+    System,
+    Turn,
+)
+from koord.semantics.domain import Domain, conjunction
+from koord.semantics.expressions import condition, evaluate
+from koord.semantics.machine import Legality, Machine, machine
+from koord.semantics.oracle import Inputs, Phase
+from koord.semantics.statements import assign, run
+from koord.semantics.storage import Mask, Storage, joined, stored, unset
+from koord.semantics.values import Value
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, Direction, Start
+from koord.syntax.types import BOOL, INT, ArrayType, Robots, Type
+
+V = TypeVar("V")
+
+Output: TypeAlias = "tuple[V, str, tuple[Value[V], ...]]"
+
+
+@dataclass(frozen=True, slots=True)
+class Turned(Generic[V]):
+    """What a turn makes of a robot, and what it found out on the way.
+
+    ``robot.copy`` holds the robot's own view after its writes; the masks say which locations of it
+    it wrote. ``entered`` says for each lock class whether the turn entered it. Each fault comes
+    with its condition; every ``legality`` condition must hold for the turn to be one at all.
+    """
+
+    robot: Robot[V]
+    allread: Mapping[int, Mask[V]]
+    allwrite: Mapping[int, Mask[V]]
+    entered: Mapping[int, V]
+    output: tuple[Output[V], ...]
+    faults: tuple[tuple[V, Fault], ...]
+    legality: tuple[Legality[V], ...]
+
+
+# --- INIT ---------------------------------------------------------------------------------------
+
+
+def declared(
+    d: Domain[V], system: System, inputs: Inputs[V]
+) -> tuple[Store[V], tuple[tuple[V, Fault], ...]]:
+    """The shared store before any robot's INIT: allwrite variables as declared. [INIT]"""
+    program, robots = system.program, system.robots
+    allread = tuple(unset(d, entry.variable.type, robots) for entry in program.allread)
+    m = machine(d, system, inputs.oracle(Phase.INIT, 0))
+    m.memory.allread = list(allread)
+    m.memory.allwrite = [unset(d, entry.variable.type, robots) for entry in program.allwrite]
+    for entry in program.allwrite:
+        start = _starting(m, entry, entry.variable.type, inputs, None)
+        if start is not None:
+            m.memory.allwrite[entry.variable.slot] = start
+    return Store(allread, tuple(m.memory.allwrite)), tuple(m.faults)
+
+
+def _starting(
+    m: Machine[V],
+    entry: core.Declaration,
+    type_: Type,
+    inputs: Inputs[V],
+    robot: int | None,
+) -> Storage[V] | None:
+    """What a variable starts with, or None where it stays unset."""
+    if entry.initial is Start.UNSET:
+        return None
+    if entry.initial is Start.ARBITRARY:
+        return stored(m.d, type_, inputs.start(entry, robot), m.system.robots)
+    return stored(m.d, type_, evaluate(m, entry.initial), m.system.robots)
+
+
+def initial_turn(
+    d: Domain[V], system: System, robot: int, store: Store[V], inputs: Inputs[V]
+) -> Turned[V]:
+    """Declarations' initial values, then the ``init:`` block, like one event. [INIT]"""
+    agent = system.agent(robot)
+    m = machine(
+        d,
+        system,
+        inputs.oracle(Phase.INIT, robot),
+        robot=robot,
+        locals=tuple(unset(d, x.variable.type, system.robots) for x in agent.locals),
+        ports=tuple(unset(d, p.declaration.variable.type, system.robots) for p in agent.ports),
+        copy=store,
+        bound=agent.init_bound,
+    )
+    for entry in agent.locals:
+        start = _starting(m, entry, entry.variable.type, inputs, robot)
+        if start is not None:
+            m.memory.locals[entry.variable.slot] = start
+    for port in agent.ports:
+        start = _starting(m, port.declaration, port.declaration.variable.type, inputs, robot)
+        if start is not None:
+            m.memory.ports[port.declaration.variable.slot] = start
+    for entry in system.program.allread:
+        _start_own_entry(m, entry, inputs, robot)
+    run(m, agent.init)
+    return _turned(m, robot, Status.RUNNING, NO_EVENT, None)
+
+
+def _start_own_entry(m: Machine[V], entry: core.Declaration, inputs: Inputs[V], robot: int) -> None:
+    """The robot's own entry of an allread variable. [INIT] [ALLREAD]"""
+    variable = entry.variable
+    assert isinstance(variable.type, ArrayType)
+    assert variable.type.size is Robots.ALL
+    if entry.initial is Start.UNSET:
+        return
+    own = core.IndexStep(core.Pid(INT), variable.type.element)
+    place = core.Place(variable, (own,), span=entry.span)
+    if entry.initial is Start.ARBITRARY:
+        assign(m, place, inputs.start(entry, robot))
+    else:
+        assign(m, place, evaluate(m, entry.initial))
+
+
+# --- program turns ------------------------------------------------------------------------------
+
+
+def guard_of(
+    d: Domain[V], system: System, robot: int, state: Robot[V], event: core.Event, inputs: Inputs[V]
+) -> tuple[V, V]:
+    """Whether an event's ``pre`` holds, and whether it can be evaluated at all. [SELECT]"""
+    m = _machine_for(d, system, robot, state, event.bound, inputs)
+    holds = condition(m, event.guard)
+    sound = conjunction(d, [m.negated(fault) for fault, _ in m.faults])
+    return m.both(holds, sound), sound
+
+
+def program_turn(
+    d: Domain[V], system: System, robot: int, state: Robot[V], position: int, inputs: Inputs[V]
+) -> tuple[V, Turned[V]]:
+    """Run one event: whether its ``pre`` holds, and what its ``eff`` makes. [EVENT-TRANS]
+
+    A ``pre`` that cannot be evaluated is a fault of whoever selects the event, so the first
+    component is whether the event may be *selected*: ``pre`` holds or faults. [SELECT] [FAULT]
+    """
+    event = system.agent(robot).events[position]
+    m = _machine_for(d, system, robot, state, event.bound, inputs)
+    holds = condition(m, event.guard)
+    broken = m.truth(False)
+    for fault, _ in m.faults:
+        broken = m.either(broken, fault)
+    run(m, event.effect)
+    return m.either(holds, broken), _turned(m, robot, None, position, state)
+
+
+def skip_turn(d: Domain[V], state: Robot[V]) -> Turned[V]:
+    """Do nothing. [SKIP] [END-EVENT]"""
+    after = replace(state, ran=d.const(NO_EVENT, INT), turn=Turn.ENV)
+    return Turned(after, {}, {}, {}, (), (), ())
+
+
+def _machine_for(
+    d: Domain[V], system: System, robot: int, state: Robot[V], bound: int, inputs: Inputs[V]
+) -> Machine[V]:
+    return machine(
+        d,
+        system,
+        inputs.oracle(Phase.PROG, robot),
+        robot=robot,
+        locals=state.locals,
+        ports=state.ports,
+        copy=state.copy,
+        bound=bound,
+    )
+
+
+def _turned(
+    m: Machine[V], robot: int, status: Status | None, ran: int, before: Robot[V] | None
+) -> Turned[V]:
+    """The machine's findings as a value. [END-EVENT] [STOP]"""
+    d, memory = m.d, m.memory
+    if before is None:
+        old = d.const(int(status if status is not None else Status.RUNNING), INT)
+    else:
+        old = before.status
+    # Asking to stop never undoes a stop; stopping wins over asking.
+    asked = d.binary(BinaryOp.MAX, old, d.const(int(Status.ASKED), INT))
+    new = d.ite(memory.trystop, asked, old)
+    new = d.ite(memory.stop, d.const(int(Status.STOPPED), INT), new)
+    state = Robot(
+        m.system.kinds[robot],
+        tuple(memory.locals),
+        tuple(memory.ports),
+        Store(tuple(memory.allread), tuple(memory.allwrite)),
+        new,
+        d.const(ran, INT),
+        Turn.ENV,
+    )
+    return Turned(
+        state,
+        m.allread_masks,
+        m.allwrite_masks,
+        m.entered,
+        tuple(m.output),
+        tuple(m.faults),
+        tuple(m.legality),
+    )
+
+
+def committed(d: Domain[V], store: Store[V], turned: Turned[V]) -> Store[V]:
+    """The store with one robot's writes put into it, location by location. [SHARED-ASSIGN]"""
+    copy = turned.robot.copy
+    return Store(
+        _joined_all(d, store.allread, copy.allread, turned.allread),
+        _joined_all(d, store.allwrite, copy.allwrite, turned.allwrite),
+    )
+
+
+def _joined_all(
+    d: Domain[V],
+    target: tuple[Storage[V], ...],
+    source: tuple[Storage[V], ...],
+    masks: Mapping[int, Mask[V]],
+) -> tuple[Storage[V], ...]:
+    if not masks:
+        return target
+    return tuple(
+        joined(d, before, source[slot], masks.get(slot)) for slot, before in enumerate(target)
+    )
+
+
+# --- the environment's turn ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Evolved(Generic[V]):
+    """A robot's ports after the environment's turn.
+
+    ``promises`` are contracts of modules that have a model: they are to be proved, not assumed.
+    """
+
+    ports: tuple[Storage[V], ...]
+    faults: tuple[tuple[V, Fault], ...]
+    legality: tuple[Legality[V], ...]
+    promises: tuple[tuple[V, core.Contract], ...]
+
+
+def environment_turn(
+    d: Domain[V], system: System, robot: int, state: Robot[V], inputs: Inputs[V]
+) -> Evolved[V]:
+    """A robot's ports from one round to the next. [ENV-TRANS]"""
+    agent = system.agent(robot)
+    m = machine(
+        d,
+        system,
+        inputs.oracle(Phase.ENV, robot),
+        robot=robot,
+        ports=state.ports,
+        after=state.ports,
+    )
+    m.in_environment = True
+    for module in agent.modules:
+        if module.environment is not None:
+            # [ENV-MODEL]: reads are of the ports before, writes are of those after.
+            m.memory.bound = [None] * module.environment_bound
+            run(m, module.environment)
+        else:
+            _sense(m, agent, module, inputs, robot)
+    promises = []
+    for module in agent.modules:
+        for contract in module.contracts:
+            kept = _kept(m, contract)
+            if module.environment is not None:
+                promises.append((kept, contract))
+            else:
+                m.require(kept, f"contract {contract.name}", contract.span)
+    return Evolved(tuple(m.memory.after), tuple(m.faults), tuple(m.legality), tuple(promises))
+
+
+def _sense(
+    m: Machine[V], agent: core.Agent, module: core.Module, inputs: Inputs[V], robot: int
+) -> None:
+    """Sensors without a model read anything. [ENV-FREE]"""
+    for position in module.ports:
+        port = agent.ports[position]
+        if port.direction is Direction.SENSOR:
+            variable = port.declaration.variable
+            value = inputs.sensor(robot, port)
+            m.memory.after[variable.slot] = stored(m.d, variable.type, value, m.system.robots)
+
+
+def _kept(m: Machine[V], contract: core.Contract) -> V:
+    """Whether ``requires`` before the turn implies ``ensures`` after it. [ENV-CONTRACT]
+
+    A statement that faults counts as false (decision record 0006).
+    """
+    required = conjunction(m.d, [statement(m, e) for e in contract.requires])
+    ensured = conjunction(m.d, [statement(m, e) for e in contract.ensures])
+    return m.d.binary(BinaryOp.IMPLIES, required, ensured)
+
+
+def statement(m: Machine[V], e: core.Expr) -> V:
+    """Whether a statement of a property holds: true, and evaluated without a fault. [PROP-FAULT]"""
+    faults, m.faults = m.faults, []
+    holds = condition(m, e)
+    for fault, _ in m.faults:
+        holds = m.both(holds, m.negated(fault))
+    m.faults = faults
+    return holds
+
+
+def holds_in(
+    d: Domain[V],
+    system: System,
+    configuration: Configuration[V],
+    e: core.Expr,
+    bound: int,
+    inputs: Inputs[V],
+) -> tuple[V, tuple[Legality[V], ...]]:
+    """Whether a closed statement holds in a configuration. [PROP-INVARIANT]
+
+    The second component is what recorded answers of external functions in it must satisfy.
+    """
+    m = machine(d, system, inputs.oracle(Phase.ENV, 0), bound=bound, view=configuration)
+    return statement(m, e), tuple(m.legality)
+
+
+__all__ = [
+    "BOOL",
+    "Evolved",
+    "Turned",
+    "committed",
+    "declared",
+    "environment_turn",
+    "guard_of",
+    "holds_in",
+    "initial_turn",
+    "program_turn",
+    "skip_turn",
+]

@@ -1,0 +1,261 @@
+"""Values: scalars of a domain, and the records, lists and maps made of them.
+
+The shape of a value is always concrete; only its scalars belong to a domain. A list that a domain
+knows only in part has a ``length`` scalar and as many ``items`` as it may have at most: items from
+``length`` on are there for no reason but the shape and have no meaning. Over numbers the two agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeAlias, TypeVar
+
+from koord.semantics.domain import Domain, conjunction, disjunction
+from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.types import (
+    INT,
+    ArrayType,
+    BoolType,
+    EnumType,
+    FloatType,
+    IntType,
+    ListType,
+    MapType,
+    OpaqueType,
+    QueueType,
+    RecordType,
+    Robots,
+    StreamType,
+    StringType,
+    Type,
+)
+
+V = TypeVar("V")
+
+
+@dataclass(frozen=True, slots=True)
+class Rec(Generic[V]):
+    """A record: its fields in the order of its type."""
+
+    fields: tuple[Value[V], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Seq(Generic[V]):
+    """An array, list or queue."""
+
+    length: V
+    items: tuple[Value[V], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Table(Generic[V]):
+    """A map: entries with distinct keys, in order of insertion."""
+
+    length: V
+    entries: tuple[tuple[Value[V], Value[V]], ...]
+
+
+Value: TypeAlias = "V | Rec[V] | Seq[V] | Table[V]"
+
+
+def scalar(value: Value[V]) -> V:
+    """The value, which its type says is a scalar."""
+    assert not isinstance(value, Rec | Seq | Table), value
+    return value
+
+
+def record(value: Value[V]) -> Rec[V]:
+    """The value, which its type says is a record."""
+    assert isinstance(value, Rec), value
+    return value
+
+
+def sequence(value: Value[V]) -> Seq[V]:
+    """The value, which its type says is an array, list or queue."""
+    assert isinstance(value, Seq), value
+    return value
+
+
+def table(value: Value[V]) -> Table[V]:
+    """The value, which its type says is a map."""
+    assert isinstance(value, Table), value
+    return value
+
+
+def listed(d: Domain[V], items: Sequence[Value[V]]) -> Seq[V]:
+    """A list of exactly these items."""
+    return Seq(d.const(len(items), INT), tuple(items))
+
+
+def default(d: Domain[V], type_: Type, robots: int) -> Value[V]:
+    """Some value of a type: what total operations give where they fault."""
+    match type_:
+        case IntType() | FloatType() | EnumType():
+            return d.const(0, type_)
+        case BoolType():
+            return d.const(False, type_)
+        case StringType() | StreamType():
+            return d.const("", type_)
+        case OpaqueType(name=name):
+            return d.const(f"{name}!0", type_)
+        case RecordType(fields=fields):
+            return Rec(tuple(default(d, field, robots) for _, field in fields))
+        case ArrayType(element=element, size=size):
+            count = robots if size is Robots.ALL else size
+            return listed(d, [default(d, element, robots)] * count)
+        case ListType() | QueueType():
+            return listed(d, [])
+        case MapType():
+            return Table(d.const(0, INT), ())
+
+
+def merge(d: Domain[V], condition: V, then: Value[V], other: Value[V]) -> Value[V]:
+    """``then`` where the condition holds, ``other`` elsewhere; both of one type."""
+    if then is other:
+        return then
+    if isinstance(then, Rec):
+        pairs = zip(then.fields, record(other).fields, strict=True)
+        return Rec(tuple(merge(d, condition, a, b) for a, b in pairs))
+    if isinstance(then, Seq):
+        other = sequence(other)
+        return Seq(
+            d.ite(condition, then.length, other.length),
+            _zipped(d, condition, then.items, other.items),
+        )
+    if isinstance(then, Table):
+        other = table(other)
+        keys = _zipped(d, condition, [k for k, _ in then.entries], [k for k, _ in other.entries])
+        values = _zipped(d, condition, [v for _, v in then.entries], [v for _, v in other.entries])
+        length = d.ite(condition, then.length, other.length)
+        return Table(length, tuple(zip(keys, values, strict=True)))
+    return d.ite(condition, scalar(then), scalar(other))
+
+
+def _zipped(
+    d: Domain[V], condition: V, then: Sequence[Value[V]], other: Sequence[Value[V]]
+) -> tuple[Value[V], ...]:
+    """Merge item by item; where one side has no item, nobody looks, and the other's will do."""
+    shared = min(len(then), len(other))
+    merged = [merge(d, condition, a, b) for a, b in zip(then[:shared], other[:shared], strict=True)]
+    return (*merged, *then[shared:], *other[shared:])
+
+
+def equal(d: Domain[V], left: Value[V], right: Value[V]) -> V:
+    """Whether two values of one type are equal. [E-EQUAL]"""
+    parts: list[V]
+    if isinstance(left, Rec):
+        pairs = zip(left.fields, record(right).fields, strict=True)
+        parts = [equal(d, a, b) for a, b in pairs]
+        return conjunction(d, parts)
+    if isinstance(left, Seq):
+        right = sequence(right)
+        parts = [d.binary(BinaryOp.EQ, left.length, right.length)]
+        for position, (a, b) in enumerate(zip(left.items, right.items, strict=False)):
+            beyond = d.unary(UnaryOp.NOT, inside(d, position, left.length))
+            parts.append(disjunction(d, [beyond, equal(d, a, b)]))
+        return conjunction(d, parts)
+    if isinstance(left, Table):
+        right = table(right)
+        parts = [d.binary(BinaryOp.EQ, left.length, right.length)]
+        for position, (key, value) in enumerate(left.entries):
+            beyond = d.unary(UnaryOp.NOT, inside(d, position, left.length))
+            found, there = lookup(d, right, key)
+            same = equal(d, value, there) if there is not None else d.const(False, BoolType())
+            parts.append(disjunction(d, [beyond, conjunction(d, [found, same])]))
+        return conjunction(d, parts)
+    return d.binary(BinaryOp.EQ, scalar(left), scalar(right))
+
+
+def inside(d: Domain[V], position: int, length: V) -> V:
+    """Whether a list of that length has an item at the position."""
+    return d.binary(BinaryOp.LT, d.const(position, INT), length)
+
+
+def in_range(d: Domain[V], index: V, length: V) -> V:
+    """Whether an index is one of a list of that length."""
+    low = d.binary(BinaryOp.LE, d.const(0, INT), index)
+    return conjunction(d, [low, d.binary(BinaryOp.LT, index, length)])
+
+
+def pick(d: Domain[V], index: V, items: Sequence[Value[V]]) -> Value[V] | None:
+    """The item at an index; any item where the index is out of range; None if there is none."""
+    if not items:
+        return None
+    known = d.known(index)
+    if known is not None:
+        assert isinstance(known, int)
+        return items[known] if 0 <= known < len(items) else items[0]
+    chosen = items[-1]
+    for position in range(len(items) - 2, -1, -1):
+        here = d.binary(BinaryOp.EQ, index, d.const(position, INT))
+        chosen = merge(d, here, items[position], chosen)
+    return chosen
+
+
+def lookup(d: Domain[V], entries: Table[V], key: Value[V]) -> tuple[V, Value[V] | None]:
+    """Whether a map has a key, and its value there (None if the map cannot have any entry)."""
+    found = d.const(False, BoolType())
+    chosen: Value[V] | None = None
+    for position in range(len(entries.entries) - 1, -1, -1):
+        its_key, value = entries.entries[position]
+        here = conjunction(d, [inside(d, position, entries.length), equal(d, its_key, key)])
+        if d.known(here) is False:
+            continue
+        found = disjunction(d, [here, found])
+        chosen = value if chosen is None else merge_known(d, here, value, chosen)
+    return found, chosen
+
+
+def merge_known(d: Domain[V], condition: V, then: Value[V], other: Value[V]) -> Value[V]:
+    """:func:`merge`, or one side alone where the domain knows which."""
+    known = d.known(condition)
+    if known is None:
+        return merge(d, condition, then, other)
+    return then if known else other
+
+
+def insert(d: Domain[V], entries: Table[V], key: Value[V], value: Value[V]) -> Table[V]:
+    """The map with ``key`` bound to ``value``; a new key comes last."""
+    found, _ = lookup(d, entries, key)
+    replaced = []
+    for position, (its_key, its_value) in enumerate(entries.entries):
+        here = conjunction(d, [inside(d, position, entries.length), equal(d, its_key, key)])
+        replaced.append((its_key, merge_known(d, here, value, its_value)))
+    if d.known(found) is True:
+        return Table(entries.length, tuple(replaced))
+    grown = d.binary(BinaryOp.ADD, entries.length, d.const(1, INT))
+    length = d.ite(found, entries.length, grown)
+    placed = put_at(d, entries.length, [v for _, v in replaced], value)
+    keys = put_at(d, entries.length, [k for k, _ in replaced], key)
+    # Where the key was found, position ``length`` holds nothing that counts.
+    return Table(length, tuple(zip(keys, placed, strict=True)))
+
+
+def put_at(
+    d: Domain[V], position: V, items: Sequence[Value[V]], value: Value[V]
+) -> tuple[Value[V], ...]:
+    """The items with ``value`` at a position from 0 to ``len(items)``, growing by one at most."""
+    known = d.known(position)
+    if known is not None:
+        assert isinstance(known, int)
+        return (*items[:known], value, *items[known + 1 :])
+    placed = []
+    for k in range(len(items)):
+        here = d.binary(BinaryOp.EQ, position, d.const(k, INT))
+        placed.append(merge_known(d, here, value, items[k]))
+    return (*placed, value)
+
+
+def without(d: Domain[V], position: V, items: Sequence[Value[V]]) -> tuple[Value[V], ...]:
+    """The items without the one at a position: those behind it move up."""
+    known = d.known(position)
+    if known is not None:
+        assert isinstance(known, int)
+        return (*items[:known], *items[known + 1 :])
+    kept = []
+    for k in range(len(items) - 1):
+        before = d.binary(BinaryOp.LT, d.const(k, INT), position)
+        kept.append(merge_known(d, before, items[k], items[k + 1]))
+    return (*kept, *items[-1:])

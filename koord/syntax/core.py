@@ -1,0 +1,668 @@
+"""The core program: what elaboration makes of a text, and all that the semantics knows.
+
+No name is left to resolve and no type error is possible. Places are slots; every expression
+carries its type; an ``int`` that is used as a ``float`` stands under ``Widen``. Constants of a run
+(``param``) are already replaced by their values. The number of robots is not fixed yet: ``pid`` and
+``numAgents`` remain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from fractions import Fraction
+
+from koord.syntax.source import NOWHERE, Span
+from koord.syntax.types import BOOL, Type
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Node:
+    """Anything with a place in the text."""
+
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+# --- places -------------------------------------------------------------------------------------
+
+
+class Home(Enum):
+    """Where a variable lives."""
+
+    LOCAL = "local"  #: of one robot
+    PORT = "port"  #: sensor or actuator of one robot
+    ALLREAD = "allread"  #: one entry per robot, written by its robot alone
+    ALLWRITE = "allwrite"  #: one for all, written by anyone
+    BOUND = "bound"  #: parameter, loop variable, quantified variable, local of a function
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A variable: its home and slot there.
+
+    The type is that of the whole variable: for ``ALLREAD`` it is ``ArrayType(T, Robots.ALL)``.
+    Slots count from 0 per home; those of ``LOCAL`` and ``PORT`` count per agent kind, those of
+    ``BOUND`` per body (event, function, property).
+    """
+
+    home: Home
+    slot: int
+    name: str
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class IndexStep:
+    """``[index]`` into an array, list or queue; outside of it is a fault."""
+
+    index: Expr
+    type: Type  #: of the element
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class KeyStep:
+    """``[key]`` into a map. Reading a key that is not there is a fault; writing one adds it."""
+
+    key: Expr
+    type: Type  #: of the value
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class FieldStep:
+    """``.name`` of a record; ``position`` is the field's place in its type."""
+
+    position: int
+    name: str
+    type: Type  #: of the field
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+
+Step = IndexStep | KeyStep | FieldStep
+
+
+@dataclass(frozen=True, slots=True)
+class Place(Node):
+    """A variable or a part of one.
+
+    ``robot`` says whose local or port is meant (``v@i``; properties only); None means the robot
+    that runs. ``primed`` means the value after a step (contracts only).
+    """
+
+    variable: Variable
+    steps: tuple[Step, ...] = ()
+    robot: Expr | None = None
+    primed: bool = False
+
+    @property
+    def type(self) -> Type:
+        return self.steps[-1].type if self.steps else self.variable.type
+
+
+# --- expressions --------------------------------------------------------------------------------
+
+
+class UnaryOp(Enum):
+    """Operators with one operand, total on their type."""
+
+    NEG = "-"
+    NOT = "not"
+    ABS = "abs"
+    WIDEN = "widen"  #: int to float
+
+
+class BinaryOp(Enum):
+    """Operators with two operands of one type. ``DIV`` and ``MOD`` fault on zero."""
+
+    ADD = "+"
+    SUB = "-"
+    MUL = "*"
+    DIV = "/"  #: of ints: rounds down; of floats: exact
+    MOD = "%"  #: of ints, with the divisor's sign
+    EQ = "=="
+    NE = "!="
+    LT = "<"
+    LE = "<="
+    AND = "and"  #: the right operand is evaluated only if the left is true
+    OR = "or"  #: the right operand is evaluated only if the left is false
+    IMPLIES = "implies"  #: the right operand is evaluated only if the left is true
+    MIN = "min"
+    MAX = "max"
+
+
+class ListOp(Enum):
+    """Functions of lists that need no index."""
+
+    LENGTH = "length"  #: of an array, list, queue, map or string-free sequence
+    CONTAINS = "contains"  #: (list, value) or (map, key)
+    ANY = "any"
+    ALL = "all"
+    MIN = "min"  #: of a list of numbers; an empty one is a fault
+    MAX = "max"
+
+
+@dataclass(frozen=True, slots=True)
+class Const(Node):
+    """A scalar constant: int, Fraction (float), bool, str, or the position of an enum member."""
+
+    value: int | Fraction | bool | str
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class Pid(Node):
+    """``pid``, an int. Properties have no ``pid``: they are closed over all robots."""
+
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class NumAgents(Node):
+    """``numAgents``, an int."""
+
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class Delta(Node):
+    """``delta``, the length of a round in seconds, a float."""
+
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class Read(Node):
+    """The value at a place. [LOOKUP]"""
+
+    place: Place
+
+    @property
+    def type(self) -> Type:
+        return self.place.type
+
+
+@dataclass(frozen=True, slots=True)
+class Select(Node):
+    """A part of a computed value: ``f(x)[i].loc``."""
+
+    base: Expr
+    step: Step
+
+    @property
+    def type(self) -> Type:
+        return self.step.type
+
+
+@dataclass(frozen=True, slots=True)
+class Unary(Node):
+    op: UnaryOp
+    operand: Expr
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class Binary(Node):
+    """``EQ`` and ``NE`` compare any two values of one type; orders compare numbers."""
+
+    op: BinaryOp
+    left: Expr
+    right: Expr
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class Builtin(Node):
+    op: ListOp
+    arguments: tuple[Expr, ...]
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class MakeList(Node):
+    """A list (queue, array) of the given elements."""
+
+    items: tuple[Expr, ...]
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class MakeMap(Node):
+    entries: tuple[tuple[Expr, Expr], ...]
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class MakeRecord(Node):
+    """A record, one expression per field in the type's order."""
+
+    fields: tuple[Expr, ...]
+    type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Node):
+    """A call of a function defined in Koord; ``site`` numbers the calls of the program."""
+
+    function: str
+    arguments: tuple[Expr, ...]
+    type: Type
+    site: int
+
+
+@dataclass(frozen=True, slots=True)
+class ExternalCall(Node):
+    """A call of an external function; ``site`` numbers the calls of the program."""
+
+    function: str
+    arguments: tuple[Expr, ...]
+    type: Type
+    site: int
+
+
+@dataclass(frozen=True, slots=True)
+class Choose(Node):
+    """``choose(low, high)``: a fresh value between the bounds, both included (floats or ints)."""
+
+    low: Expr
+    high: Expr
+    type: Type
+    site: int
+
+
+class QuantifierKind(Enum):
+    FORALL = "forall"
+    EXISTS = "exists"
+
+
+@dataclass(frozen=True, slots=True)
+class RobotRange:
+    """All robots, or those of one agent kind (by position in ``Program.agents``)."""
+
+    agent: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class IntRange:
+    """From ``low`` up to and excluding ``high``."""
+
+    low: Expr
+    high: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Elements:
+    """The elements of a list or array; the bound variable is the element."""
+
+    sequence: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class AllValues:
+    """Every value of a type; in summaries of external functions only."""
+
+    type: Type
+
+
+QuantifierDomain = RobotRange | IntRange | Elements | AllValues
+
+
+@dataclass(frozen=True, slots=True)
+class Quantified(Node):
+    """One bound variable (``home`` BOUND) over one domain; properties and summaries only."""
+
+    quantifier: QuantifierKind
+    variable: Variable
+    domain: QuantifierDomain
+    body: Expr
+    type: Type = BOOL
+
+
+@dataclass(frozen=True, slots=True)
+class Ran(Node):
+    """``ran(E)@i``: robot i ran that event in the round just ended.
+
+    ``events`` are the positions of the events of that name, one per agent kind that has one.
+    """
+
+    events: tuple[tuple[int, int], ...]  #: (agent kind, position in its events)
+    robot: Expr
+    type: Type = BOOL
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped(Node):
+    """``stopped@i``"""
+
+    robot: Expr
+    type: Type = BOOL
+
+
+Expr = (
+    Const
+    | Pid
+    | NumAgents
+    | Delta
+    | Read
+    | Select
+    | Unary
+    | Binary
+    | Builtin
+    | MakeList
+    | MakeMap
+    | MakeRecord
+    | Call
+    | ExternalCall
+    | Choose
+    | Quantified
+    | Ran
+    | Stopped
+)
+
+
+# --- statements ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Assign(Node):
+    """Write a place. [LOCAL-ASSIGN], [SHARED-ASSIGN], [ALLREAD], [ACTUATE]"""
+
+    place: Place
+    value: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class If(Node):
+    condition: Expr
+    then: Block
+    otherwise: Block
+
+
+@dataclass(frozen=True, slots=True)
+class ForRange(Node):
+    """From ``low`` up to and excluding ``high``, both evaluated once, before the loop.
+
+    ``low`` and ``high`` are built from constants, ``pid``, ``numAgents`` and lengths only.
+    """
+
+    variable: Variable
+    low: Expr
+    high: Expr
+    body: Block
+
+
+@dataclass(frozen=True, slots=True)
+class ForEach(Node):
+    """The elements of a value taken before the loop. ``key`` is the index, or a map's key."""
+
+    key: Variable | None
+    value: Variable
+    sequence: Expr
+    body: Block
+
+
+@dataclass(frozen=True, slots=True)
+class Break(Node):
+    """Leave the innermost loop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Return(Node):
+    """Leave the function with a value."""
+
+    value: Expr | None
+
+
+@dataclass(frozen=True, slots=True)
+class Atomic(Node):
+    """A block of a lock class. [ATOMIC]"""
+
+    lock_class: int
+    body: Block
+
+
+@dataclass(frozen=True, slots=True)
+class Stop(Node):
+    """[STOP]"""
+
+
+@dataclass(frozen=True, slots=True)
+class TryStop(Node):
+    """[STOP]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Output(Node):
+    """Write values to a stream, in order. [OUTPUT]"""
+
+    stream: str
+    values: tuple[Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Append(Node):
+    """Put a value behind the last element of a list or queue; writes the whole list."""
+
+    place: Place
+    value: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Remove(Node):
+    """Remove the first element equal to the value, if there is one, or a map's key."""
+
+    place: Place
+    value: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Pop(Node):
+    """Take the first element of a queue (the last of a list) away; empty is a fault.
+
+    ``into`` receives it, if given.
+    """
+
+    place: Place
+    into: Place | None
+
+
+Stmt = (
+    Assign
+    | If
+    | ForRange
+    | ForEach
+    | Break
+    | Return
+    | Atomic
+    | Stop
+    | TryStop
+    | Output
+    | Append
+    | Remove
+    | Pop
+)
+
+Block = tuple[Stmt, ...]
+
+
+# --- declarations -------------------------------------------------------------------------------
+
+
+class Start(Enum):
+    """What a variable without an initial value holds before INIT."""
+
+    UNSET = "unset"  #: nothing: reading it is a fault
+    ARBITRARY = "arbitrary"  #: any value that the assumptions allow
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration(Node):
+    """A variable and how it starts.
+
+    ``initial`` of an allread variable is the value of the robot's own entry. Sensors without an
+    initial value are ``ARBITRARY``; so is a variable without one that an ``assume`` reads.
+    ``length`` is the length that an arbitrary list starts with, where an assumption fixes it.
+    """
+
+    variable: Variable
+    initial: Expr | Start
+    length: int | None = None
+
+
+class Direction(Enum):
+    SENSOR = "sensor"
+    ACTUATOR = "actuator"
+
+
+@dataclass(frozen=True, slots=True)
+class Port(Node):
+    """A port of a module: ``declaration.variable`` has home ``PORT``; its name is unqualified."""
+
+    module: str
+    direction: Direction
+    declaration: Declaration
+
+
+@dataclass(frozen=True, slots=True)
+class Contract(Node):
+    """If every ``requires`` holds before the environment's turn, every ``ensures`` holds after."""
+
+    name: str
+    requires: tuple[Expr, ...]
+    ensures: tuple[Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Module(Node):
+    """A module in use. ``environment`` reads ports before the turn and writes them after it.
+
+    With an environment block the ports it does not write keep their values; without one every
+    sensor takes any value that the contracts allow.
+    """
+
+    name: str
+    ports: tuple[int, ...]  #: positions in the agent's ``ports``
+    environment: Block | None
+    environment_bound: int
+    contracts: tuple[Contract, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Event(Node):
+    """A guarded effect. ``bound`` is how many BOUND slots guard and effect need."""
+
+    name: str
+    urgent: bool
+    guard: Expr
+    effect: Block
+    bound: int
+    lock_classes: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True)
+class Agent(Node):
+    """One kind of robot. A program without ``agent`` blocks has a single kind, named ""."""
+
+    name: str
+    locals: tuple[Declaration, ...]
+    ports: tuple[Port, ...]
+    modules: tuple[Module, ...]
+    init: Block
+    init_bound: int
+    events: tuple[Event, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Function(Node):
+    """A function defined in Koord; parameters are the first BOUND slots. Never recursive."""
+
+    name: str
+    parameters: tuple[Variable, ...]
+    result: Type | None
+    body: Block
+    bound: int
+
+
+class ExternalKind(Enum):
+    """Whether equal arguments give equal answers (decision record 0002)."""
+
+    FUNCTION = "function"
+    FRESH = "fresh"
+
+
+@dataclass(frozen=True, slots=True)
+class External(Node):
+    """A function known by its summary only.
+
+    ``requires`` and ``ensures`` see the parameters (the first BOUND slots) and, in ``ensures``, the
+    answer (the slot behind them). Not meeting ``requires`` is a fault of the caller.
+    """
+
+    name: str
+    parameters: tuple[Variable, ...]
+    result: Variable
+    kind: ExternalKind
+    requires: tuple[Expr, ...]
+    ensures: tuple[Expr, ...]
+    bound: int
+
+
+class PropertyKind(Enum):
+    INVARIANT = "invariant"  #: in every reachable configuration
+    AT_ROUND = "at round"  #: in every configuration after ENV-TRANS, and after INIT
+    EVENTUALLY = "eventually"
+    LEADS_TO = "leads to"
+
+
+@dataclass(frozen=True, slots=True)
+class Property(Node):
+    """A closed statement about configurations. ``trigger`` is set for LEADS_TO only."""
+
+    name: str
+    kind: PropertyKind
+    condition: Expr
+    bound: int
+    trigger: Expr | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Assumption(Node):
+    """A closed statement about the configuration after INIT."""
+
+    name: str
+    condition: Expr
+    bound: int
+
+
+@dataclass(frozen=True, slots=True)
+class LockClass:
+    """Atomic blocks of which at most one robot runs one per round. [ATOMIC]"""
+
+    index: int
+    variables: tuple[str, ...]  #: the allwrite variables its blocks write
+
+
+@dataclass(frozen=True, slots=True)
+class Program(Node):
+    """A whole program.
+
+    ``functions`` and ``externals`` are in order of dependence (a function calls earlier ones only).
+    ``parameters`` are the constants of the run, with the values used.
+    """
+
+    name: str
+    agents: tuple[Agent, ...]
+    allread: tuple[Declaration, ...]
+    allwrite: tuple[Declaration, ...]
+    functions: tuple[Function, ...]
+    externals: tuple[External, ...]
+    lock_classes: tuple[LockClass, ...]
+    assumptions: tuple[Assumption, ...]
+    properties: tuple[Property, ...]
+    parameters: tuple[tuple[str, object], ...] = ()
+
+    def function(self, name: str) -> Function:
+        return next(f for f in self.functions if f.name == name)
+
+    def external(self, name: str) -> External:
+        return next(f for f in self.externals if f.name == name)

@@ -1,0 +1,46 @@
+"""What is wrong with a user's input, as values. The command line prints them; nothing else does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from koord.syntax.source import Span
+
+
+class Severity(Enum):
+    """Whether a diagnostic stops the work."""
+
+    ERROR = "error"
+    WARNING = "warning"
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A second place that helps to understand a diagnostic ("first declared here")."""
+
+    span: Span
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One thing wrong at one place, with its cure where one is known.
+
+    ``code`` is stable (``K204``) and has a long story in :mod:`koord.syntax.catalogue`.
+    """
+
+    code: str
+    severity: Severity
+    span: Span
+    message: str
+    hint: str | None = None
+    notes: tuple[Note, ...] = ()
+
+
+class KoordError(Exception):
+    """The input cannot be worked with; carries every diagnostic that says why."""
+
+    def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
+        super().__init__("; ".join(f"{d.span}: {d.code} {d.message}" for d in diagnostics))
+        self.diagnostics = diagnostics

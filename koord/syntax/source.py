@@ -1,0 +1,76 @@
+"""Source text and places in it: what every later phase points at."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A half-open range of characters in one file.
+
+    Lines and columns count from 1, as editors show them. ``end_column`` is the column just behind
+    the last character.
+    """
+
+    file: str
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+    def to(self, other: Span) -> Span:
+        """The smallest span that covers this one and ``other``, which lies behind it."""
+        return Span(self.file, self.line, self.column, other.end_line, other.end_column)
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+#: The span of what the tool itself supplies (library declarations, generated code).
+NOWHERE = Span("<koord>", 1, 1, 1, 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A named text. ``text`` has ``\\n`` line ends only and no byte-order mark."""
+
+    name: str
+    text: str
+    _starts: list[int] = field(default_factory=list, compare=False, repr=False)
+
+    def line_text(self, line: int) -> str:
+        """Line number ``line`` (from 1) without its line end; empty behind the last line."""
+        lines = self._line_starts()
+        if not 1 <= line <= len(lines):
+            return ""
+        start = lines[line - 1]
+        end = lines[line] - 1 if line < len(lines) else len(self.text)
+        return self.text[start:end]
+
+    def place(self, offset: int) -> tuple[int, int]:
+        """Line and column, both from 1, of a character offset."""
+        lines = self._line_starts()
+        line = bisect_right(lines, offset)
+        return line, offset - lines[line - 1] + 1
+
+    def span(self, start: int, end: int) -> Span:
+        """The span of the characters ``start`` up to and excluding ``end``."""
+        line, column = self.place(start)
+        end_line, end_column = self.place(end)
+        return Span(self.name, line, column, end_line, end_column)
+
+    def _line_starts(self) -> list[int]:
+        if not self._starts:
+            self._starts.append(0)
+            position = self.text.find("\n")
+            while position >= 0:
+                self._starts.append(position + 1)
+                position = self.text.find("\n", position + 1)
+        return self._starts
+
+
+def normalise(text: str) -> str:
+    """Text as the lexer wants it: no byte-order mark, ``\\n`` line ends."""
+    return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")

@@ -1,0 +1,151 @@
+"""Types of Koord values, after names are resolved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+@dataclass(frozen=True, slots=True)
+class IntType:
+    """ℤ."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloatType:
+    """ℝ in the semantics and the verifier, IEEE double in the runtime."""
+
+
+@dataclass(frozen=True, slots=True)
+class BoolType:
+    """Truth values."""
+
+
+@dataclass(frozen=True, slots=True)
+class StringType:
+    """Texts: compared for equality and written to streams."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamType:
+    """Something that ``<<`` writes to."""
+
+
+@dataclass(frozen=True, slots=True)
+class EnumType:
+    """A finite set of named members; a value is the member's position."""
+
+    name: str
+    members: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordType:
+    """A tuple of named fields. ``pos`` is one, with float fields ``x y z``."""
+
+    name: str
+    fields: tuple[tuple[str, Type], ...]
+
+    def position(self, name: str) -> int | None:
+        """Where the field stands, or None if there is none of that name."""
+        for position, (field_name, _) in enumerate(self.fields):
+            if field_name == name:
+                return position
+        return None
+
+
+class Robots(Enum):
+    """The size of an array that has one element per robot."""
+
+    ALL = "numAgents"
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayType:
+    """``T[k]``: exactly ``size`` elements; ``Robots.ALL`` means ``numAgents`` of them."""
+
+    element: Type
+    size: int | Robots
+
+
+@dataclass(frozen=True, slots=True)
+class ListType:
+    """``T[]`` and ``List<T>``: any number of elements. An array is accepted where a list is read."""
+
+    element: Type
+
+
+@dataclass(frozen=True, slots=True)
+class QueueType:
+    """``Queue<T>``: a list whose ``pop`` takes the first element."""
+
+    element: Type
+
+
+@dataclass(frozen=True, slots=True)
+class MapType:
+    """``Map<K,V>``: keys in order of insertion; equal if they hold the same entries."""
+
+    key: Type
+    value: Type
+
+
+@dataclass(frozen=True, slots=True)
+class OpaqueType:
+    """Values that can only be compared and handed to external functions.
+
+    No program text has this type: the verifier puts it where a value merely flows from one
+    external function to another (``koord.verify.abstraction``).
+    """
+
+    name: str
+
+
+Type = (
+    IntType
+    | FloatType
+    | BoolType
+    | StringType
+    | StreamType
+    | EnumType
+    | RecordType
+    | ArrayType
+    | ListType
+    | QueueType
+    | MapType
+    | OpaqueType
+)
+
+INT = IntType()
+FLOAT = FloatType()
+BOOL = BoolType()
+STRING = StringType()
+STREAM = StreamType()
+POS = RecordType("pos", (("x", FLOAT), ("y", FLOAT), ("z", FLOAT)))
+
+
+def show(type_: Type) -> str:
+    """The type as a user writes it."""
+    match type_:
+        case IntType():
+            return "int"
+        case FloatType():
+            return "float"
+        case BoolType():
+            return "bool"
+        case StringType():
+            return "string"
+        case StreamType():
+            return "stream"
+        case EnumType(name=name) | RecordType(name=name) | OpaqueType(name=name):
+            return name
+        case ArrayType(element=element, size=Robots.ALL):
+            return f"{show(element)}[numAgents]"
+        case ArrayType(element=element, size=size):
+            return f"{show(element)}[{size}]"
+        case ListType(element=element):
+            return f"{show(element)}[]"
+        case QueueType(element=element):
+            return f"Queue<{show(element)}>"
+        case MapType(key=key, value=value):
+            return f"Map<{show(key)}, {show(value)}>"
