@@ -1,0 +1,43 @@
+"""Where the phases that read a text put what is wrong with it."""
+
+from __future__ import annotations
+
+from koord.syntax.diagnostics import Diagnostic, Note, Severity
+from koord.syntax.source import Span
+
+#: More errors than this in one file help nobody.
+MAX_ERRORS = 100
+
+
+class Report:
+    """The errors found so far in one file; of two at the same place only the first is kept."""
+
+    __slots__ = ("_places", "diagnostics")
+
+    def __init__(self) -> None:
+        self.diagnostics: list[Diagnostic] = []
+        self._places: set[tuple[int, int]] = set()
+
+    def error(
+        self,
+        code: str,
+        span: Span,
+        message: str,
+        hint: str | None = None,
+        notes: tuple[Note, ...] = (),
+    ) -> None:
+        """Record an error, unless there are too many or there is one at this place already."""
+        place = (span.line, span.column)
+        if place in self._places or self.full:
+            return
+        self._places.add(place)
+        self.diagnostics.append(Diagnostic(code, Severity.ERROR, span, message, hint, notes))
+
+    @property
+    def full(self) -> bool:
+        """Whether no more errors are taken."""
+        return len(self.diagnostics) >= MAX_ERRORS
+
+    def in_order(self) -> tuple[Diagnostic, ...]:
+        """The errors in the order of the text."""
+        return tuple(sorted(self.diagnostics, key=lambda d: (d.span.line, d.span.column)))
