@@ -1,0 +1,263 @@
+"""The values of flags: each is checked here, with a message that says what would have been right.
+
+The functions are argparse ``type=`` converters: they raise ``ArgumentTypeError``, which ends as
+``koord verify: error: argument --robots: …`` and exit code 2. A command may raise it too, where
+two flags do not go together.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from argparse import ArgumentTypeError
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from koord.cli.files import DASH
+
+if TYPE_CHECKING:
+    from koord.syntax.elaborate.settings import ParamValue
+
+MOST_ROBOTS = 10_000
+MOST_ROUNDS = 1_000_000_000
+DEEPEST_LIST = 20
+
+_NAME = re.compile(r"[^\W\d]\w*\Z")
+_INT = re.compile(r"[+-]?[0-9]{1,100}\Z")
+_DECIMAL = re.compile(
+    r"[+-]?([0-9]{1,100}(\.[0-9]{0,100})?|\.[0-9]{1,100})([eE][+-]?[0-9]{1,3})?\Z"
+)
+_RATIO = re.compile(r"([+-]?[0-9]{1,100})/([0-9]{1,100})\Z")
+_LIST_TOKEN = re.compile(r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """How many robots: a number of them, or a number of each kind (``Car=2,Drone=1``)."""
+
+    total: int
+    kinds: tuple[tuple[str, int], ...] = ()
+
+
+def fleet(text: str) -> Fleet:
+    """``3`` or ``Car=2,Drone=1``."""
+    if "=" not in text:
+        return Fleet(_whole(text, "robots", 1, MOST_ROBOTS))
+    kinds: dict[str, int] = {}
+    for part in text.split(","):
+        name, _, count = part.partition("=")
+        if not _NAME.match(name):
+            raise ArgumentTypeError(f"{name!r} is no kind of robot; write Car=2,Drone=1")
+        if name in kinds:
+            raise ArgumentTypeError(f"{name} is given twice")
+        kinds[name] = _whole(count, name, 0, MOST_ROBOTS)
+    total = sum(kinds.values())
+    if not 1 <= total <= MOST_ROBOTS:
+        raise ArgumentTypeError(f"there must be 1 to {MOST_ROBOTS} robots, not {total}")
+    return Fleet(total, tuple(kinds.items()))
+
+
+def rounds(text: str) -> int:
+    """A number of rounds; 0 means the first configuration only."""
+    return _whole(text, "rounds", 0, MOST_ROUNDS)
+
+
+def seed(text: str) -> int:
+    return _whole(text, "a seed", 0, 2**64 - 1)
+
+
+def name(text: str) -> str:
+    """A name as programs have them."""
+    if not _NAME.match(text):
+        raise ArgumentTypeError(f"{text!r} is not a name")
+    return text
+
+
+def seconds(text: str) -> float:
+    """A time of the clock on the wall, more than none."""
+    amount = number(text.removesuffix("s"))
+    if amount <= 0:
+        raise ArgumentTypeError(f"{text!r} is not more than 0 seconds")
+    return float(amount)
+
+
+def delta(text: str) -> Fraction:
+    """The length of a round, exactly: ``0.1`` is a tenth."""
+    amount = number(text)
+    if amount <= 0:
+        raise ArgumentTypeError(f"{text!r} is not more than 0 seconds")
+    return amount
+
+
+def number(text: str) -> Fraction:
+    """An exact number: ``4``, ``0.25``, ``1e-3``, ``1/3``."""
+    if ratio := _RATIO.match(text):
+        if int(ratio[2]) == 0:
+            raise ArgumentTypeError(f"{text!r} divides by zero")
+        return Fraction(int(ratio[1]), int(ratio[2]))
+    if not _DECIMAL.match(text):
+        raise ArgumentTypeError(f"{text!r} is not a number")
+    return Fraction(text)
+
+
+def setting(text: str) -> tuple[str, ParamValue]:
+    """``name=value``: an int, a float, true or false, or a list of them in brackets.
+
+    Floats become exact fractions, as everywhere in the semantics.
+    """
+    left, equals, right = text.partition("=")
+    if not equals:
+        raise ArgumentTypeError(f"{text!r} has no value; write {left or 'name'}=value")
+    if not _NAME.match(left):
+        raise ArgumentTypeError(f"{left!r} is not the name of a param; write name=value")
+    return left, value(right)
+
+
+def value(text: str) -> ParamValue:
+    """A literal: ``4``, ``0.5``, ``true``, ``"text"``, ``[1, 2, [3]]``."""
+    tokens: list[str] = []
+    position = 0
+    while position < len(text):
+        token = _LIST_TOKEN.match(text, position)
+        if token is None:
+            raise ArgumentTypeError(f"{text!r} is not a value: a quote is not closed")
+        tokens.append(token[1])
+        position = token.end()
+    if not tokens:
+        raise ArgumentTypeError("there is no value behind the =")
+    result, rest = _value(tokens, 0)
+    if rest != len(tokens):
+        raise ArgumentTypeError(f"{text!r} is not one value: {tokens[rest]!r} is too much")
+    return result
+
+
+def _value(tokens: list[str], at: int, depth: int = 0) -> tuple[ParamValue, int]:
+    if at == len(tokens):
+        raise ArgumentTypeError("the list is not closed")
+    if tokens[at] == "[":
+        if depth == DEEPEST_LIST:
+            raise ArgumentTypeError(f"lists are nested more than {DEEPEST_LIST} deep")
+        return _list(tokens, at + 1, depth + 1)
+    return _scalar(tokens[at]), at + 1
+
+
+def _list(tokens: list[str], at: int, depth: int) -> tuple[ParamValue, int]:
+    items: list[ParamValue] = []
+    if tokens[at : at + 1] == ["]"]:
+        return (), at + 1
+    while True:
+        item, at = _value(tokens, at, depth)
+        items.append(item)
+        match tokens[at : at + 1]:
+            case ["]"]:
+                return tuple(items), at + 1
+            case [","]:
+                at += 1
+            case []:
+                raise ArgumentTypeError("the list is not closed")
+            case [other]:
+                raise ArgumentTypeError(f"a comma is missing before {other!r}")
+
+
+def _scalar(token: str) -> ParamValue:
+    if token in ("true", "True", "false", "False"):
+        return token in ("true", "True")
+    if token.startswith('"'):
+        return token[1:-1]
+    if _INT.match(token):
+        return int(token)
+    if _DECIMAL.match(token):
+        return Fraction(token)
+    raise ArgumentTypeError(f"{token!r} is not a value: write an int, a float, true, false, [1, 2]")
+
+
+def settings(pairs: Iterable[tuple[str, ParamValue]]) -> Mapping[str, ParamValue]:
+    """The values of all ``--set``. Raises ArgumentTypeError if one name is given two values."""
+    chosen: dict[str, ParamValue] = {}
+    for key, given in pairs:
+        if key in chosen and chosen[key] != given:
+            raise ArgumentTypeError(f"--set gives {key} two values")
+        chosen[key] = given
+    return chosen
+
+
+def _whole(text: str, what: str, least: int, most: int) -> int:
+    if not _INT.match(text):
+        raise ArgumentTypeError(f"{text!r} is not a whole number")
+    if not least <= int(text) <= most:
+        raise ArgumentTypeError(f"{what} must be from {least} to {most}, not {text}")
+    return int(text)
+
+
+# --- groups of flags that several commands share --------------------------------------------------
+
+
+def add_files(parser: argparse.ArgumentParser, *, several: bool = True) -> None:
+    """The programs to work on; standard input can be read once only."""
+    parser.add_argument(
+        "files" if several else "file",
+        metavar="FILE",
+        nargs="+" if several else None,
+        help="a program (.krd); - is standard input",
+    )
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """``--set`` and ``--with``, which belong to reading a program."""
+    parser.add_argument(
+        "--set",
+        dest="settings",
+        metavar="NAME=VALUE",
+        type=setting,
+        action="append",
+        default=[],
+        help="the value of a param: tasks=10, speed=0.5, slow=true, 'spots=[1, 2]'",
+    )
+    parser.add_argument(
+        "--with",
+        dest="properties",
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="a file of further properties; may be given several times",
+    )
+
+
+def add_bounds(parser: argparse.ArgumentParser) -> None:
+    """``--robots``, ``--rounds``, ``--delta``, ``--seed``."""
+    parser.add_argument(
+        "--robots",
+        metavar="N",
+        type=fleet,
+        default=Fleet(3),
+        help="how many robots, or how many of each kind: Car=2,Drone=1 (3)",
+    )
+    parser.add_argument(
+        "--rounds", metavar="R", type=rounds, default=20, help="how many rounds (20)"
+    )
+    parser.add_argument(
+        "--delta",
+        metavar="SECONDS",
+        type=delta,
+        default=Fraction(1, 10),
+        help="the length of a round, exactly: 0.1 or 1/30 (0.1)",
+    )
+    parser.add_argument(
+        "--seed", metavar="S", type=seed, default=0, help="what every random choice hangs on (0)"
+    )
+
+
+def add_json(parser: argparse.ArgumentParser, what: str) -> None:
+    parser.add_argument("--json", action="store_true", help=f"print {what} as JSON")
+
+
+def add_trace(parser: argparse.ArgumentParser, what: str) -> None:
+    parser.add_argument("--trace", metavar="FILE", help=f"write {what} to FILE, as JSON")
+
+
+def check_files(paths: Iterable[str]) -> None:
+    """Standard input can be read once only. Raises ArgumentTypeError."""
+    if list(paths).count(DASH) > 1:
+        raise ArgumentTypeError("- (standard input) is named twice")

@@ -1,0 +1,32 @@
+"""``koord check FILE…``: parse and elaborate, and show every mistake of every file."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from koord.cli.arguments import add_files, add_json, add_settings, check_files
+from koord.cli.diagnostics import Report, summary
+from koord.cli.exits import Exit
+from koord.cli.inputs import Reading, check_file
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    add_files(parser)
+    add_settings(parser)
+    parser.add_argument("--strict", action="store_true", help="make warnings errors")
+    add_json(parser, "the diagnostics")
+    parser.epilog = "exit codes: 0 no errors (warnings do not count), 2 errors"
+
+
+def main(arguments: argparse.Namespace) -> int:
+    check_files([*arguments.files, *arguments.properties])
+    report = Report(strict=arguments.strict)
+    reading = Reading.of(arguments)
+    for path in arguments.files:
+        check_file(path, reading, report)
+    report.print(sys.stdout, as_json=arguments.json)
+    if not report.diagnostics and not arguments.json:
+        count = len(arguments.files)
+        print(f"{count} {'file' if count == 1 else 'files'} checked: {summary(0, 0)}")
+    return Exit.BAD_INPUT if report.errors else Exit.OK

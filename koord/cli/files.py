@@ -1,0 +1,163 @@
+"""Reading and writing the user's files: every way this can fail is a diagnostic."""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+import tempfile
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.source import Source, Span, normalise
+
+#: The name that stands for standard input and output on the command line.
+DASH = "-"
+STDIN_NAME = "<stdin>"
+
+#: A program of this size is none; what is longer (``/dev/zero``) is not read to its end.
+LARGEST_FILE = 64 * 1024 * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class InputFile:
+    """A file as it was read: its bytes, to see what would change, and its text to work on."""
+
+    path: str
+    raw: bytes
+    source: Source
+
+
+def read_program(path: str) -> InputFile:
+    """Read a program, ``-`` from standard input. Raises KoordError if there is no text in it."""
+    raw = read_bytes(path)
+    name = STDIN_NAME if path == DASH else path
+    try:
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise _refusal("K902", _place_of_byte(name, raw, error.start), *_not_utf8(error)) from None
+    return InputFile(path, raw, Source(name, normalise(text)))
+
+
+def read_bytes(path: str) -> bytes:
+    """The bytes of a file, ``-`` of standard input. Raises KoordError."""
+    name = STDIN_NAME if path == DASH else path
+    try:
+        if path == DASH:
+            if sys.stdin is None:
+                raise _refusal("K901", whole_file(name), "standard input is closed")
+            raw = sys.stdin.buffer.read(LARGEST_FILE + 1)
+        else:
+            with open(path, "rb") as file:
+                raw = file.read(LARGEST_FILE + 1)
+    except (OSError, ValueError) as error:
+        raise _refusal("K901", whole_file(name), f"cannot be read: {_reason(error)}") from None
+    if len(raw) > LARGEST_FILE:
+        limit = f"it is larger than {LARGEST_FILE // 2**20} MiB"
+        raise _refusal("K901", whole_file(name), f"cannot be read: {limit}")
+    return raw
+
+
+def write_atomically(path: str, data: bytes) -> None:
+    """Put ``data`` into a file so that no reader, and no crash, ever sees half of it.
+
+    An existing file keeps its mode, and a symbolic link goes on pointing to it. What is no
+    regular file (``/dev/stdout``, a pipe) is simply written. Raises KoordError.
+    """
+    try:
+        target = Path(os.path.realpath(path))
+        if target.exists() and not target.is_file():
+            target.write_bytes(data)
+        else:
+            _replace(target, data)
+    except (OSError, ValueError) as error:
+        raise _refusal("K903", whole_file(path), f"cannot be written: {_reason(error)}") from None
+
+
+def check_writable(path: str) -> None:
+    """Raise KoordError if ``path`` can be seen not to be writable, before long work is done."""
+    target = os.path.realpath(path)
+    folder = os.path.dirname(target)
+    reason = None
+    if os.path.isdir(target):
+        reason = "it is a folder"
+    elif not os.path.isdir(folder):
+        reason = f"there is no folder {folder}"
+    elif os.path.exists(target):
+        reason = None if os.access(target, os.W_OK) else "permission denied"
+    elif not os.access(folder, os.W_OK):
+        reason = "permission denied"
+    if reason is not None:
+        raise _refusal("K903", whole_file(path), f"cannot be written: {reason}")
+
+
+def whole_file(name: str) -> Span:
+    """The place of what is wrong with a file as a whole: line 0, which no text has."""
+    return Span(name, 0, 0, 0, 0)
+
+
+def is_whole_file(span: Span) -> bool:
+    """Whether a span is one of :func:`whole_file`."""
+    return span.line == 0
+
+
+def _replace(target: Path, data: bytes) -> None:
+    mode = None
+    if target.exists():
+        if not os.access(target, os.W_OK):
+            raise PermissionError(13, "permission denied", str(target))
+        mode = stat.S_IMODE(target.stat().st_mode)
+    descriptor, temporary = tempfile.mkstemp(prefix=f".{target.name[:100]}.", dir=target.parent)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, _default_mode() if mode is None else mode)
+        os.replace(temporary, target)
+    except BaseException:  # Ctrl-C too: the temporary file must not stay behind
+        with suppress(OSError):
+            os.unlink(temporary)
+        raise
+
+
+def _default_mode() -> int:
+    """The mode that ``open`` would have given a new file."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
+
+
+def _reason(error: OSError | ValueError) -> str:
+    match error:
+        case FileNotFoundError():
+            return "there is no such file"
+        case IsADirectoryError():
+            return "it is a folder; name the files in it"
+        case PermissionError():
+            return "permission denied"
+        case OSError(strerror=str(story)):
+            return story[:1].lower() + story[1:]
+        case _:
+            return str(error)  # a NUL in the name
+
+
+def _not_utf8(error: UnicodeDecodeError) -> tuple[str, str]:
+    byte = error.object[error.start]
+    return (
+        f"byte 0x{byte:02x} is not UTF-8: the file is in another encoding, or is no text",
+        "save the file as UTF-8",
+    )
+
+
+def _place_of_byte(name: str, raw: bytes, offset: int) -> Span:
+    before = normalise(raw[:offset].decode("utf-8", errors="replace"))
+    line = before.count("\n") + 1
+    column = len(before) - (before.rfind("\n") + 1) + 1
+    return Span(name, line, column, line, column + 1)
+
+
+def _refusal(code: str, span: Span, message: str, hint: str | None = None) -> KoordError:
+    return KoordError((Diagnostic(code, Severity.ERROR, span, message, hint),))

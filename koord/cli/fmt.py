@@ -1,0 +1,139 @@
+"""``koord fmt FILE…``: lay programs out, in place and never half."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from difflib import unified_diff
+from enum import Enum
+
+from koord.cli.arguments import add_files, check_files
+from koord.cli.diagnostics import Report
+from koord.cli.exits import Exit, gravest
+from koord.cli.files import DASH, InputFile, read_program, write_atomically
+from koord.cli.terminal import Paint, Style, style_of
+from koord.syntax.diagnostics import KoordError
+from koord.syntax.format import format_source
+
+
+class Task(Enum):
+    """What to do with the laid-out text."""
+
+    WRITE = "write"
+    CHECK = "check"
+    DIFF = "diff"
+    CHECK_AND_DIFF = "check and diff"
+
+
+@dataclass(frozen=True, slots=True)
+class LaidOut:
+    """A file and the text it should have."""
+
+    file: InputFile
+    text: str
+
+    @property
+    def changed(self) -> bool:
+        return self.text.encode("utf-8") != self.file.raw
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    add_files(parser)
+    parser.add_argument(
+        "--check", action="store_true", help="change nothing; exit with 1 if a file would change"
+    )
+    parser.add_argument("--diff", action="store_true", help="change nothing; show what would")
+    parser.epilog = (
+        "Standard input (-) is laid out to standard output. A file with errors is left as it is.\n"
+        "exit codes: 0 done, 1 --check found a file that would change, 2 errors"
+    )
+
+
+def main(arguments: argparse.Namespace) -> int:
+    check_files(arguments.files)
+    task = _task(arguments.check, arguments.diff)
+    report = Report()
+    codes = [_format(path, task, report) for path in arguments.files]
+    sys.stdout.flush()
+    report.print(sys.stderr, as_json=False)
+    return gravest(codes)
+
+
+def _task(check: bool, diff: bool) -> Task:
+    if check and diff:
+        return Task.CHECK_AND_DIFF
+    if check:
+        return Task.CHECK
+    return Task.DIFF if diff else Task.WRITE
+
+
+def _format(path: str, task: Task, report: Report) -> Exit:
+    before = report.errors
+    try:
+        laid_out = _lay_out(path, report)
+        if laid_out is None:
+            return Exit.BAD_INPUT
+        return _carry_out(task, laid_out)
+    except KoordError as error:
+        report.add(error.diagnostics)
+        assert report.errors > before
+        return Exit.BAD_INPUT
+
+
+def _lay_out(path: str, report: Report) -> LaidOut | None:
+    file = read_program(path)
+    formatted = format_source(file.source)
+    report.add(formatted.diagnostics, file.source)
+    return None if formatted.text is None else LaidOut(file, formatted.text)
+
+
+def _carry_out(task: Task, laid_out: LaidOut) -> Exit:
+    path = laid_out.file.path
+    if task is Task.WRITE:
+        if path == DASH:
+            _write_bytes(laid_out.text)
+        elif laid_out.changed:
+            write_atomically(path, laid_out.text.encode("utf-8"))
+            print(f"{path}: laid out")
+        return Exit.OK
+    if not laid_out.changed:
+        return Exit.OK
+    if task in (Task.DIFF, Task.CHECK_AND_DIFF):
+        for line in _diff(laid_out, style_of(sys.stdout)):
+            print(line)
+    if task is Task.CHECK:
+        print(f"{laid_out.file.source.name}: would be laid out anew")
+    return Exit.OK if task is Task.DIFF else Exit.VIOLATED
+
+
+def _write_bytes(text: str) -> None:
+    """Programs are UTF-8, whatever the locale's encoding is."""
+    if sys.stdout is None:
+        return
+    sys.stdout.flush()
+    sys.stdout.buffer.write(text.encode("utf-8"))
+    sys.stdout.buffer.flush()
+
+
+def _diff(laid_out: LaidOut, style: Style) -> Iterator[str]:
+    name = laid_out.file.source.name
+    old = laid_out.file.source.text
+    if old == laid_out.text:
+        yield f"{name}: only line ends or a byte-order mark would change"
+        return
+    before, after = old.split("\n"), laid_out.text.split("\n")
+    if before[-1] == "":
+        before.pop()
+    else:
+        before[-1] += "\n\\ No newline at end of file"
+    after.pop()
+    for line in unified_diff(before, after, name, f"{name} (laid out)", lineterm=""):
+        match line[:1]:
+            case "+":
+                yield style.paint(line, Paint.ADDED)
+            case "-":
+                yield style.paint(line, Paint.REMOVED)
+            case _:
+                yield line

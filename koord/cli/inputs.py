@@ -1,0 +1,88 @@
+"""From the files that a command names to core programs, with every diagnostic on the way."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from koord.cli.arguments import settings
+from koord.cli.diagnostics import Report
+from koord.cli.files import DASH, STDIN_NAME, read_program, whole_file
+from koord.syntax import core
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.elaborate import Settings
+from koord.syntax.load import load
+from koord.syntax.source import Source
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How programs are to be read: values of their params, and further properties."""
+
+    settings: Settings
+    properties: tuple[Source, ...]
+
+    @staticmethod
+    def of(arguments: argparse.Namespace) -> Reading:
+        """From ``--set`` and ``--with``. Raises KoordError and ArgumentTypeError."""
+        chosen = settings(arguments.settings)
+        return Reading(
+            Settings(chosen), tuple(read_program(path).source for path in arguments.properties)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedProgram:
+    """A program without errors, and the text it comes from."""
+
+    source: Source
+    program: core.Program
+
+
+def load_programs(
+    paths: Iterable[str], reading: Reading, report: Report
+) -> tuple[LoadedProgram, ...]:
+    """Load programs to work with; what is wrong goes to the report.
+
+    Left out are those with errors, and files of properties alone, which count as one.
+    """
+    programs = []
+    for path in paths:
+        before = report.errors
+        checked = check_file(path, reading, report)
+        if checked is not None and checked.program is not None:
+            programs.append(LoadedProgram(checked.source, checked.program))
+        elif report.errors == before:
+            report.add((_no_program(path),))
+    return tuple(programs)
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What a text holds: a program, or none if it is a file of properties or has errors."""
+
+    source: Source
+    program: core.Program | None
+
+
+def check_file(path: str, reading: Reading, report: Report) -> Checked | None:
+    """Read and elaborate one file, reporting what is wrong; None if it cannot be read."""
+    try:
+        source = read_program(path).source
+    except KoordError as error:
+        report.add(error.diagnostics)
+        return None
+    elaborated = load(source, reading.settings, reading.properties)
+    report.add(elaborated.diagnostics, source, *reading.properties)
+    return Checked(source, elaborated.program)
+
+
+def _no_program(path: str) -> Diagnostic:
+    return Diagnostic(
+        "K904",
+        Severity.ERROR,
+        whole_file(STDIN_NAME if path == DASH else path),
+        "there is no program in this file, only properties",
+        "name a program, and this file behind --with",
+    )

@@ -1,0 +1,223 @@
+"""``koord COMMAND …``: finds the command, runs it, and turns what escapes into an exit code.
+
+``koord --help`` has to be quick, so this file imports argparse and nothing else of weight: the
+list of commands is data, and a command's own file is imported when the command is named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import NoReturn, Protocol, TextIO, cast
+
+from koord import __version__
+from koord.cli.exits import Exit
+
+USAGE = "koord COMMAND [ARGUMENT ...]"
+
+DESCRIPTION = "Check, run and verify programs for teams of robots."
+
+EPILOG = """\
+exit codes:
+  0    done; what was asked for holds
+  1    violated: a property does not hold, a trace is illegal, a layout differs
+  2    a mistake in the input: a program, a file or a flag
+  3    unknown: no verdict within the limits given
+  70   a mistake in koord itself
+  130  interrupted with Ctrl-C
+
+`koord COMMAND --help` lists the arguments of a command. NO_COLOR=1 turns colours off."""
+
+
+class Command(Protocol):
+    """What a command's file offers."""
+
+    def configure(self, parser: argparse.ArgumentParser) -> None:
+        """Say which arguments the command takes."""
+
+    def main(self, arguments: argparse.Namespace) -> int:
+        """Run the command and return its exit code."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A command as ``koord --help`` lists it."""
+
+    name: str
+    summary: str
+
+    def load(self) -> Command:
+        return cast(Command, import_module(f"koord.cli.{self.name}"))
+
+
+COMMANDS = (
+    Entry("check", "find the mistakes in programs"),
+    Entry("fmt", "lay programs out"),
+    Entry("explain", "tell the long story of a diagnostic's code"),
+    Entry("verify", "verify the properties of programs, or find a violation"),
+    Entry("run", "run a program by the rules and show each round"),
+    Entry("replay", "check a trace rule by rule against its program"),
+)
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse with the project's layout: no abbreviated flags, line ends kept as written."""
+
+    def __init__(self, prog: str, description: str, usage: str | None = None) -> None:
+        super().__init__(
+            prog=prog,
+            usage=usage,
+            description=description,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """End with one line that says what is wrong, and where the arguments are listed."""
+        self.exit(
+            Exit.BAD_INPUT,
+            f"{self.prog}: error: {message}\n`{self.prog} --help` lists the arguments.\n",
+        )
+
+
+def entry() -> NoReturn:
+    """The console script."""
+    sys.exit(main())
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code. No exception leaves, whatever the input."""
+    for stream in (sys.stdout, sys.stderr):
+        _make_total(stream)
+    try:
+        code = _dispatch(sys.argv[1:] if argv is None else argv)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        _abandon(sys.stdout)
+        return Exit.PIPE_CLOSED
+    except KeyboardInterrupt:
+        _complain("koord: interrupted")
+        return Exit.INTERRUPTED
+    except Exception as error:
+        if isinstance(error, OSError) and _is_of_output(error):
+            _abandon(sys.stdout)
+            _complain(f"koord: error: the output cannot be written: {error.strerror}")
+            return Exit.BAD_INPUT
+        _report_internal(error)
+        return Exit.INTERNAL
+    return code
+
+
+def _dispatch(argv: Sequence[str]) -> int:
+    """Run the command that the words name. Bad flags and ``--help`` end in argparse's exit."""
+    try:
+        return _run_command(argv)
+    except SystemExit as ending:
+        return ending.code if isinstance(ending.code, int) else Exit.OK
+
+
+def _run_command(argv: Sequence[str]) -> int:
+    at = next((i for i, word in enumerate(argv) if not word.startswith("-")), len(argv))
+    parser = _top_parser()
+    parser.parse_args(argv[:at])
+    if at == len(argv):
+        parser.print_help(sys.stderr)
+        return Exit.BAD_INPUT
+    command = next((c for c in COMMANDS if c.name == argv[at]), None)
+    if command is None:
+        parser.error(_unknown_command(argv[at]))
+    module = command.load()
+    own = Parser(f"koord {command.name}", _sentence(command.summary))
+    module.configure(own)
+    arguments = own.parse_args(argv[at + 1 :])
+    from koord.cli.diagnostics import report_error
+    from koord.syntax.diagnostics import KoordError
+
+    try:
+        return module.main(arguments)
+    except KoordError as error:
+        report_error(error, as_json=getattr(arguments, "json", False))
+        return Exit.BAD_INPUT
+    except argparse.ArgumentTypeError as error:
+        own.error(str(error))
+
+
+def _top_parser() -> Parser:
+    width = max(len(command.name) for command in COMMANDS)
+    lines = [f"  {command.name:<{width}}  {command.summary}" for command in COMMANDS]
+    parser = Parser("koord", "\n".join([DESCRIPTION, "", "commands:", *lines]), USAGE)
+    parser.epilog = EPILOG
+    parser.add_argument("--version", action="version", version=f"koord {__version__}")
+    return parser
+
+
+def _sentence(summary: str) -> str:
+    return f"{summary[0].upper()}{summary[1:]}."
+
+
+def _unknown_command(word: str) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(word, [command.name for command in COMMANDS], n=1)
+    known = ", ".join(command.name for command in COMMANDS)
+    cure = f"did you mean {near[0]}?" if near else f"the commands are {known}"
+    return f"there is no command {word!r}; {cure}"
+
+
+def _make_total(stream: TextIO | None) -> None:
+    """Let a stream take any text: what its encoding lacks is written as an escape."""
+    reconfigure = getattr(stream, "reconfigure", None)
+    if reconfigure is not None:
+        reconfigure(errors="backslashreplace")
+
+
+def _abandon(stream: TextIO | None) -> None:
+    """Point a stream that cannot be written at nothing, so that the flush at exit is silent."""
+    if stream is None:
+        return
+    try:
+        with open(os.devnull, "w", encoding="utf-8") as nothing:
+            os.dup2(nothing.fileno(), stream.fileno())
+    except (OSError, ValueError):
+        return  # not a real file: nothing is flushed to it at exit
+
+
+#: What writing to a full disk, a file over its limit, or a closed descriptor raises.
+_OUTPUT_ERRORS = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF})
+
+
+def _is_of_output(error: OSError) -> bool:
+    """Whether the standard output is to blame; errors of files carry the file's name."""
+    return error.filename is None and error.errno in _OUTPUT_ERRORS
+
+
+def _debugging() -> bool:
+    return os.environ.get("KOORD_DEBUG", "") not in ("", "0")
+
+
+def _report_internal(error: Exception) -> None:
+    if _debugging():
+        import traceback
+
+        traceback.print_exc()
+    version = ".".join(map(str, sys.version_info[:3]))
+    story = " ".join(str(error).split())[:200]
+    _complain(
+        f"koord: internal error: {type(error).__name__}: {story} "
+        f"[koord {__version__}, Python {version}, {sys.platform}]. This is a mistake in koord: "
+        "please report it with the input that shows it; KOORD_DEBUG=1 shows the traceback."
+    )
+
+
+def _complain(line: str) -> None:
+    """One line to standard error, if that can still be written."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except (OSError, ValueError):
+        _abandon(sys.stderr)

@@ -1,0 +1,134 @@
+"""One live line that says what is going on, and Ctrl-C as a request rather than a crash."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import FrameType, TracebackType
+from typing import TextIO
+
+from koord.cli.terminal import cells, is_terminal, style_of, visible
+
+#: Often enough to look alive, seldom enough to cost nothing.
+TICK_S = 0.2
+
+_ERASE = "\r\x1b[K"
+
+
+class LiveLine:
+    """A line on a terminal that overwrites itself; nothing at all in a pipe or a file.
+
+    The time goes on ticking while a solver works, because a thread of its own writes the line::
+
+        with LiveLine(sys.stderr) as line:
+            line.show("bmc, round 3 of 20")  # -> bmc, round 3 of 20, 1.4 s
+        print(results)  # the line is gone
+    """
+
+    def __init__(
+        self,
+        stream: TextIO | None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        tick_s: float = TICK_S,
+    ) -> None:
+        self._stream = stream if is_terminal(stream) else None
+        self._clock = clock
+        self._tick_s = tick_s
+        self._text = ""
+        self._written = False
+        self._started = 0.0
+        self._lock = threading.Lock()
+        self._done = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> LiveLine:
+        self._started = self._clock()
+        if self._stream is not None:
+            self._thread = threading.Thread(target=self._tick, name="live line", daemon=True)
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._done.set()
+        if self._thread is not None:
+            self._thread.join()
+        self.clear()
+
+    def show(self, text: str) -> None:
+        """Say what is going on. Cheap: it is written with the next tick."""
+        self._text = text
+
+    def clear(self) -> None:
+        """Wipe the line, so that something else can be printed where it stood."""
+        with self._lock:
+            if self._stream is not None and self._written:
+                self._write(_ERASE)
+                self._written = False
+
+    def _tick(self) -> None:
+        while not self._done.wait(self._tick_s):
+            with self._lock:
+                if self._text and self._stream is not None:
+                    self._write(_ERASE + self._line())
+                    self._written = True
+
+    def _line(self) -> str:
+        elapsed = f", {self._clock() - self._started:.1f} s"
+        room = style_of(self._stream).width - 1 - len(elapsed)
+        text = visible(self._text)
+        while cells(text) > room:
+            text = text[:-1]
+        return text + elapsed
+
+    def _write(self, text: str) -> None:
+        assert self._stream is not None
+        try:
+            self._stream.write(text)
+            self._stream.flush()
+        except (OSError, ValueError):
+            self._stream = None  # the terminal went away; the work goes on
+
+
+@dataclass(slots=True)
+class Interruption:
+    """Lets work end in good order on Ctrl-C: the first one asks, the second one insists.
+
+    Inside the ``with`` the first Ctrl-C sets ``requested``, which the work looks at between its
+    steps; a second one raises KeyboardInterrupt. A solver that is at work answers the first one by
+    itself (Z3: unknown, "interrupted from keyboard"); who sees that answer calls ``request``.
+    """
+
+    requested: bool = False
+    _previous: object = field(default=None, repr=False)
+
+    def request(self) -> None:
+        self.requested = True
+
+    def __enter__(self) -> Interruption:
+        if threading.current_thread() is threading.main_thread():
+            self._previous = signal.signal(signal.SIGINT, self._on_signal)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._previous is not None:
+            signal.signal(signal.SIGINT, self._previous)  # type: ignore[arg-type]
+            self._previous = None
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if self.requested:
+            raise KeyboardInterrupt
+        self.requested = True
