@@ -6,7 +6,7 @@ methods here. Exact rationals and doubles are in this file, Z3 terms in ``koord.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Protocol, TypeVar, assert_never
 
@@ -68,7 +68,7 @@ class Exact:
         return value
 
     def unary(self, op: UnaryOp, operand: Constant) -> Constant:
-        return unary_of_numbers(op, operand, Fraction)
+        return unary_of_numbers(op, operand, exact=True)
 
     def binary(self, op: BinaryOp, left: Constant, right: Constant) -> Constant:
         return binary_of_numbers(op, left, right)
@@ -87,7 +87,7 @@ class Doubles:
         return value
 
     def unary(self, op: UnaryOp, operand: Constant) -> Constant:
-        return unary_of_numbers(op, operand, float)
+        return unary_of_numbers(op, operand, exact=False)
 
     def binary(self, op: BinaryOp, left: Constant, right: Constant) -> Constant:
         return binary_of_numbers(op, left, right)
@@ -100,10 +100,8 @@ EXACT = Exact()
 DOUBLES = Doubles()
 
 
-def unary_of_numbers(
-    op: UnaryOp, operand: Constant, real: Callable[[int | Fraction | float], Constant]
-) -> Constant:
-    """An operator on Python's numbers; ``real`` is what stands for ``float``."""
+def unary_of_numbers(op: UnaryOp, operand: Constant, *, exact: bool) -> Constant:
+    """An operator on Python's numbers; ``float`` is ℚ if ``exact``, a double otherwise."""
     if op is UnaryOp.NOT:
         return not operand
     assert not isinstance(operand, str)
@@ -111,9 +109,9 @@ def unary_of_numbers(
         case UnaryOp.NEG:
             return -operand
         case UnaryOp.ABS:
-            return abs(operand)
+            return -operand if operand < 0 else operand
         case UnaryOp.WIDEN:
-            return real(operand)
+            return Fraction(operand) if exact else float(operand)
     assert_never(op)
 
 

@@ -35,7 +35,6 @@ from koord.semantics.values import (
     merge_known,
     scalar,
     sequence,
-    table,
 )
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp
@@ -93,6 +92,16 @@ def evaluate(m: Machine[V], e: core.Expr) -> Value[V]:
 def condition(m: Machine[V], e: core.Expr) -> V:
     """The value of a Boolean expression."""
     return scalar(evaluate(m, e))
+
+
+def statement(m: Machine[V], e: core.Expr) -> V:
+    """Whether a statement of a property holds: true, and evaluated without a fault. [PROP-FAULT]"""
+    faults, m.faults = m.faults, []
+    holds = condition(m, e)
+    for fault, _ in m.faults:
+        holds = m.both(holds, m.negated(fault))
+    m.faults = faults
+    return holds
 
 
 # --- operators ----------------------------------------------------------------------------------
@@ -158,7 +167,8 @@ def builtin(m: Machine[V], e: core.Builtin) -> Value[V]:
 def contains(m: Machine[V], value: Value[V], wanted: Value[V]) -> V:
     """Whether a list has an element, or a map a key."""
     if isinstance(value, Table):
-        found_key, _ = lookup(m.d, table(value), wanted)
+        entries: Table[V] = value
+        found_key, _ = lookup(m.d, entries, wanted)
         return found_key
     items = sequence(value)
     found = [
@@ -357,11 +367,11 @@ def external_call(m: Machine[V], e: core.ExternalCall) -> Value[V]:
     m.in_summary = True
     met = m.truth(True)
     for requirement in function.requires:
-        holds = condition(m, requirement)
+        holds = statement(m, requirement)
         m.fault_unless(holds, FaultKind.PRECONDITION, e.span, function.name)
         met = m.both(met, holds)
     for promise in function.ensures:
-        holds = m.d.binary(BinaryOp.IMPLIES, met, condition(m, promise))
+        holds = m.d.binary(BinaryOp.IMPLIES, met, statement(m, promise))
         m.require(holds, f"the answer of {function.name} meets its summary", promise.span)
     m.in_summary = False
     m.memory.bound = bound
@@ -378,7 +388,7 @@ def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
 
         def body(value: Value[V]) -> V:
             m.memory.bound[slot] = value
-            return condition(m, e.body)
+            return statement(m, e.body)
 
         assert e.quantifier is core.QuantifierKind.FORALL
         return m.oracle.every(e.domain.type, body)

@@ -17,7 +17,7 @@ from koord.semantics.configurations import (
     Turn,
 )
 from koord.semantics.domain import Domain, conjunction
-from koord.semantics.expressions import condition, evaluate
+from koord.semantics.expressions import condition, evaluate, statement
 from koord.semantics.machine import Legality, Machine, machine
 from koord.semantics.oracle import Inputs, Phase
 from koord.semantics.statements import assign, run
@@ -303,16 +303,6 @@ def _kept(m: Machine[V], contract: core.Contract) -> V:
     required = conjunction(m.d, [statement(m, e) for e in contract.requires])
     ensured = conjunction(m.d, [statement(m, e) for e in contract.ensures])
     return m.d.binary(BinaryOp.IMPLIES, required, ensured)
-
-
-def statement(m: Machine[V], e: core.Expr) -> V:
-    """Whether a statement of a property holds: true, and evaluated without a fault. [PROP-FAULT]"""
-    faults, m.faults = m.faults, []
-    holds = condition(m, e)
-    for fault, _ in m.faults:
-        holds = m.both(holds, m.negated(fault))
-    m.faults = faults
-    return holds
 
 
 def holds_in(

@@ -1,0 +1,236 @@
+"""The domain of Z3 terms: the third number domain of the semantics.
+
+A scalar is one of Python's own constants where it is known, and a Z3 term elsewhere; operators on
+constants are those of the exact domain, so a run on constants never leaves Python. Enumeration
+members and strings are Z3 integers (a string by its number in a table), opaque values are of an
+uninterpreted sort each.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TypeAlias, assert_never
+
+import z3
+
+from koord.semantics.domain import Constant, binary_of_numbers, unary_of_numbers
+from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.types import (
+    BoolType,
+    EnumType,
+    FloatType,
+    IntType,
+    OpaqueType,
+    StreamType,
+    StringType,
+    Type,
+)
+
+Term: TypeAlias = "Constant | z3.ExprRef"
+
+
+class Terms:
+    """Scalars as constants or Z3 terms. One instance per solver run: it owns the string table."""
+
+    def __init__(self) -> None:
+        self._strings: dict[str, int] = {}
+        self._sorts: dict[str, z3.SortRef] = {}
+        self._counter = 0
+
+    # --- the five methods of a domain -----------------------------------------------------------
+
+    def const(self, value: Constant, type_: Type) -> Term:
+        if isinstance(type_, FloatType):
+            return Fraction(value)
+        if isinstance(type_, OpaqueType):
+            return z3.Const(str(value), self.sort(type_))
+        return value
+
+    def known(self, value: Term) -> Constant | None:
+        return None if isinstance(value, z3.ExprRef) else value
+
+    def unary(self, op: UnaryOp, operand: Term) -> Term:
+        if not isinstance(operand, z3.ExprRef):
+            return unary_of_numbers(op, operand, exact=True)
+        match op:
+            case UnaryOp.NOT:
+                return operand.arg(0) if z3.is_not(operand) else z3.Not(operand)
+            case UnaryOp.NEG:
+                return -operand
+            case UnaryOp.ABS:
+                return z3.If(operand < 0, -operand, operand)
+            case UnaryOp.WIDEN:
+                return z3.ToReal(operand)
+        assert_never(op)
+
+    def binary(self, op: BinaryOp, left: Term, right: Term) -> Term:
+        if not isinstance(left, z3.ExprRef) and not isinstance(right, z3.ExprRef):
+            return binary_of_numbers(op, left, right)
+        if op is BinaryOp.AND or op is BinaryOp.OR or op is BinaryOp.IMPLIES:
+            return self._connective(op, left, right)
+        return self._operation(op, *self._alike(left, right))
+
+    def ite(self, condition: Term, then: Term, other: Term) -> Term:
+        if not isinstance(condition, z3.ExprRef):
+            return then if condition else other
+        if self._same(then, other):
+            return then
+        if isinstance(then, bool) or isinstance(other, bool):
+            return self._boolean_ite(condition, then, other)
+        return z3.If(condition, *self._alike(then, other))
+
+    # --- terms ----------------------------------------------------------------------------------
+
+    def sort(self, type_: Type) -> z3.SortRef:
+        """The sort of a scalar type."""
+        match type_:
+            case IntType() | EnumType() | StringType() | StreamType():
+                return z3.IntSort()
+            case FloatType():
+                return z3.RealSort()
+            case BoolType():
+                return z3.BoolSort()
+            case OpaqueType(name=name):
+                if name not in self._sorts:
+                    self._sorts[name] = z3.DeclareSort(name)
+                return self._sorts[name]
+            case _:
+                raise AssertionError(f"{type_} is no scalar type")
+
+    def lifted(self, value: Term, sort: z3.SortRef) -> z3.ExprRef:
+        """A constant as a term of a sort; terms stay as they are."""
+        if isinstance(value, z3.ExprRef):
+            return value
+        if isinstance(value, bool):
+            return z3.BoolVal(value)
+        if isinstance(value, str):
+            return z3.IntVal(self._strings.setdefault(value, len(self._strings)))
+        if sort == z3.RealSort():
+            return z3.RealVal(Fraction(value))
+        return z3.IntVal(int(value))
+
+    def boolean(self, value: Term) -> z3.BoolRef:
+        """A Boolean scalar as a formula."""
+        lifted = self.lifted(value, z3.BoolSort())
+        assert isinstance(lifted, z3.BoolRef)
+        return lifted
+
+    def fresh(self, name: str, type_: Type) -> z3.ExprRef:
+        """A constant of a scalar type that occurs nowhere else."""
+        self._counter += 1
+        return z3.Const(f"{name}!{self._counter}", self.sort(type_))
+
+    def text_of(self, number: int) -> str:
+        """The string of a number in the table; one made up for a number that is not there."""
+        for text, its_number in self._strings.items():
+            if its_number == number:
+                return text
+        return f"string{number}"
+
+    # --- how they are built ---------------------------------------------------------------------
+
+    def _connective(self, op: BinaryOp, left: Term, right: Term) -> Term:
+        """Two Booleans, one of them a term: constants vanish."""
+        if op is BinaryOp.IMPLIES:
+            return self._connective_or(self.unary(UnaryOp.NOT, left), right)
+        if op is BinaryOp.OR:
+            return self._connective_or(left, right)
+        if not isinstance(left, z3.ExprRef):
+            return right if left else False
+        if not isinstance(right, z3.ExprRef):
+            return left if right else False
+        return left if left.eq(right) else z3.And(left, right)
+
+    def _connective_or(self, left: Term, right: Term) -> Term:
+        if not isinstance(left, z3.ExprRef):
+            return True if left else right
+        if not isinstance(right, z3.ExprRef):
+            return True if right else left
+        return left if left.eq(right) else z3.Or(left, right)
+
+    def _operation(self, op: BinaryOp, left: z3.ExprRef, right: z3.ExprRef) -> Term:
+        match op:
+            case BinaryOp.EQ:
+                return True if left.eq(right) else self._equation(left, right)
+            case BinaryOp.NE:
+                return False if left.eq(right) else z3.Not(left == right)
+            case BinaryOp.ADD:
+                return left + right
+            case BinaryOp.SUB:
+                return left - right
+            case BinaryOp.MUL:
+                return left * right
+            case BinaryOp.LT:
+                return left < right
+            case BinaryOp.LE:
+                return True if left.eq(right) else left <= right
+            case BinaryOp.MIN:
+                return z3.If(right < left, right, left)
+            case BinaryOp.MAX:
+                return z3.If(right > left, right, left)
+            case BinaryOp.DIV:
+                return self._quotient(left, right)
+            case BinaryOp.MOD:
+                return self._remainder(left, right)
+        raise AssertionError(op)
+
+    def _equation(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
+        """Booleans are compared with constants often: then no equation is needed."""
+        for one, other in ((left, right), (right, left)):
+            if z3.is_true(one):
+                return other
+            if z3.is_false(one):
+                return self.unary(UnaryOp.NOT, other)
+        return left == right
+
+    def _quotient(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
+        """As :func:`binary_of_numbers`: of ints rounded down, and zero for a zero divisor."""
+        zero = self.lifted(0, left.sort())
+        if left.sort() == z3.RealSort():
+            return (
+                z3.simplify(left / right)
+                if z3.is_rational_value(right) and not _is_zero(right)
+                else z3.If(right == zero, zero, left / right)
+            )
+        # Z3's ``div`` rounds down for positive divisors only.
+        if z3.is_int_value(right) and right.as_long() != 0:
+            return left / right if right.as_long() > 0 else (-left) / (-right)
+        down = z3.If(right > 0, left / right, (-left) / (-right))
+        return z3.If(right == zero, zero, down)
+
+    def _remainder(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
+        quotient = self._quotient(left, right)
+        assert isinstance(quotient, z3.ExprRef)
+        rest = left - right * quotient
+        if z3.is_int_value(right) and right.as_long() != 0:
+            return left % right if right.as_long() > 0 else rest
+        return z3.If(right == 0, z3.IntVal(0), rest)
+
+    def _boolean_ite(self, condition: z3.ExprRef, then: Term, other: Term) -> Term:
+        """A choice with a constant on one side is a connective."""
+        if isinstance(then, bool) and isinstance(other, bool):
+            return condition if then else self.unary(UnaryOp.NOT, condition)
+        if isinstance(then, bool):
+            if then:
+                return self._connective_or(condition, other)
+            return self._connective(BinaryOp.AND, self.unary(UnaryOp.NOT, condition), other)
+        if other:
+            return self._connective_or(self.unary(UnaryOp.NOT, condition), then)
+        return self._connective(BinaryOp.AND, condition, then)
+
+    def _alike(self, then: Term, other: Term) -> tuple[z3.ExprRef, z3.ExprRef]:
+        if isinstance(then, z3.ExprRef):
+            return then, self.lifted(other, then.sort())
+        if isinstance(other, z3.ExprRef):
+            return self.lifted(then, other.sort()), other
+        sort = z3.RealSort() if isinstance(then, Fraction) else z3.IntSort()
+        return self.lifted(then, sort), self.lifted(other, sort)
+
+    def _same(self, then: Term, other: Term) -> bool:
+        if isinstance(then, z3.ExprRef):
+            return isinstance(other, z3.ExprRef) and bool(then.eq(other))
+        return not isinstance(other, z3.ExprRef) and then == other
+
+
+def _is_zero(value: z3.ExprRef) -> bool:
+    return bool(z3.is_rational_value(value) and value.numerator_as_long() == 0)
