@@ -4,30 +4,70 @@ from __future__ import annotations
 
 import argparse
 import sys
+from argparse import ArgumentTypeError
+from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
+from textwrap import fill
 
-from koord.cli.arguments import ArgumentTypeError
 from koord.cli.exits import Exit
-from koord.cli.terminal import Paint, Style, style_of
-from koord.syntax.catalogue import CATALOGUE, Entry
+from koord.cli.input_catalogue import INPUT_CATALOGUE
+from koord.cli.terminal import PLAIN, Paint, Style, style_of
+from koord.syntax.catalogue import CATALOGUE
+from koord.syntax.catalogue_entry import Entry
+
+#: Longer lines of prose are tiresome to read, however wide the terminal.
+WIDEST = 88
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "code", metavar="CODE", nargs="?", help="a code such as K204; none lists them all"
+        "code", metavar="CODE", nargs="?", help="a code such as K204; without one, all are listed"
     )
 
 
 def main(arguments: argparse.Namespace) -> int:
+    entries = all_entries()
     style = style_of(sys.stdout)
     if arguments.code is None:
-        for entry in CATALOGUE.values():
-            print(
-                f"{style.paint(entry.code, Paint.BOLD)}  {entry.severity.value:<7}  {entry.title}"
-            )
+        for code, entry in sorted(entries.items()):
+            print(f"{style.paint(code, Paint.BOLD)}  {entry.severity.value:<7}  {entry.title}")
         return Exit.OK
-    wanted = arguments.code.upper()
-    if wanted not in CATALOGUE:
-        raise ArgumentTypeError(_unknown(arguments.code))
-    print(_story(CATALOGUE[wanted], style))
+    entry = _find(arguments.code, entries)
+    print("\n".join(story(entry, style)))
     return Exit.OK
+
+
+def all_entries() -> Mapping[str, Entry]:
+    """Every code that koord can print, with its story."""
+    return {**CATALOGUE, **INPUT_CATALOGUE}
+
+
+def story(entry: Entry, style: Style = PLAIN) -> Iterator[str]:
+    """The lines that tell of one code."""
+    paint = Paint.ERROR if entry.severity.value == "error" else Paint.WARNING
+    yield f"{style.paint(f'{entry.severity.value} {entry.code}', paint)}: {entry.title}"
+    for paragraph in entry.story.strip().split("\n\n"):
+        yield ""
+        yield fill(" ".join(paragraph.split()), min(style.width, WIDEST))
+    yield from _example(
+        "This is refused" if paint is Paint.ERROR else "This is warned of", entry.bad
+    )
+    yield from _example("This is right", entry.good)
+
+
+def _example(title: str, text: str) -> Iterator[str]:
+    if text.strip():
+        yield ""
+        yield f"{title}:"
+        yield ""
+        for line in text.strip("\n").splitlines():
+            yield f"    {line}".rstrip()
+
+
+def _find(word: str, entries: Mapping[str, Entry]) -> Entry:
+    wanted = word.strip().upper()
+    if wanted in entries:
+        return entries[wanted]
+    near = get_close_matches(wanted, sorted(entries), n=3)
+    cure = f"; there are {', '.join(near)}" if near else "; `koord explain` lists all codes"
+    raise ArgumentTypeError(f"there is no code {word!r}{cure}")

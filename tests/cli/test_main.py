@@ -1,0 +1,236 @@
+"""The frame of the command line: what escapes from a command, and what it ends as."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from koord import __version__
+from koord.cli import main as frame
+from koord.cli.exits import Exit, gravest
+from koord.cli.files import whole_file
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+
+KOORD = [sys.executable, "-m", "koord"]
+
+PROGRAM = "local:\n  int x = 0\ngo:\n  eff: x = x + 1\n"
+
+
+def raising(error: BaseException) -> Callable[[argparse.Namespace], int]:
+    def run(arguments: argparse.Namespace) -> int:
+        raise error
+
+    return run
+
+
+@pytest.fixture()
+def command(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    """Runs ``koord check FLAGS…`` with a body of the test's own."""
+
+    def run(body: Callable[[argparse.Namespace], int], *flags: str) -> int:
+        def configure(parser: argparse.ArgumentParser) -> None:
+            parser.add_argument("--json", action="store_true")
+
+        module = SimpleNamespace(configure=configure, main=body)
+        monkeypatch.setattr(frame, "import_module", lambda name: module)
+        return frame.main(["check", *flags])
+
+    return run
+
+
+def test_help_lists_commands_and_exit_codes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert frame.main(["--help"]) == 0
+    shown = capsys.readouterr().out
+    for entry in frame.COMMANDS:
+        assert entry.name in shown
+    for code in Exit:
+        assert f"\n  {code.value} " in shown or code is Exit.PIPE_CLOSED
+
+
+def test_without_a_command_the_help_is_shown_as_an_error(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert frame.main([]) == Exit.BAD_INPUT
+    streams = capsys.readouterr()
+    assert streams.out == ""
+    assert "commands:" in streams.err
+
+
+def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert frame.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"koord {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["chekc"], "there is no command 'chekc'; did you mean check?"),
+        (["zzz"], "the commands are check, fmt, explain, verify, run, replay"),
+        (["--colour", "check"], "unrecognized arguments: --colour"),
+        (["check"], "the following arguments are required: FILE"),
+        (["verify", "--round", "3", "x"], "unrecognized arguments: --round"),
+        (["verify", "--robots", "0", "x"], "argument --robots: robots must be from 1 to 10000"),
+        (["verify", "--engine", "magic", "x"], "argument --engine: invalid choice: 'magic'"),
+        (["verify", "--set", "x", "x"], "argument --set: 'x' has no value; write x=value"),
+        (["verify", "--set", "x=1", "--set", "x=2", "x"], "--set gives x two values"),
+        (["verify", "-", "-"], "- (standard input) is named twice"),
+        (["verify", "a", "b", "--trace", "t"], "--trace takes one program at a time"),
+        (["run", "-", "--interactive"], "--interactive reads standard input, and so does -"),
+        (["explain", "K000"], "there is no code 'K000'"),
+    ],
+)
+def test_wrong_words_end_with_a_line_and_code_2(
+    capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    assert frame.main(words) == Exit.BAD_INPUT
+    streams = capsys.readouterr()
+    assert streams.out == ""
+    assert message in streams.err
+    assert "--help` lists the arguments" in streams.err
+
+
+@pytest.mark.parametrize("name", [entry.name for entry in frame.COMMANDS])
+def test_every_command_has_a_help(capsys: pytest.CaptureFixture[str], name: str) -> None:
+    assert frame.main([name, "--help"]) == 0
+    assert f"usage: koord {name}" in capsys.readouterr().out
+
+
+def test_diagnostics_that_escape_are_shown(
+    command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    diagnostic = Diagnostic("K901", Severity.ERROR, whole_file("a.krd"), "cannot be read: gone")
+    body = raising(KoordError((diagnostic,)))
+    assert command(body) == Exit.BAD_INPUT
+    assert capsys.readouterr().err == "a.krd: error K901: cannot be read: gone\n1 error\n"
+    assert command(body, "--json") == Exit.BAD_INPUT
+    assert '"code": "K901"' in capsys.readouterr().out
+
+
+def test_a_mistake_in_koord_is_one_line(
+    command: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("KOORD_DEBUG", raising=False)
+    assert command(raising(ZeroDivisionError("a\nb"))) == Exit.INTERNAL
+    line = capsys.readouterr().err
+    assert line.startswith("koord: internal error: ZeroDivisionError: a b [koord ")
+    assert line.count("\n") == 1
+    monkeypatch.setenv("KOORD_DEBUG", "1")
+    assert command(raising(ZeroDivisionError("a"))) == Exit.INTERNAL
+    assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "message"),
+    [
+        (KeyboardInterrupt(), Exit.INTERRUPTED, "koord: interrupted"),
+        (OSError(errno.ENOSPC, "No space left on device"), Exit.BAD_INPUT, "cannot be written"),
+        (OSError(errno.EPERM, "no", "/some/file"), Exit.INTERNAL, "PermissionError"),
+        (RecursionError("deep"), Exit.INTERNAL, "RecursionError"),
+        (MemoryError(), Exit.INTERNAL, "MemoryError"),
+        (BrokenPipeError(), Exit.PIPE_CLOSED, ""),
+    ],
+)
+def test_what_escapes_ends_as_a_code(
+    command: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+    code: Exit,
+    message: str,
+) -> None:
+    monkeypatch.setattr(frame, "_abandon", lambda stream: None)
+    assert command(raising(error)) == code
+    assert message in capsys.readouterr().err
+
+
+def test_the_gravest_code_wins() -> None:
+    assert gravest([Exit.OK, Exit.UNKNOWN, Exit.VIOLATED]) is Exit.VIOLATED
+    assert gravest([Exit.VIOLATED, Exit.BAD_INPUT]) is Exit.BAD_INPUT
+    assert gravest([Exit.OK, Exit.UNKNOWN]) is Exit.UNKNOWN
+    assert gravest([]) is Exit.OK
+
+
+# --- as a process of its own ----------------------------------------------------------------------
+
+
+@contextmanager
+def pipe_without_reader() -> Iterator[int]:
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        yield writing
+    finally:
+        os.close(writing)
+
+
+@pytest.mark.parametrize("words", [["--help"], ["explain"]])
+def test_a_closed_pipe_is_no_traceback(words: list[str]) -> None:
+    with pipe_without_reader() as pipe:
+        done = subprocess.run([*KOORD, *words], stdout=pipe, stderr=subprocess.PIPE, timeout=60)
+    assert done.returncode == Exit.PIPE_CLOSED
+    assert done.stderr == b""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("words", [["--help"], ["explain"]])
+def test_a_full_disk_is_no_traceback(words: list[str]) -> None:
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run([*KOORD, *words], stdout=full, stderr=subprocess.PIPE, timeout=60)
+    assert done.returncode == Exit.BAD_INPUT
+    assert done.stderr == b"koord: error: the output cannot be written: No space left on device\n"
+
+
+def test_an_encoding_without_the_letters_is_no_traceback(tmp_path: Path) -> None:
+    path = tmp_path / "ä.krd"
+    path.write_text("local:\n  int ≤\n", encoding="utf-8")
+    done = subprocess.run(
+        [*KOORD, "check", str(path)],
+        capture_output=True,
+        timeout=60,
+        env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "1"},
+    )
+    assert done.returncode == Exit.BAD_INPUT
+    assert b"error K" in done.stdout
+    assert b"\\u2264" in done.stdout
+    assert done.stderr == b""
+
+
+def test_ctrl_c_ends_with_130() -> None:
+    with subprocess.Popen(
+        [*KOORD, "check", "-"], stdin=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdin is not None
+        assert process.stderr is not None
+        # The command reads standard input once it has started; until then Ctrl-C is not its own.
+        wait_until_reading(process.pid)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == Exit.INTERRUPTED
+        assert process.stderr.read() == b"koord: interrupted\n"
+
+
+def wait_until_reading(pid: int) -> None:
+    """Wait until a process sleeps in a read of a pipe."""
+    state = Path(f"/proc/{pid}/wchan")
+    if not state.exists():
+        pytest.skip("needs /proc")
+    for _ in range(600):
+        if "pipe" in state.read_text(encoding="ascii"):
+            return
+        try:
+            os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        except ChildProcessError:
+            break
+        signal.sigtimedwait([], 0.05)
+    pytest.fail("the command never read its input")

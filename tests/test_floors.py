@@ -1,0 +1,260 @@
+"""The floors of ARCHITECTURE.md: imports go down only, and some things happen on one floor only.
+
+The checker reads the syntax tree of every file, so that an import inside a function, under
+``TYPE_CHECKING`` or by ``import_module("…")`` counts like any other.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+#: What each floor may import of koord, itself included. The top is left out: cli may import all.
+ALLOWED = {
+    "syntax": ("koord.syntax",),
+    "semantics": ("koord.semantics", "koord.syntax"),
+    "verify": ("koord.verify", "koord.semantics", "koord.syntax"),
+    "runtime": (
+        "koord.runtime",
+        "koord.syntax",
+        "koord.semantics.value",
+        "koord.semantics.values",
+        "koord.semantics.trace",
+    ),
+    "sim": (
+        "koord.sim",
+        "koord.runtime",
+        "koord.syntax",
+        "koord.semantics.value",
+        "koord.semantics.values",
+        "koord.semantics.trace",
+    ),
+}
+
+#: Libraries that stand behind few files: (library, prefixes of the files, at most so many).
+GUARDED = (
+    ("z3", ("koord/verify/",), 2),
+    ("lark", ("koord/syntax/parser",), 3),
+)
+
+#: Where printing, reading ``argv`` and exiting belong.
+TALKING = ("koord/cli/", "koord/__main__.py")
+
+TALKING_NAMES = frozenset({"print", "input", "exit", "quit", "SystemExit", "breakpoint"})
+TALKING_ATTRIBUTES = frozenset(
+    {"sys.argv", "sys.exit", "sys.stdout", "sys.stderr", "sys.stdin", "os._exit"}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A Python file: its path from the root, with slashes, and its text."""
+
+    path: str
+    text: str
+
+    @property
+    def module(self) -> str:
+        return self.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
+@dataclass(frozen=True, slots=True)
+class Import:
+    line: int
+    module: str
+
+
+def imports(file: File) -> Iterator[Import]:
+    """Every module a file names in an import; ``from a import b`` names ``a`` and ``a.b``."""
+    package = file.module.split(".")
+    if not file.path.endswith("__init__.py"):
+        package.pop()
+    for node in ast.walk(ast.parse(file.text, file.path)):
+        match node:
+            case ast.Import(names=names):
+                for alias in names:
+                    yield Import(node.lineno, alias.name)
+            case ast.ImportFrom(module=module, names=names, level=level):
+                base = package[: len(package) - level + 1] if level else []
+                origin = ".".join([*base, *([module] if module else [])])
+                for alias in names:
+                    yield Import(node.lineno, f"{origin}.{alias.name}")
+            case ast.Call(
+                func=ast.Name(id="import_module" | "__import__")
+                | ast.Attribute(attr="import_module"),
+                args=[ast.Constant(value=str(name)), *_],
+            ):
+                yield Import(node.lineno, name)
+            case _:
+                pass
+
+
+def within(module: str, prefixes: Iterable[str]) -> bool:
+    return any(module == prefix or module.startswith(f"{prefix}.") for prefix in prefixes)
+
+
+def upward_imports(file: File) -> Iterator[str]:
+    """Imports of koord that a file's floor does not allow."""
+    floor = file.module.removeprefix("koord").removeprefix(".").partition(".")[0]
+    if floor == "cli" or file.path == "koord/__main__.py":
+        return
+    allowed = ALLOWED.get(floor, ())
+    for found in imports(file):
+        # `from koord import syntax` names koord.syntax; `import koord` alone is the version.
+        if found.module == "koord" or not within(found.module, ("koord",)):
+            continue
+        if found.module == "koord.__version__" or within(found.module, allowed):
+            continue
+        yield f"{file.path}:{found.line}: {floor or 'koord'} must not import {found.module}"
+
+
+def guarded_imports(files: Iterable[File]) -> Iterator[str]:
+    """Imports of libraries outside of the few files that may know them."""
+    files = tuple(files)
+    for library, prefixes, most in GUARDED:
+        users = {
+            file.path: found.line
+            for file in files
+            for found in imports(file)
+            if within(found.module, (library,))
+        }
+        for path, line in users.items():
+            if not path.startswith(prefixes):
+                yield f"{path}:{line}: {library} must be imported in {' or '.join(prefixes)} only"
+        if len(users) > most:
+            yield f"{library} is imported in {len(users)} files, more than {most}: {sorted(users)}"
+
+
+def talking(file: File) -> Iterator[str]:
+    """Uses of standard streams, arguments and exits below the command line."""
+    if file.path.startswith(TALKING):
+        return
+    for node in ast.walk(ast.parse(file.text, file.path)):
+        match node:
+            case ast.Name(id=name, ctx=ast.Load()) if name in TALKING_NAMES:
+                yield f"{file.path}:{node.lineno}: {name} belongs in koord/cli"
+            case ast.Attribute(value=ast.Name(id=owner), attr=attribute):
+                if f"{owner}.{attribute}" in TALKING_ATTRIBUTES:
+                    yield f"{file.path}:{node.lineno}: {owner}.{attribute} belongs in koord/cli"
+            case ast.ImportFrom(module="sys" | "os" as owner, names=names):
+                for alias in names:
+                    if f"{owner}.{alias.name}" in TALKING_ATTRIBUTES:
+                        yield f"{file.path}:{node.lineno}: {alias.name} belongs in koord/cli"
+            case _:
+                pass
+
+
+def package_files() -> list[File]:
+    return [
+        File(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8"))
+        for path in sorted((ROOT / "koord").rglob("*.py"))
+    ]
+
+
+# --- the project ----------------------------------------------------------------------------------
+
+
+def test_imports_go_down_only() -> None:
+    files = package_files()
+    assert len(files) > 10
+    assert [line for file in files for line in upward_imports(file)] == []
+
+
+def test_libraries_stand_behind_their_files() -> None:
+    assert list(guarded_imports(package_files())) == []
+
+
+def test_only_the_command_line_talks() -> None:
+    assert [line for file in package_files() for line in talking(file)] == []
+
+
+def test_every_folder_is_on_a_floor() -> None:
+    floors = {path.name for path in (ROOT / "koord").iterdir() if path.is_dir()}
+    assert floors - {"__pycache__"} <= {*ALLOWED, "cli"}
+
+
+# --- the checker, on files that break the rules ---------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("path", "text", "blamed"),
+    [
+        ("koord/syntax/a.py", "import koord.semantics.values", "koord.semantics.values"),
+        ("koord/syntax/a.py", "from koord import verify", "koord.verify"),
+        ("koord/syntax/a.py", "from ..semantics import values", "koord.semantics.values"),
+        ("koord/syntax/a.py", "from .. import cli", "koord.cli"),
+        ("koord/syntax/__init__.py", "from ..cli import main", "koord.cli.main"),
+        ("koord/semantics/a.py", "def f():\n    import koord.verify.z", "koord.verify.z"),
+        ("koord/semantics/a.py", "if TYPE_CHECKING:\n    import koord.cli.main", "koord.cli.main"),
+        ("koord/verify/a.py", "from koord.runtime.machine import M", "koord.runtime.machine.M"),
+        ("koord/verify/a.py", "from importlib import import_module as i\nimport koord.sim", "sim"),
+        ("koord/verify/a.py", 'import_module("koord.sim.world")', "koord.sim.world"),
+        ("koord/runtime/a.py", "from koord.verify import x", "koord.verify.x"),
+        ("koord/runtime/a.py", "from koord.semantics.rounds import x", "koord.semantics.rounds"),
+        ("koord/runtime/a.py", "from koord.semantics import rounds", "koord.semantics.rounds"),
+        ("koord/runtime/a.py", "import koord.semantics.value_of", "koord.semantics.value_of"),
+        ("koord/sim/a.py", "import koord.verify", "koord.verify"),
+        ("koord/__init__.py", "from koord.syntax import core", "koord.syntax.core"),
+    ],
+)
+def test_an_upward_import_is_found(path: str, text: str, blamed: str) -> None:
+    found = list(upward_imports(File(path, text)))
+    assert len(found) == 1
+    assert blamed in found[0]
+    assert found[0].startswith(path)
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("koord/cli/a.py", "import koord.verify, koord.sim, koord.runtime"),
+        ("koord/sim/a.py", "from koord.runtime import machine"),
+        ("koord/runtime/a.py", "from koord.semantics.trace import Trace"),
+        ("koord/runtime/a.py", "from koord.semantics import value"),
+        ("koord/verify/a.py", "from koord.semantics import rounds\nfrom . import b\nimport os"),
+        ("koord/syntax/elaborate/a.py", "from ..core import Expr\nfrom koord import __version__"),
+    ],
+)
+def test_a_downward_import_is_allowed(path: str, text: str) -> None:
+    assert list(upward_imports(File(path, text))) == []
+
+
+def test_a_stray_library_is_found() -> None:
+    stray = File("koord/semantics/a.py", "def f():\n    from z3 import Int")
+    assert list(guarded_imports([stray])) == [
+        "koord/semantics/a.py:2: z3 must be imported in koord/verify/ only"
+    ]
+    assert len(list(guarded_imports([File("koord/syntax/types.py", "import lark")]))) == 1
+    assert list(guarded_imports([File("koord/syntax/parser.py", "import lark.lexer")])) == []
+    many = [File(f"koord/verify/{letter}.py", "import z3") for letter in "abc"]
+    assert list(guarded_imports(many[:2])) == []
+    assert "more than 2" in next(guarded_imports(many))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "print(1)",
+        "import sys\nx = sys.argv[1:]",
+        "import sys\nsys.exit(2)",
+        "from sys import argv",
+        "import sys\nsys.stderr.write('')",
+        "raise SystemExit",
+        "f(print)",
+        "import os\nos._exit(1)",
+    ],
+)
+def test_talking_below_the_command_line_is_found(text: str) -> None:
+    assert len(list(talking(File("koord/semantics/a.py", text)))) == 1
+    assert list(talking(File("koord/cli/a.py", text))) == []
+
+
+def test_names_that_merely_look_alike_are_no_talking() -> None:
+    text = "import sys\nx = sys.maxsize\nself.print(x)\nreport.exit = 1\nprinted = 3"
+    assert list(talking(File("koord/verify/a.py", text))) == []

@@ -1,0 +1,70 @@
+"""Starting is quick because little is loaded: what weighs stays out until a command needs it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+#: Libraries and floors that neither ``import koord`` nor ``koord --help`` may load.
+HEAVY = (
+    "z3",
+    "lark",
+    "numpy",
+    "rich",
+    "rich_argparse",
+    "msgspec",
+    "yaml",
+    "ompl",
+    "pymunk",
+    "hypothesis",
+    "koord.syntax",
+    "koord.semantics",
+    "koord.verify",
+    "koord.runtime",
+    "koord.sim",
+)
+
+
+def modules_after(statement: str) -> set[str]:
+    """The modules that a fresh interpreter has loaded after a statement."""
+    program = (
+        "import json, sys\n"
+        f"{statement}\n"
+        "sys.stdout.flush()\n"
+        "print('\\n' + json.dumps(sorted(sys.modules)))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stderr == ""
+    loaded: list[str] = json.loads(done.stdout.splitlines()[-1])
+    return set(loaded)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import koord",
+        "from koord.cli.main import main; assert main(['--help']) == 0",
+        "from koord.cli.main import main; assert main(['--version']) == 0",
+    ],
+)
+def test_starting_loads_nothing_heavy(statement: str) -> None:
+    extra = modules_after(statement) - modules_after("pass")
+    assert "koord" in extra
+    heavy = {name for name in extra for root in HEAVY if (name + ".").startswith(f"{root}.")}
+    assert heavy == set()
+
+
+def test_checking_a_program_loads_no_solver() -> None:
+    statement = "import koord.cli.check, koord.cli.fmt, koord.cli.explain"
+    loaded = modules_after(statement) - modules_after("pass")
+    assert "koord.cli.check" in loaded
+    assert {"z3", "numpy", "koord.verify"} & loaded == set()
+
+
+def test_the_check_would_see_a_heavy_module() -> None:
+    assert "lark" in modules_after("import lark")
