@@ -11,7 +11,7 @@ from koord.cli.diagnostics import Report
 from koord.cli.files import DASH, STDIN_NAME, read_program, whole_file
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
-from koord.syntax.elaborate import Settings
+from koord.syntax.elaborate.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 

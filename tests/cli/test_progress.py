@@ -85,7 +85,7 @@ def test_a_terminal_that_goes_away_does_not_stop_the_work() -> None:
 def test_the_first_interrupt_asks_and_the_second_insists() -> None:
     before = signal.getsignal(signal.SIGINT)
     with Interruption() as interruption:
-        assert not interruption.requested
+        assert interruption == Interruption(requested=False, _previous=before)
         os.kill(os.getpid(), signal.SIGINT)
         assert interruption.requested
         with pytest.raises(KeyboardInterrupt):
