@@ -33,7 +33,7 @@ def raising(error: BaseException) -> Callable[[argparse.Namespace], int]:
     return run
 
 
-@pytest.fixture()
+@pytest.fixture
 def command(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
     """Runs ``koord check FLAGS…`` with a body of the test's own."""
 
