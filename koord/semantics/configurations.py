@@ -12,8 +12,10 @@ from fractions import Fraction
 from typing import Generic, TypeVar
 
 from koord.semantics.storage import Storage
+from koord.semantics.values import Value
 from koord.syntax import core
 from koord.syntax.source import Span
+from koord.syntax.types import Type
 
 V = TypeVar("V")
 
@@ -53,6 +55,18 @@ class Fault:
     robot: int | None
     span: Span
     detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Written(Generic[V]):
+    """What one statement wrote to a stream: a label of the step, part of no configuration. [OUTPUT]
+
+    ``types`` are those of the values, without which nobody could print them.
+    """
+
+    stream: str
+    values: tuple[Value[V], ...]
+    types: tuple[Type, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-from koord.semantics.configurations import Configuration, Fault, FaultKind, Store, System
+from koord.semantics.configurations import (
+    Configuration,
+    Fault,
+    FaultKind,
+    Store,
+    System,
+    Written,
+)
 from koord.semantics.domain import Domain
 from koord.semantics.oracle import Oracle
 from koord.semantics.storage import Mask, Storage, merge_storage
@@ -122,7 +129,7 @@ class Machine(Generic[V]):
     entered: dict[int, V] = field(default_factory=dict)
     allread_masks: dict[int, Mask[V]] = field(default_factory=dict)
     allwrite_masks: dict[int, Mask[V]] = field(default_factory=dict)
-    output: list[tuple[V, str, tuple[Value[V], ...]]] = field(default_factory=list)
+    output: list[tuple[V, Written[V]]] = field(default_factory=list)
 
     # --- paths ----------------------------------------------------------------------------------
 

@@ -18,6 +18,7 @@ from koord.semantics.configurations import (
     Status,
     System,
     Turn,
+    Written,
 )
 from koord.semantics.domain import Domain
 from koord.semantics.machine import Legality
@@ -33,7 +34,6 @@ from koord.semantics.turns import (
     program_turn,
     skip_turn,
 )
-from koord.semantics.values import Value
 from koord.syntax import core
 from koord.syntax.types import INT
 
@@ -54,7 +54,7 @@ class Stepped(Generic[V]):
     """A configuration reached by one step, with what was written to streams on the way."""
 
     configuration: Configuration[V]
-    output: tuple[tuple[str, tuple[Value[V], ...]], ...] = ()
+    output: tuple[Written[V], ...] = ()
     promises: tuple[tuple[int, core.Contract], ...] = ()  #: contracts that the model broke
 
 
@@ -65,7 +65,7 @@ def initialised(
     store, faults = declared(d, system, inputs)
     turns = [initial_turn(d, system, i, store, inputs) for i in range(system.robots)]
     final = store
-    output: list[tuple[str, tuple[Value[V], ...]]] = []
+    output: list[Written[V]] = []
     found = _first(d, faults)
     for i in order if order is not None else range(system.robots):
         _check(d, turns[i].legality)
@@ -210,9 +210,5 @@ def _check(d: Domain[V], legality: Iterable[Legality[V]]) -> None:
             raise IllegalStepError("EXTERNAL", f"{needed.what} ({needed.span})")
 
 
-def _shown(d: Domain[V], turned: Turned[V]) -> tuple[tuple[str, tuple[Value[V], ...]], ...]:
-    return tuple(
-        (stream, values)
-        for condition, stream, values in turned.output
-        if d.known(condition) is True
-    )
+def _shown(d: Domain[V], turned: Turned[V]) -> tuple[Written[V], ...]:
+    return tuple(written for condition, written in turned.output if d.known(condition) is True)

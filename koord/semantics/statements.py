@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TypeVar, assert_never
 
-from koord.semantics.configurations import FaultKind
+from koord.semantics.configurations import FaultKind, Written
 from koord.semantics.expressions import condition, evaluate, integers, located
 from koord.semantics.machine import Machine
 from koord.semantics.storage import (
@@ -88,7 +88,9 @@ def execute(m: Machine[V], s: core.Stmt) -> None:
             m.memory.trystop = m.truth(True)
         case core.Output():
             # [OUTPUT]
-            m.output.append((m.guard, s.stream, tuple(evaluate(m, v) for v in s.values)))
+            values = tuple(evaluate(m, v) for v in s.values)
+            types = tuple(v.type for v in s.values)
+            m.output.append((m.guard, Written(s.stream, values, types)))
         case core.Append():
             append(m, s)
         case core.Remove():

@@ -15,6 +15,7 @@ from koord.semantics.configurations import (
     Store,
     System,
     Turn,
+    Written,
 )
 from koord.semantics.domain import Domain, conjunction
 from koord.semantics.expressions import condition, evaluate, statement
@@ -22,14 +23,13 @@ from koord.semantics.machine import Legality, Machine, machine
 from koord.semantics.oracle import Inputs, Phase
 from koord.semantics.statements import assign, run
 from koord.semantics.storage import Mask, Storage, joined, stored, unset
-from koord.semantics.values import Value
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, Start
 from koord.syntax.types import BOOL, INT, ArrayType, Robots, Type
 
 V = TypeVar("V")
 
-Output: TypeAlias = "tuple[V, str, tuple[Value[V], ...]]"
+Output: TypeAlias = "tuple[V, Written[V]]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,7 +317,7 @@ def holds_in(
 
     The second component is what recorded answers of external functions in it must satisfy.
     """
-    m = machine(d, system, inputs.oracle(Phase.ENV, 0), bound=bound, view=configuration)
+    m = machine(d, system, inputs.oracle(Phase.CHECK, 0), bound=bound, view=configuration)
     return statement(m, e), tuple(m.legality)
 
 
