@@ -365,6 +365,7 @@ def external_call(m: Machine[V], e: core.ExternalCall) -> Value[V]:
     bound = m.memory.bound
     m.memory.bound = [*arguments, answer, *[None] * (function.bound - len(arguments) - 1)]
     m.in_summary = True
+    m.trail.append(e.site)
     met = m.truth(True)
     for requirement in function.requires:
         holds = statement(m, requirement)
@@ -373,6 +374,7 @@ def external_call(m: Machine[V], e: core.ExternalCall) -> Value[V]:
     for promise in function.ensures:
         holds = m.d.binary(BinaryOp.IMPLIES, met, statement(m, promise))
         m.require(holds, f"the answer of {function.name} meets its summary", promise.span)
+    m.trail.pop()
     m.in_summary = False
     m.memory.bound = bound
     return answer
@@ -394,14 +396,16 @@ def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
         return m.oracle.every(e.domain.type, body)
     universal = e.quantifier is core.QuantifierKind.FORALL
     result = m.truth(universal)
-    for here, value in instances(m, e):
+    for number, (here, value) in enumerate(instances(m, e)):
         # As with ``and`` and ``or``: what is decided already is not looked at.
         undecided = result if universal else m.negated(result)
         if m.d.known(undecided) is False:
             break
         m.memory.bound[slot] = value
         relevant = m.both(undecided, here)
+        m.trail.append(number)
         holds = scalar(m.within(relevant, lambda: evaluate(m, e.body)))
+        m.trail.pop()
         if universal:
             result = m.both(result, m.d.binary(BinaryOp.IMPLIES, here, holds))
         else:

@@ -53,11 +53,12 @@ class NoOracle:
 
 
 class Phase(Enum):
-    """The three kinds of turn in which something may be left open."""
+    """When something may be left open: in a turn, or while a property is looked at."""
 
     INIT = "init"
     PROG = "prog"
     ENV = "env"
+    CHECK = "check"
 
 
 class Inputs(Protocol[V]):

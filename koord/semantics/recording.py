@@ -73,14 +73,15 @@ class Round:
     """All that one round leaves open.
 
     ``order`` is the order of the robots' program turns; ``events[i]`` the position of the event
-    that robot i ran, None where it skipped. A round whose run ends in it (a violation inside the
-    round, a fault) may have an order of fewer robots, and then has no readings.
+    that robot i ran, None where it skipped. A round that is ``cut`` ends before the environment's
+    turn (a violation inside the round, a fault); its order may lack robots.
     """
 
     order: tuple[int, ...]
     events: tuple[int | None, ...]
     readings: tuple[Reading, ...] = ()
     answers: tuple[Answer, ...] = ()
+    cut: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +207,7 @@ def execute(d: Domain[Constant], system: System, recording: Recording) -> Iterat
         if stepped.configuration.fault is not None:
             return
         _consistent(system, round_.answers, known)
-        _permutation(round_.order, system.robots, whole=number + 1 < len(recording.rounds))
+        _permutation(round_.order, system.robots, whole=not round_.cut)
         inputs = RecordedInputs(readings=round_.readings, answers=round_.answers)
         for robot in round_.order:
             position = round_.events[robot]
@@ -220,14 +221,14 @@ def execute(d: Domain[Constant], system: System, recording: Recording) -> Iterat
                 yield Step("EVENT-TRANS", number, robot, name, stepped)
             if stepped.configuration.fault is not None:
                 return
-        if len(round_.order) < system.robots:
+        if round_.cut:
             return
         stepped = evolved(d, system, stepped.configuration, inputs)
         yield Step("ENV-TRANS", number, None, None, stepped)
 
 
 def _permutation(order: tuple[int, ...], robots: int, *, whole: bool) -> None:
-    """An order names robots, each at most once; all of them but in a run's last round."""
+    """An order names robots, each at most once; all of them unless the round is cut."""
     legal = len(set(order)) == len(order) and all(0 <= i < robots for i in order)
     if not legal or (whole and len(order) != robots):
         raise IllegalStepError("EVENT-TRANS", f"{order} is no order of {robots} robots")

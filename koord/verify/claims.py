@@ -1,0 +1,134 @@
+"""What is to be shown of a system: the program's properties, and what is asked of every program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Generic, TypeVar
+
+from koord.semantics.configurations import Configuration, System
+from koord.semantics.domain import Domain, conjunction, disjunction
+from koord.semantics.machine import Legality
+from koord.semantics.oracle import Inputs
+from koord.semantics.races import rewritten
+from koord.semantics.turns import holds_in
+from koord.syntax import core
+from koord.syntax.core import PropertyKind, UnaryOp
+
+V = TypeVar("V")
+
+
+class ClaimKind(Enum):
+    """Why something is claimed."""
+
+    PROPERTY = "property"  #: the program says so
+    FAULT = "fault"  #: no program may fault
+    LOST_UPDATE = "lost update"  #: no update of an allwrite variable may be lost
+    CONTRACT = "contract"  #: a module with a model keeps its contracts
+
+
+class Phase(Enum):
+    """The configurations of a run that are looked at. [T-PREFIX]"""
+
+    INIT = "after INIT"
+    MIDDLE = "after program turns"
+    END = "after the environment's turn"
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One claim. ``subject`` names the variable of a lost update, or the contract."""
+
+    name: str
+    kind: ClaimKind
+    stated: core.Property | None = None
+    subject: str = ""
+
+    @property
+    def is_state_property(self) -> bool:
+        """Whether the claim speaks of configurations, so that it may be assumed of one."""
+        return self.kind is ClaimKind.PROPERTY
+
+    def looked_at(self, phase: Phase) -> bool:
+        """Whether the claim is about configurations of this phase. [PROP-INVARIANT] [PROP-ROUND]"""
+        match self.kind:
+            case ClaimKind.PROPERTY:
+                assert self.stated is not None
+                every = self.stated.kind is PropertyKind.INVARIANT
+                return every or phase is not Phase.MIDDLE
+            case ClaimKind.FAULT:
+                return True
+            case ClaimKind.LOST_UPDATE:
+                return phase is Phase.MIDDLE
+            case ClaimKind.CONTRACT:
+                return phase is Phase.END
+
+
+NO_FAULT = Claim("no fault", ClaimKind.FAULT)
+
+
+def claims_of(system: System) -> tuple[Claim, ...]:
+    """Every claim about a system, in the order in which they are reported.
+
+    Liveness properties are not among them: no engine here decides those.
+    """
+    program = system.program
+    claims = [
+        Claim(p.name, ClaimKind.PROPERTY, p)
+        for p in program.properties
+        if p.kind in (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
+    ]
+    claims.append(NO_FAULT)
+    updated = sorted({slot for slots in rewritten(program).values() for slot in slots})
+    if system.robots > 1:
+        for slot in updated:
+            name = program.allwrite[slot].variable.name
+            claims.append(Claim(f"no lost update of {name}", ClaimKind.LOST_UPDATE, None, name))
+    for agent in program.agents:
+        for module in agent.modules:
+            if module.environment is not None:
+                claims += [
+                    Claim(f"contract {c.name}", ClaimKind.CONTRACT, None, c.name)
+                    for c in module.contracts
+                ]
+    return tuple(dict.fromkeys(claims))
+
+
+def liveness_of(system: System) -> tuple[core.Property, ...]:
+    """The properties that are about whole runs."""
+    live = (PropertyKind.EVENTUALLY, PropertyKind.LEADS_TO)
+    return tuple(p for p in system.program.properties if p.kind in live)
+
+
+@dataclass(frozen=True, slots=True)
+class Findings(Generic[V]):
+    """What a step found out besides the configuration it leads to."""
+
+    fault: V
+    lost_updates: tuple[tuple[V, str], ...] = ()
+    promises: tuple[tuple[V, str], ...] = ()
+
+
+def broken(
+    d: Domain[V],
+    system: System,
+    claim: Claim,
+    configuration: Configuration[V],
+    findings: Findings[V],
+    inputs: Inputs[V],
+) -> tuple[V, tuple[Legality[V], ...]]:
+    """Whether a configuration, or the step to it, breaks a claim."""
+    match claim.kind:
+        case ClaimKind.PROPERTY:
+            assert claim.stated is not None
+            p = claim.stated
+            holds, legality = holds_in(d, system, configuration, p.condition, p.bound, inputs)
+            return d.unary(UnaryOp.NOT, holds), legality
+        case ClaimKind.FAULT:
+            return findings.fault, ()
+        case ClaimKind.LOST_UPDATE:
+            met = [when for when, name in findings.lost_updates if name == claim.subject]
+            return disjunction(d, met), ()
+        case ClaimKind.CONTRACT:
+            kept = [when for when, name in findings.promises if name == claim.subject]
+            return d.unary(UnaryOp.NOT, conjunction(d, kept)), ()

@@ -1,0 +1,90 @@
+"""Which variables a program may still change after INIT, and how. Read off the text.
+
+Where induction starts from *any* configuration, this says what the configuration cannot have
+forgotten: variables that no event writes keep the value they had after INIT; lists that are only
+written element by element keep their length; an atom that is set is never unset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import IntEnum
+
+from koord.syntax import core
+from koord.syntax.core import Direction, Home
+from koord.syntax.types import ListType, QueueType
+
+
+class Written(IntEnum):
+    """How much of a variable may change."""
+
+    NEVER = 0
+    PARTS = 1  #: elements or fields below an atom, never the atom as such
+    WHOLE = 2
+
+
+Footprint = dict[tuple[Home, int, int], Written]
+"""(home, agent kind or 0 for shared variables, slot) → how it is written; NEVER is left out."""
+
+
+def footprint(program: core.Program) -> Footprint:
+    """The footprint of all events and environments of a program."""
+    found: Footprint = {}
+    for kind, agent in enumerate(program.agents):
+        for event in agent.events:
+            for place in _written(event.effect):
+                _note(found, kind, place)
+        for module in agent.modules:
+            for place in _written(module.environment or ()):
+                _note(found, kind, place)
+            if module.environment is None:
+                for position in module.ports:
+                    port = agent.ports[position]
+                    if port.direction is Direction.SENSOR:
+                        slot = port.declaration.variable.slot
+                        found[Home.PORT, kind, slot] = Written.WHOLE
+    return found
+
+
+def _note(found: Footprint, kind: int, place: core.Place) -> None:
+    variable = place.variable
+    own = variable.home in (Home.LOCAL, Home.PORT)
+    key = (variable.home, kind if own else 0, variable.slot)
+    written = Written.PARTS if _inside_list(place) else Written.WHOLE
+    found[key] = max(found.get(key, Written.NEVER), written)
+
+
+def _inside_list(place: core.Place) -> bool:
+    """Whether a place is an element of a list, or lies in one: the list keeps its length.
+
+    Writing at a map's key may add the key, so that changes the map as a whole.
+    """
+    inside = False
+    type_ = place.variable.type
+    for step in place.steps:
+        if isinstance(step, core.KeyStep):
+            return False
+        inside = inside or isinstance(type_, ListType | QueueType)
+        type_ = step.type
+    return inside
+
+
+def _written(block: core.Block) -> Iterator[core.Place]:
+    for statement in block:
+        match statement:
+            case core.Assign(place=place):
+                yield place
+            case core.Append(place=place) | core.Remove(place=place):
+                # These rewrite a list as a whole, wherever it is.
+                yield core.Place(place.variable)
+            case core.Pop(place=place, into=into):
+                yield core.Place(place.variable)
+                if into is not None:
+                    yield into
+            case core.If(then=then, otherwise=otherwise):
+                yield from _written(then)
+                yield from _written(otherwise)
+            case core.ForRange(body=body) | core.ForEach(body=body) | core.Atomic(body=body):
+                yield from _written(body)
+            case _:
+                pass

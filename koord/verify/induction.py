@@ -1,0 +1,158 @@
+"""Inductive proofs for a fixed number of robots: one arbitrary step, for all rounds.
+
+All claims about configurations are assumed at the start of a step that begins anywhere, and each is
+asked for at its middle and its end. Claims that fail are dropped and the rest asked again, until
+what is left proves itself (Houdini). With ``depth`` k, k steps follow each other and the claims are
+asked of the last.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from koord.semantics.configurations import System
+from koord.semantics.domain import disjunction
+from koord.syntax.core import UnaryOp
+from koord.verify.bmc import Unrolling, violations
+from koord.verify.claims import Claim, Findings, Phase
+from koord.verify.rounds import Moment
+from koord.verify.solving import Answer, Deadline
+from koord.verify.symbols import SymbolicInputs
+from koord.verify.terms import Term
+from koord.verify.verdicts import Engine, Outcome, Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Inductive:
+    """The claims that hold in all rounds, and why the others are still open."""
+
+    proved: dict[Claim, Verdict]
+    reasons: dict[Claim, str]
+
+
+def prove(
+    system: System,
+    claims: Sequence[Claim],
+    given: Sequence[Claim],
+    deadline: Deadline,
+    *,
+    depth: int = 1,
+    seed: int = 0,
+) -> Inductive:
+    """The largest set of the claims that is inductive; ``given`` are proved already.
+
+    The claims must be known to hold after INIT and in the first ``depth - 1`` rounds.
+    """
+    started = time.monotonic()
+    candidates = list(claims)
+    reasons: dict[Claim, str] = {}
+    step = _Step(system, depth, seed)
+    while candidates:
+        failed = step.failing([*given, *candidates], candidates, deadline)
+        if not failed:
+            break
+        reasons |= failed
+        candidates = [claim for claim in candidates if claim not in failed]
+    if step.limits:
+        reasons |= dict.fromkeys(candidates, f"not covered: {'; '.join(step.limits)}")
+        candidates = []
+    seconds = time.monotonic() - started
+    proved = {
+        claim: Verdict(claim, Outcome.HOLDS, Engine.INDUCTION, seconds, depth=depth)
+        for claim in candidates
+    }
+    return Inductive(proved, reasons)
+
+
+class _Step:
+    """``depth`` rounds from an arbitrary configuration, with everything asked of the last."""
+
+    def __init__(self, system: System, depth: int, seed: int) -> None:
+        self._system = system
+        # INIT stays part of the question: what never changes is as it was then.
+        self._unrolling = Unrolling(system, seed)
+        encoder, solver = self._unrolling.encoder, self._unrolling.solver
+        self._d = encoder.d
+        solver.add([self._d.unary(UnaryOp.NOT, self._unrolling.opening.moment.findings.fault)])
+        start = encoder.arbitrary(self._unrolling.opening.moment.configuration, "#")
+        checks = SymbolicInputs(self._unrolling.unknowns, "start")
+        self._assumed = [Moment(Phase.END, start, [], Findings(False), checks)]
+        self._asked: list[Moment] = []
+        for number in range(depth):
+            taken = encoder.round(self._assumed[-1].configuration, f"step{number}")
+            solver.add(taken.middle.constraints)
+            if number + 1 < depth:
+                self._go_on(taken.middle)
+                solver.add(taken.urgency)
+                solver.add(taken.end.constraints)
+                self._go_on(taken.end)
+            else:
+                self._asked = [taken.middle, taken.end]
+                self._urgency = taken.urgency
+        self.limits = sorted(set(self._unrolling.unknowns.limits))
+
+    def _go_on(self, moment: Moment) -> None:
+        self._unrolling.solver.add([self._d.unary(UnaryOp.NOT, moment.findings.fault)])
+        self._assumed.append(moment)
+
+    def failing(
+        self, assumed: Sequence[Claim], asked: Sequence[Claim], deadline: Deadline
+    ) -> dict[Claim, str]:
+        """The asked claims that one step can break, from where all assumed ones hold."""
+        hypotheses = self._hypotheses(assumed)
+        failed: dict[Claim, str] = {}
+        for moment in self._asked:
+            pending = {claim: v for claim, v in self._violations(moment, asked).items()}
+            extra = hypotheses
+            if moment.phase is Phase.END:
+                extra = [*hypotheses, *self._until_end()]
+            for claim in failed:
+                pending.pop(claim, None)
+            while pending:
+                question = [*extra, disjunction(self._d, list(pending.values()))]
+                answer = self._unrolling.solver.check(question, deadline)
+                if answer is Answer.UNSAT:
+                    break
+                if answer is Answer.UNKNOWN:
+                    failed |= self._one_by_one(extra, pending, deadline)
+                    break
+                model = self._unrolling.solver.model()
+                hit = [claim for claim, violated in pending.items() if model.truth(violated)]
+                for claim in hit or list(pending):
+                    failed[claim] = "not inductive"
+                    del pending[claim]
+        return failed
+
+    def _one_by_one(
+        self, extra: list[Term], pending: dict[Claim, Term], deadline: Deadline
+    ) -> dict[Claim, str]:
+        """Where the solver gives up on all together, it may still know of some."""
+        failed = {}
+        for claim, violated in pending.items():
+            answer = self._unrolling.solver.check([*extra, violated], deadline)
+            if answer is not Answer.UNSAT:
+                late = "timeout" if deadline.passed() else "the solver gave up"
+                failed[claim] = late if answer is Answer.UNKNOWN else "not inductive"
+        return failed
+
+    def _until_end(self) -> list[Term]:
+        middle, end = self._asked
+        sound = self._d.unary(UnaryOp.NOT, middle.findings.fault)
+        return [sound, *self._urgency, *end.constraints]
+
+    def _hypotheses(self, claims: Sequence[Claim]) -> list[Term]:
+        state = [claim for claim in claims if claim.is_state_property]
+        return [
+            self._d.unary(UnaryOp.NOT, violated)
+            for moment in self._assumed
+            for violated in self._violations(moment, state).values()
+        ]
+
+    def _violations(self, moment: Moment, claims: Sequence[Claim]) -> dict[Claim, Term]:
+        found = {}
+        for claim, (violated, needed) in violations(self._system, self._d, moment, claims).items():
+            self._unrolling.solver.add(needed)
+            found[claim] = violated
+        return found

@@ -1,0 +1,118 @@
+"""Who wins where several robots write one location in a round. [T-COMMIT]"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from koord.semantics.domain import conjunction, disjunction
+from koord.semantics.storage import Mask, Storage, Tree, joined
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, Home, UnaryOp
+from koord.syntax.types import BOOL, ArrayType, ListType, MapType, QueueType, RecordType, Type
+from koord.verify.terms import Term, Terms
+
+Before = dict[tuple[int, int], Term]
+Write = tuple[int, Storage[Term], Mask[Term]]
+
+
+def racy_variables(program: core.Program) -> frozenset[int]:
+    """The allwrite slots that two robots may write in one round: written outside of ``atomic``.
+
+    Atomic blocks that write a common variable are of one lock class, so those exclude each other.
+    """
+    return frozenset(
+        slot
+        for agent in program.agents
+        for event in agent.events
+        for slot in _unguarded(event.effect)
+    )
+
+
+def _unguarded(block: core.Block) -> Iterator[int]:
+    for statement in block:
+        match statement:
+            case (
+                core.Assign(place=place)
+                | core.Append(place=place)
+                | core.Remove(place=place)
+                | core.Pop(place=place)
+            ):
+                if place.variable.home is Home.ALLWRITE:
+                    yield place.variable.slot
+                into = statement.into if isinstance(statement, core.Pop) else None
+                if into is not None and into.variable.home is Home.ALLWRITE:
+                    yield into.variable.slot
+            case core.If(then=then, otherwise=otherwise):
+                yield from _unguarded(then)
+                yield from _unguarded(otherwise)
+            case core.ForRange(body=body) | core.ForEach(body=body):
+                yield from _unguarded(body)
+            case _:
+                pass
+
+
+def is_flat(type_: Type) -> bool:
+    """Whether every location of a variable is an atom or made of atoms: no lists, no maps."""
+    match type_:
+        case RecordType(fields=fields):
+            return all(is_flat(field) for _, field in fields)
+        case ArrayType(element=element):
+            return is_flat(element)
+        case ListType() | QueueType() | MapType():
+            return False
+        case _:
+            return True
+
+
+def winning(
+    d: Terms, target: Storage[Term], writes: Sequence[Write], before: Before
+) -> Storage[Term]:
+    """A flat variable after everybody's writes: each location has the last writer's value."""
+    robots = sorted({robot for robot, _, _ in writes})
+    flags = {
+        robot: _flags(d, target, [mask for who, _, mask in writes if who == robot])
+        for robot in robots
+    }
+    for robot, source, mask in writes:
+        own = _flags(d, target, [mask])
+        kept = []
+        for location, flag in enumerate(own):
+            later = [
+                conjunction(d, [flags[other][location], precedes(d, robot, other, before)])
+                for other in robots
+                if other != robot
+            ]
+            beaten = disjunction(d, later)
+            kept.append(d.binary(BinaryOp.AND, flag, d.unary(UnaryOp.NOT, beaten)))
+        target = joined(d, target, source, _mask(d, target, iter(kept)))
+    return target
+
+
+def precedes(d: Terms, first: int, second: int, before: Before) -> Term:
+    """Whether one robot's turn comes before another's; ``before`` holds the pairs i < j."""
+    if first < second:
+        return before[first, second]
+    return d.unary(UnaryOp.NOT, before[second, first])
+
+
+def _flags(d: Terms, storage: Storage[Term], masks: Sequence[Mask[Term] | None]) -> list[Term]:
+    """Atom by atom, in order, whether one of the masks covers it."""
+    never = d.const(False, BOOL)
+    if not isinstance(storage, Tree):
+        return [disjunction(d, [mask.whole if mask is not None else never for mask in masks])]
+    whole = disjunction(d, [mask.whole if mask is not None else never for mask in masks])
+    flags: list[Term] = []
+    for position, part in enumerate(storage.parts):
+        below = [
+            mask.parts[position] if mask is not None and position < len(mask.parts) else None
+            for mask in masks
+        ]
+        flags += [d.binary(BinaryOp.OR, whole, flag) for flag in _flags(d, part, below)]
+    return flags
+
+
+def _mask(d: Terms, storage: Storage[Term], flags: Iterator[Term]) -> Mask[Term]:
+    """The mask of the atoms with these flags."""
+    if not isinstance(storage, Tree):
+        return Mask(next(flags))
+    return Mask(d.const(False, BOOL), tuple(_mask(d, part, flags) for part in storage.parts))

@@ -1,0 +1,146 @@
+"""The solver: the second and last file that knows Z3."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import Enum
+from fractions import Fraction
+
+import z3
+
+from koord.semantics.domain import Constant
+from koord.syntax.types import BoolType, OpaqueType, StreamType, StringType, Type
+from koord.verify.symbols import Unknowns
+from koord.verify.terms import Term, Terms
+
+
+class Answer(Enum):
+    """What a solver says of a question."""
+
+    SAT = "sat"
+    UNSAT = "unsat"
+    UNKNOWN = "unknown"
+
+
+@dataclass(slots=True)
+class Deadline:
+    """A moment after which no question is asked any more; None: never."""
+
+    at: float | None = None
+
+    @staticmethod
+    def after(seconds: float | None) -> Deadline:
+        return Deadline(None if seconds is None else time.monotonic() + seconds)
+
+    def left_s(self) -> float | None:
+        return None if self.at is None else max(0.0, self.at - time.monotonic())
+
+    def passed(self) -> bool:
+        return self.at is not None and time.monotonic() >= self.at
+
+    def sooner(self, seconds: float) -> Deadline:
+        """The one of two moments that comes first: this one, or so many seconds from now."""
+        soon = time.monotonic() + seconds
+        return Deadline(soon if self.at is None else min(self.at, soon))
+
+
+@dataclass(slots=True)
+class Solver:
+    """An incremental solver over the terms of one domain.
+
+    Constraints of fresh terms are taken from ``unknowns`` as they appear.
+    """
+
+    d: Terms
+    unknowns: Unknowns
+    seed: int = 0
+    _solver: z3.Solver = field(init=False)
+    _taken: int = 0
+
+    def __post_init__(self) -> None:
+        self._solver = z3.Solver()
+        self._solver.set("random_seed", self.seed)
+
+    def add(self, constraints: Iterable[Term]) -> None:
+        """Require constraints from here on."""
+        self._take()
+        for constraint in constraints:
+            known = self.d.known(constraint)
+            if known is not True:
+                self._solver.add(self.d.boolean(constraint))
+
+    def check(self, question: Iterable[Term], deadline: Deadline) -> Answer:
+        """Whether all of the question can hold together with what is required."""
+        self._take()
+        terms = [self.d.boolean(term) for term in question if self.d.known(term) is not True]
+        left = deadline.left_s()
+        if left is not None:
+            if left <= 0:
+                return Answer.UNKNOWN
+            self._solver.set("timeout", max(1, int(left * 1000)))
+        literals = []
+        for term in terms:
+            literal = z3.FreshBool("q")
+            self._solver.add(z3.Implies(literal, term))
+            literals.append(literal)
+        result = self._solver.check(*literals)
+        if result == z3.unsat:
+            return Answer.UNSAT
+        if result == z3.sat:
+            return Answer.SAT
+        if self._solver.reason_unknown() in ("interrupted from keyboard", "interrupted"):
+            raise KeyboardInterrupt
+        return Answer.UNKNOWN
+
+    def model(self) -> Model:
+        """The model of the last question that was answered with SAT."""
+        return Model(self.d, self._solver.model())
+
+    def _take(self) -> None:
+        new = self.unknowns.constraints[self._taken :]
+        self._taken = len(self.unknowns.constraints)
+        for constraint in new:
+            if self.d.known(constraint) is not True:
+                self._solver.add(self.d.boolean(constraint))
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A solver's model, read as Python's own numbers. Terms it leaves open get some value."""
+
+    d: Terms
+    model: z3.ModelRef
+
+    def truth(self, condition: Term) -> bool:
+        if not isinstance(condition, z3.ExprRef):
+            return bool(condition)
+        return bool(z3.is_true(self.model.eval(condition, model_completion=True)))
+
+    def scalar(self, value: Term, type_: Type) -> Constant:
+        """A scalar of a type. An opaque value is the name of its element in the model."""
+        if not isinstance(value, z3.ExprRef):
+            return value
+        found = self.model.eval(value, model_completion=True)
+        match type_:
+            case BoolType():
+                return bool(z3.is_true(found))
+            case StringType() | StreamType():
+                return self.d.text_of(found.as_long())
+            case OpaqueType():
+                return str(found)
+            case _:
+                return self.number(found)
+
+    def number(self, value: Term | object) -> Constant:
+        """An int or a rational; an irrational algebraic number is rounded to 2^-40 of itself."""
+        if not isinstance(value, z3.ExprRef):
+            assert isinstance(value, int | Fraction)
+            return value
+        found = self.model.eval(value, model_completion=True)
+        if z3.is_int_value(found):
+            return int(found.as_long())
+        if z3.is_algebraic_value(found):
+            found = found.approx(40)
+        return Fraction(found.numerator_as_long(), found.denominator_as_long())

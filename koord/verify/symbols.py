@@ -1,0 +1,311 @@
+"""Symbolic inputs: everything a step leaves open becomes a fresh term, remembered for later.
+
+What the semantics asks of its :class:`~koord.semantics.oracle.Inputs` is answered with constants
+that a solver may choose; a model then says what they were, and :mod:`koord.verify.witness` writes
+them down as a recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import z3
+
+from koord.semantics.domain import conjunction
+from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.storage import Cell, Storage, Tree
+from koord.semantics.values import Rec, Seq, Table, Value, equal, listed
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, Home
+from koord.syntax.types import (
+    BOOL,
+    INT,
+    ArrayType,
+    EnumType,
+    ListType,
+    MapType,
+    QueueType,
+    RecordType,
+    Robots,
+    Type,
+)
+from koord.verify.footprint import Written
+from koord.verify.terms import Term, Terms
+
+Symbolic = Value[Term]
+
+#: How long an arbitrary list may be where nothing says it; a verdict tells when this cut anything.
+LIST_CAPACITY = 3
+
+
+@dataclass(frozen=True, slots=True)
+class SymbolicAnswer:
+    """The term that stands for one answer; see :class:`koord.semantics.recording.Answer`."""
+
+    phase: Phase
+    robot: int
+    key: Key
+    function: str | None
+    arguments: tuple[Symbolic, ...]
+    value: Symbolic
+
+
+@dataclass(slots=True)
+class Unknowns:
+    """Fresh terms of one solver run, with the constraints that come with them.
+
+    ``constraints`` must hold whatever the program does (ranges of enumerations, functionality of
+    external functions). ``limits`` names what the terms do not cover, if anything.
+    """
+
+    d: Terms
+    robots: int
+    constraints: list[Term] = field(default_factory=list)
+    limits: list[str] = field(default_factory=list)
+    _functions: dict[str, list[tuple[tuple[Symbolic, ...], Symbolic]]] = field(default_factory=dict)
+    _declared: dict[tuple[str, str], z3.FuncDeclRef] = field(default_factory=dict)
+
+    def value(self, name: str, type_: Type, length: int | None = None) -> Symbolic:
+        """An arbitrary value of a type. A list has ``length`` items, or few."""
+        match type_:
+            case RecordType(fields=fields):
+                return Rec(tuple(self.value(f"{name}.{n}", t) for n, t in fields))
+            case ArrayType(element=element, size=size):
+                count = self.robots if size is Robots.ALL else size
+                items = [self.value(f"{name}[{k}]", element) for k in range(count)]
+                return listed(self.d, items)
+            case ListType(element=element) | QueueType(element=element):
+                return self._list(name, element, length)
+            case MapType(key=key, value=value):
+                entries = self._list(name, RecordType("entry", (("k", key), ("v", value))), length)
+                assert isinstance(entries, Seq)
+                pairs = tuple(
+                    (item.fields[0], item.fields[1])
+                    for item in entries.items
+                    if isinstance(item, Rec)
+                )
+                self._distinct_keys(entries.length, [k for k, _ in pairs])
+                return Table(entries.length, pairs)
+            case EnumType(members=members):
+                position = self.d.fresh(name, type_)
+                self.constraints.append(z3.And(position >= 0, position < len(members)))
+                return position
+            case _:
+                return self.d.fresh(name, type_)
+
+    def storage(
+        self, name: str, type_: Type, initial: Storage[Term], written: Written
+    ) -> Storage[Term]:
+        """Any state of a variable that started as ``initial`` and is written like that."""
+        if written is Written.NEVER:
+            return initial
+        if isinstance(initial, Tree):
+            types = _part_types(type_, len(initial.parts))
+            return Tree(
+                tuple(
+                    self.storage(f"{name}.{label}", part_type, part, written)
+                    for (label, part_type), part in zip(types, initial.parts, strict=True)
+                )
+            )
+        is_set = initial.is_set
+        if self.d.known(is_set) is not True:
+            is_set = self.d.fresh(f"{name}.set", BOOL)
+        return Cell(is_set, self._changed(name, type_, initial.value, written))
+
+    def _changed(self, name: str, type_: Type, initial: Symbolic, written: Written) -> Symbolic:
+        """Any value of an atom, of the length it had if only its elements are written."""
+        if isinstance(initial, Seq) and written is Written.PARTS:
+            assert isinstance(type_, ListType | QueueType)
+            items = [self.value(f"{name}[{k}]", type_.element) for k in range(len(initial.items))]
+            return Seq(initial.length, tuple(items))
+        return self.value(name, type_)
+
+    def function(
+        self, external: core.External, arguments: tuple[Symbolic, ...], name: str
+    ) -> Symbolic:
+        """The answer of a mathematical function: equal for equal arguments. [EXTERNAL]"""
+        flat = [scalar for argument in arguments for scalar in _scalars(argument)]
+        if all(not _has_list(argument) for argument in arguments) and not _is_compound(
+            external.result.type
+        ):
+            shape = "".join(_shape(argument) for argument in arguments)
+            return self._applied(external, shape, flat)
+        answer = self.value(name, external.result.type)
+        asked = self._functions.setdefault(external.name, [])
+        for earlier, its_answer in asked:
+            same = conjunction(
+                self.d, [equal(self.d, a, b) for a, b in zip(earlier, arguments, strict=True)]
+            )
+            agree = equal(self.d, its_answer, answer)
+            self.constraints.append(self.d.binary(BinaryOp.IMPLIES, same, agree))
+        asked.append((arguments, answer))
+        return answer
+
+    def _applied(self, external: core.External, shape: str, flat: list[Term]) -> Term:
+        """An application of an uninterpreted function symbol of Z3's, one for each shape."""
+        result = external.result.type
+        lifted = [self._term(scalar) for scalar in flat]
+        key = (external.name, shape)
+        if key not in self._declared:
+            sorts = [term.sort() for term in lifted]
+            name = f"{external.name}{shape}" if "[" in shape else external.name
+            self._declared[key] = z3.Function(name, *sorts, self.d.sort(result))
+        declared = self._declared[key]
+        answer = declared(*lifted)
+        assert isinstance(answer, z3.ExprRef)
+        if isinstance(result, EnumType):
+            self.constraints.append(z3.And(answer >= 0, answer < len(result.members)))
+        return answer
+
+    def _term(self, scalar: Term) -> z3.ExprRef:
+        if isinstance(scalar, z3.ExprRef):
+            return scalar
+        if isinstance(scalar, bool | str | int):
+            return self.d.lifted(scalar, z3.IntSort())
+        return self.d.lifted(scalar, z3.RealSort())
+
+    def _list(self, name: str, element: Type, length: int | None) -> Symbolic:
+        if length is not None:
+            return listed(self.d, [self.value(f"{name}[{k}]", element) for k in range(length)])
+        size = self.d.fresh(f"{name}.length", INT)
+        self.constraints.append(z3.And(size >= 0, size <= LIST_CAPACITY))
+        self.limits.append(f"lists {name} of more than {LIST_CAPACITY} elements")
+        items = tuple(self.value(f"{name}[{k}]", element) for k in range(LIST_CAPACITY))
+        return Seq(size, items)
+
+    def _distinct_keys(self, length: Term, keys: list[Symbolic]) -> None:
+        for later in range(len(keys)):
+            for earlier in range(later):
+                beyond = self.d.binary(BinaryOp.LE, length, later)
+                same = equal(self.d, keys[earlier], keys[later])
+                self.constraints.append(
+                    self.d.binary(BinaryOp.OR, beyond, self.d.unary(core.UnaryOp.NOT, same))
+                )
+
+
+def _part_types(type_: Type, count: int) -> list[tuple[str, Type]]:
+    """Labels and types of the parts of a tree."""
+    if isinstance(type_, RecordType):
+        return list(type_.fields)
+    assert isinstance(type_, ArrayType)
+    return [(str(position), type_.element) for position in range(count)]
+
+
+def _scalars(value: Symbolic) -> Iterator[Term]:
+    if isinstance(value, Rec):
+        for part in value.fields:
+            yield from _scalars(part)
+    elif isinstance(value, Seq):
+        for part in value.items:
+            yield from _scalars(part)
+    elif isinstance(value, Table):
+        raise AssertionError("maps are compared, not flattened")
+    else:
+        yield value
+
+
+def _has_list(value: Symbolic) -> bool:
+    """Whether a value has a shape that two equal values need not share."""
+    if isinstance(value, Rec):
+        return any(_has_list(part) for part in value.fields)
+    if isinstance(value, Seq):
+        return isinstance(value.length, z3.ExprRef) or any(_has_list(v) for v in value.items)
+    return isinstance(value, Table)
+
+
+def _shape(value: Symbolic) -> str:
+    """How the scalars of a value are grouped into records and lists."""
+    if isinstance(value, Rec):
+        return f"({''.join(_shape(part) for part in value.fields)})"
+    if isinstance(value, Seq):
+        return f"[{''.join(_shape(part) for part in value.items)}]"
+    return "."
+
+
+def _is_compound(type_: Type) -> bool:
+    return isinstance(type_, RecordType | ArrayType | ListType | QueueType | MapType)
+
+
+# --- inputs of one step -------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class SymbolicOracle:
+    """Answers for one turn as fresh terms."""
+
+    inputs: SymbolicInputs
+    phase: Phase
+    robot: int
+
+    def choose(self, key: Key, low: Term, high: Term, type_: Type) -> Term:
+        noted = self.inputs.noted(self.phase, self.robot, key)
+        if noted is not None:
+            assert not isinstance(noted.value, Rec | Seq | Table)
+            return noted.value
+        value = self.inputs.unknowns.d.fresh("choose", type_)
+        self.inputs.note(SymbolicAnswer(self.phase, self.robot, key, None, (), value))
+        return value
+
+    def external(
+        self, function: core.External, key: Key, arguments: tuple[Symbolic, ...]
+    ) -> Symbolic:
+        noted = self.inputs.noted(self.phase, self.robot, key)
+        if noted is not None:
+            return noted.value
+        if function.kind is core.ExternalKind.FUNCTION:
+            value = self.inputs.unknowns.function(function, arguments, function.name)
+        else:
+            value = self.inputs.unknowns.value(function.name, function.result.type)
+        name = function.name
+        self.inputs.note(SymbolicAnswer(self.phase, self.robot, key, name, arguments, value))
+        return value
+
+    def every(self, type_: Type, body: Callable[[Symbolic], Term]) -> Term:
+        d = self.inputs.unknowns.d
+        bound = self.inputs.unknowns.value("every", type_)
+        variables = [term for term in _scalars(bound) if isinstance(term, z3.ExprRef)]
+        return z3.ForAll(variables, d.boolean(body(bound)))
+
+
+@dataclass(slots=True)
+class SymbolicInputs:
+    """Inputs of one step as fresh terms, in the order in which they were asked for."""
+
+    unknowns: Unknowns
+    label: str
+    starts: list[tuple[Home, int, int | None, Symbolic]] = field(default_factory=list)
+    readings: list[tuple[int, int, Symbolic]] = field(default_factory=list)
+    answers: dict[tuple[Phase, int, Key], SymbolicAnswer] = field(default_factory=dict)
+
+    def noted(self, phase: Phase, robot: int, key: Key) -> SymbolicAnswer | None:
+        """The answer already given for a key: a turn that is looked at twice is one turn."""
+        return self.answers.get((phase, robot, key))
+
+    def note(self, answer: SymbolicAnswer) -> None:
+        """Remember an answer."""
+        self.answers[answer.phase, answer.robot, answer.key] = answer
+
+    def start(self, declaration: core.Declaration, robot: int | None) -> Symbolic:
+        variable = declaration.variable
+        type_ = variable.type
+        if variable.home is Home.ALLREAD:
+            assert isinstance(type_, ArrayType)
+            type_ = type_.element
+        name = variable.name if robot is None else f"{variable.name}@{robot}"
+        value = self.unknowns.value(name, type_, declaration.length)
+        self.starts.append((variable.home, variable.slot, robot, value))
+        return value
+
+    def sensor(self, robot: int, port: core.Port) -> Symbolic:
+        variable = port.declaration.variable
+        name = f"{port.module}.{variable.name}@{robot}#{self.label}"
+        value = self.unknowns.value(name, variable.type)
+        self.readings.append((robot, variable.slot, value))
+        return value
+
+    def oracle(self, phase: Phase, robot: int) -> Oracle[Term]:
+        return SymbolicOracle(self, phase, robot)
+
+
+__all__ = ["SymbolicAnswer", "SymbolicInputs", "Unknowns"]

@@ -1,0 +1,94 @@
+"""Verdicts: three-valued, with what was shown, for which system, how far, and by which engine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from koord.semantics.recording import Recording
+from koord.verify.claims import Claim, Phase
+
+
+class Outcome(Enum):
+    """Whether a claim holds."""
+
+    HOLDS = "holds"
+    VIOLATED = "violated"
+    UNKNOWN = "unknown"
+
+
+class Engine(Enum):
+    """What gave a verdict."""
+
+    INDUCTION = "induction"
+    SEARCH = "search"
+    BMC = "bmc"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """How far to look: rounds, and seconds for everything (None: no limit)."""
+
+    rounds: int = 20
+    timeout_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Counterexample:
+    """A run that breaks a claim, replayed on the exact domain.
+
+    ``round`` counts from 1; 0 means INIT. ``robot`` is whose fault it is, where there is one.
+    """
+
+    recording: Recording
+    round: int
+    phase: Phase
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The answer to one claim.
+
+    ``rounds`` is how far a *holds* reaches (None: all rounds), or, if *unknown*, the last round
+    through which the claim was seen to hold (None: not even INIT). ``with_claims`` names the other
+    claims that the proof used. ``reason`` says why an answer is *unknown*.
+    """
+
+    claim: Claim
+    outcome: Outcome
+    engine: Engine
+    seconds: float
+    rounds: int | None = None
+    counterexample: Counterexample | None = None
+    reason: str = ""
+    depth: int = 1  #: of an inductive proof
+
+
+@dataclass(frozen=True, slots=True)
+class Vacuity:
+    """Something that makes verdicts say less than they seem to."""
+
+    what: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """All verdicts on one system."""
+
+    verdicts: tuple[Verdict, ...]
+    vacuities: tuple[Vacuity, ...]
+    seconds: float
+    interrupted: bool = False
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def outcome(self) -> Outcome:
+        """Violated if one claim is; else unknown if one is; else holds."""
+        outcomes = {verdict.outcome for verdict in self.verdicts}
+        for worst in (Outcome.VIOLATED, Outcome.UNKNOWN):
+            if worst in outcomes:
+                return worst
+        return Outcome.HOLDS

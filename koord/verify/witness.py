@@ -1,0 +1,259 @@
+"""From a model to a run: the recording that a solver found, replayed before anyone sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import koord.verify.solving as solving
+from koord.semantics.configurations import Configuration, System
+from koord.semantics.domain import EXACT, Constant
+from koord.semantics.oracle import Phase as Asked
+from koord.semantics.races import overlap
+from koord.semantics.recording import (
+    Answer,
+    Opening,
+    Reading,
+    RecordedInputs,
+    Recording,
+    Round,
+    Start,
+    Step,
+    execute,
+)
+from koord.semantics.rounds import IllegalStepError
+from koord.semantics.turns import program_turn
+from koord.semantics.values import Rec, Seq, Table, Value
+from koord.syntax.core import Home
+from koord.syntax.types import (
+    INT,
+    ArrayType,
+    ListType,
+    MapType,
+    QueueType,
+    RecordType,
+    Type,
+)
+from koord.verify import rounds
+from koord.verify.claims import Claim, ClaimKind, Findings, Phase, broken
+from koord.verify.symbols import Symbolic, SymbolicAnswer, SymbolicInputs
+from koord.verify.terms import Term
+from koord.verify.verdicts import Counterexample
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """Reads concrete values out of a model."""
+
+    model: solving.Model
+    system: System
+
+    def value(self, value: Symbolic, type_: Type) -> Value[Constant]:
+        """What a symbolic value of a type is in the model."""
+        if isinstance(value, Rec):
+            assert isinstance(type_, RecordType)
+            pairs = zip(value.fields, type_.fields, strict=True)
+            return Rec(tuple(self.value(part, field) for part, (_, field) in pairs))
+        if isinstance(value, Seq):
+            assert isinstance(type_, ListType | QueueType | ArrayType)
+            length = self._int(value.length)
+            items = tuple(self.value(item, type_.element) for item in value.items[:length])
+            return Seq(len(items), items)
+        if isinstance(value, Table):
+            assert isinstance(type_, MapType)
+            entries = value.entries[: self._int(value.length)]
+            pairs_read = tuple(
+                (self.value(k, type_.key), self.value(v, type_.value)) for k, v in entries
+            )
+            return Table(len(pairs_read), pairs_read)
+        return self.model.scalar(value, type_)
+
+    def truth(self, condition: Term) -> bool:
+        return bool(self.model.truth(condition))
+
+    def answers(self, inputs: SymbolicInputs) -> tuple[Answer, ...]:
+        return tuple(self._answer(answer) for answer in inputs.answers.values())
+
+    def _answer(self, answer: SymbolicAnswer) -> Answer:
+        if answer.function is None:
+            # ``choose`` is of ints or floats, and its term tells which.
+            value: Value[Constant] = self.model.number(answer.value)
+            return Answer(answer.phase, answer.robot, answer.key, None, (), value)
+        function = self.system.program.external(answer.function)
+        arguments = tuple(
+            self.value(value, parameter.type)
+            for value, parameter in zip(answer.arguments, function.parameters, strict=True)
+        )
+        given = self.value(answer.value, function.result.type)
+        return Answer(answer.phase, answer.robot, answer.key, answer.function, arguments, given)
+
+    def _int(self, value: Term) -> int:
+        number = self.model.scalar(value, INT)
+        assert isinstance(number, int)
+        return number
+
+
+# --- recordings ---------------------------------------------------------------------------------
+
+
+def recording_of(
+    reader: Reader, opening: rounds.Opening, taken: list[rounds.SymbolicRound], phase: Phase
+) -> Recording:
+    """The run that a model describes, up to the given phase of its last round."""
+    system = reader.system
+    order = _order(reader, opening.before)
+    checks = opening.moment.checks if not taken else None
+    answers = reader.answers(opening.inputs)
+    answers += reader.answers(checks) if checks is not None else ()
+    first = Opening(order, tuple(_start(reader, *s) for s in opening.inputs.starts), answers)
+    recorded = []
+    for number, symbolic in enumerate(taken):
+        last = number + 1 == len(taken)
+        recorded.append(_round(reader, symbolic, phase if last else None, system))
+    return Recording(first, tuple(recorded))
+
+
+def _start(reader: Reader, home: Home, slot: int, robot: int | None, value: Symbolic) -> Start:
+    program = reader.system.program
+    if home is Home.ALLWRITE:
+        type_ = program.allwrite[slot].variable.type
+    elif home is Home.ALLREAD:
+        whole = program.allread[slot].variable.type
+        assert isinstance(whole, ArrayType)
+        type_ = whole.element
+    else:
+        assert robot is not None
+        agent = reader.system.agent(robot)
+        if home is Home.LOCAL:
+            type_ = agent.locals[slot].variable.type
+        else:
+            type_ = agent.ports[slot].declaration.variable.type
+    return Start(home, slot, robot, reader.value(value, type_))
+
+
+def _round(
+    reader: Reader, symbolic: rounds.SymbolicRound, phase: Phase | None, system: System
+) -> Round:
+    events: list[int | None] = [None] * system.robots
+    for option in symbolic.options:
+        if reader.truth(option.chosen):
+            events[option.robot] = option.position
+    order = _order(reader, symbolic.before) or tuple(range(system.robots))
+    answers = reader.answers(symbolic.inputs)
+    cut = phase is Phase.MIDDLE
+    if phase is not None:
+        moment = symbolic.middle if cut else symbolic.end
+        answers += reader.answers(moment.checks)
+    if cut:
+        # Robots that skipped count as not having moved yet. [T-PREFIX]
+        order = tuple(robot for robot in order if events[robot] is not None)
+    else:
+        # Who skips because a lock is taken must come behind who took it; skips may always.
+        order = tuple(sorted(order, key=lambda robot: events[robot] is None))
+    readings = (
+        ()
+        if cut
+        else tuple(
+            Reading(
+                robot,
+                slot,
+                reader.value(value, system.agent(robot).ports[slot].declaration.variable.type),
+            )
+            for robot, slot, value in symbolic.inputs.readings
+        )
+    )
+    return Round(order, tuple(events), readings, answers, cut)
+
+
+def _order(reader: Reader, before: dict[tuple[int, int], Term]) -> tuple[int, ...]:
+    """The order that the Booleans describe; pid order where there are none."""
+    robots = range(reader.system.robots)
+    if not before:
+        return tuple(robots)
+
+    def earlier(robot: int) -> int:
+        ahead = sum(reader.truth(before[other, robot]) for other in range(robot))
+        behind = sum(
+            not reader.truth(before[robot, other]) for other in range(robot + 1, len(robots))
+        )
+        return ahead + behind
+
+    return tuple(sorted(robots, key=earlier))
+
+
+# --- replay -------------------------------------------------------------------------------------
+
+
+class NotReplayedError(Exception):
+    """What a solver found is no run of the program, or does not break the claim."""
+
+
+def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    """The recording as a counterexample, after it ran on the exact domain and broke the claim.
+
+    Raises :class:`NotReplayedError` where it did not.
+    """
+    try:
+        steps = list(execute(EXACT, system, recording))
+    except IllegalStepError as error:
+        raise NotReplayedError(str(error)) from error
+    last = steps[-1]
+    number = len(recording.rounds)
+    if claim.kind is ClaimKind.FAULT:
+        fault = last.configuration.fault
+        if fault is None:
+            raise NotReplayedError("no fault happened")
+        who = f"robot {fault.robot}: " if fault.robot is not None else ""
+        detail = f"{who}{fault.kind.value} at {fault.span}"
+        detail += f" ({fault.detail})" if fault.detail else ""
+        return Counterexample(recording, number, phase, detail)
+    if last.configuration.fault is not None:
+        raise NotReplayedError("the run faults before it breaks the claim")
+    inputs = RecordedInputs(answers=_last_answers(recording))
+    findings = _findings(system, recording, steps)
+    violated, legality = broken(EXACT, system, claim, last.configuration, findings, inputs)
+    if any(needed.condition is not True for needed in legality):
+        raise NotReplayedError("an external function's answer does not meet its summary")
+    if violated is not True:
+        raise NotReplayedError(f"{claim.name} is not broken where the run ends")
+    return Counterexample(recording, number, phase, f"{claim.name} is false {phase.value}")
+
+
+def _last_answers(recording: Recording) -> tuple[Answer, ...]:
+    source = recording.rounds[-1].answers if recording.rounds else recording.opening.answers
+    return tuple(answer for answer in source if answer.phase is Asked.CHECK)
+
+
+def _findings(system: System, recording: Recording, steps: list[Step]) -> Findings[Constant]:
+    """What the last step of an exact run found out besides its configuration."""
+    last = steps[-1]
+    promises = tuple((False, contract.name) for _, contract in last.stepped.promises)
+    if not recording.rounds or last.rule == "ENV-TRANS":
+        return Findings(False, (), promises)
+    round_ = recording.rounds[-1]
+    start = next(
+        step.configuration for step in reversed(steps) if step.rule in ("INIT", "ENV-TRANS")
+    )
+    return Findings(False, _met(system, start, round_), promises)
+
+
+def _met(
+    system: System, start: Configuration[Constant], round_: Round
+) -> tuple[tuple[Constant, str], ...]:
+    """The allwrite variables that two robots wrote at one location in this round."""
+    inputs = RecordedInputs(answers=round_.answers)
+    masks = []
+    for robot in round_.order:
+        position = round_.events[robot]
+        if position is not None:
+            state = start.robots[robot]
+            _, turned = program_turn(EXACT, system, robot, state, position, inputs)
+            masks.append(turned.allwrite)
+    met: list[tuple[Constant, str]] = []
+    for slot, declaration in enumerate(system.program.allwrite):
+        both = any(
+            overlap(EXACT, mine.get(slot), theirs.get(slot))
+            for k, mine in enumerate(masks)
+            for theirs in masks[k + 1 :]
+        )
+        met.append((both, declaration.variable.name))
+    return tuple(met)
