@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant, Domain
@@ -25,7 +26,7 @@ from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import Type
 
-Concrete = Value[Constant]
+Concrete: TypeAlias = "Value[Constant]"
 
 
 @dataclass(frozen=True, slots=True)

@@ -300,6 +300,7 @@ def _kept(m: Machine[V], contract: core.Contract) -> V:
 
     A statement that faults counts as false (decision record 0006).
     """
+    m.memory.bound = [None] * contract.bound
     required = conjunction(m.d, [statement(m, e) for e in contract.requires])
     ensured = conjunction(m.d, [statement(m, e) for e in contract.ensures])
     return m.d.binary(BinaryOp.IMPLIES, required, ensured)

@@ -55,9 +55,12 @@ class Unrolling:
             taken = self.encoder.round(start, str(number))
             self.rounds.append(taken)
             self.solver.add(taken.middle.constraints)
+            if taken.inside is not None:
+                yield taken.inside
+                self._sound(taken.inside)
+            self.solver.add(taken.urgency)
             yield taken.middle
             self._sound(taken.middle)
-            self.solver.add(taken.urgency)
             self.solver.add(taken.end.constraints)
             yield taken.end
             self._sound(taken.end)
@@ -109,7 +112,7 @@ def check_bounded(
         open_claims = [claim for claim in open_claims if claim not in verdicts]
         if reason or not open_claims:
             break
-        if moment.phase is not Phase.MIDDLE:
+        if moment.phase in (Phase.INIT, Phase.END):
             completed = moment.configuration.round
     seconds = time.monotonic() - started
     limits = sorted(set(unrolling.unknowns.limits))
@@ -177,6 +180,7 @@ def violations(
         )
         if claim.is_state_property:
             violated = d.binary(BinaryOp.AND, sound, violated)
+        violated = d.binary(BinaryOp.AND, moment.real, violated)
         if d.known(violated) is not False:
             found[claim] = (violated, [x.condition for x in legality])
     return found

@@ -31,6 +31,7 @@ class Phase(Enum):
     """The configurations of a run that are looked at. [T-PREFIX]"""
 
     INIT = "after INIT"
+    INSIDE = "inside a round"  #: robots that run no event have not moved yet
     MIDDLE = "after program turns"
     END = "after the environment's turn"
 
@@ -55,11 +56,11 @@ class Claim:
             case ClaimKind.PROPERTY:
                 assert self.stated is not None
                 every = self.stated.kind is PropertyKind.INVARIANT
-                return every or phase is not Phase.MIDDLE
+                return every or phase not in (Phase.INSIDE, Phase.MIDDLE)
             case ClaimKind.FAULT:
                 return True
             case ClaimKind.LOST_UPDATE:
-                return phase is Phase.MIDDLE
+                return phase in (Phase.INSIDE, Phase.MIDDLE)
             case ClaimKind.CONTRACT:
                 return phase is Phase.END
 

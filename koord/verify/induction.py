@@ -89,8 +89,10 @@ class _Step:
                 solver.add(taken.end.constraints)
                 self._go_on(taken.end)
             else:
+                self._last = taken
                 self._asked = [taken.middle, taken.end]
-                self._urgency = taken.urgency
+                if taken.inside is not None:
+                    self._asked.insert(0, taken.inside)
         self.limits = sorted(set(self._unrolling.unknowns.limits))
 
     def _go_on(self, moment: Moment) -> None:
@@ -105,9 +107,7 @@ class _Step:
         failed: dict[Claim, str] = {}
         for moment in self._asked:
             pending = {claim: v for claim, v in self._violations(moment, asked).items()}
-            extra = hypotheses
-            if moment.phase is Phase.END:
-                extra = [*hypotheses, *self._until_end()]
+            extra = [*hypotheses, *self._until(moment)]
             for claim in failed:
                 pending.pop(claim, None)
             while pending:
@@ -137,10 +137,14 @@ class _Step:
                 failed[claim] = late if answer is Answer.UNKNOWN else "not inductive"
         return failed
 
-    def _until_end(self) -> list[Term]:
-        middle, end = self._asked
-        sound = self._d.unary(UnaryOp.NOT, middle.findings.fault)
-        return [sound, *self._urgency, *end.constraints]
+    def _until(self, moment: Moment) -> list[Term]:
+        """What must hold of the last round for this moment of it to come."""
+        if moment.phase is Phase.INSIDE:
+            return []
+        if moment.phase is Phase.MIDDLE:
+            return self._last.urgency
+        sound = self._d.unary(UnaryOp.NOT, self._last.middle.findings.fault)
+        return [sound, *self._last.urgency, *self._last.end.constraints]
 
     def _hypotheses(self, claims: Sequence[Claim]) -> list[Term]:
         state = [claim for claim in claims if claim.is_state_property]

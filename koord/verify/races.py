@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TypeAlias
 
 from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.storage import Mask, Storage, Tree, joined
@@ -11,8 +12,8 @@ from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.types import BOOL, ArrayType, ListType, MapType, QueueType, RecordType, Type
 from koord.verify.terms import Term, Terms
 
-Before = dict[tuple[int, int], Term]
-Write = tuple[int, Storage[Term], Mask[Term]]
+Before: TypeAlias = "dict[tuple[int, int], Term]"
+Write: TypeAlias = "tuple[int, Storage[Term], Mask[Term]]"
 
 
 def racy_variables(program: core.Program) -> frozenset[int]:

@@ -58,7 +58,8 @@ class Moment:
 
     ``constraints`` of all moments up to here hold together in every run that reaches it. ``fault``
     says that the step to here faulted: then the configuration is not looked at.
-    ``checks`` answers what properties of this configuration leave open.
+    ``real`` says when the configuration is one at all. ``checks`` answers what properties of it
+    leave open.
     """
 
     phase: Phase
@@ -66,6 +67,7 @@ class Moment:
     constraints: list[Term]
     findings: Findings[Term]
     checks: SymbolicInputs
+    real: Term = True
 
 
 @dataclass(slots=True)
@@ -83,12 +85,14 @@ class SymbolicRound:
 
     ``urgency`` holds of whole rounds only: inside a round, robots that did not move yet may still
     have to. ``before[i, j]`` (i < j) says that i's turn came before j's; empty where no order is
-    needed.
+    needed. ``inside`` is looked at where the end of the program turns is not enough: the
+    configuration in which the robots that run no event have not moved yet. [T-PREFIX]
     """
 
     options: list[Option]
     before: dict[tuple[int, int], Term]
     inputs: SymbolicInputs
+    inside: Moment | None
     middle: Moment
     end: Moment
     urgency: list[Term]
@@ -202,10 +206,36 @@ class Encoder:
         options = self._options(start, inputs, label)
         ordered = bool(self._racy) or (self._urgent and bool(self.system.program.lock_classes))
         before = self._order(label) if ordered else {}
-        middle = self._program_turns(start, options, before)
+        inside = self._program_turns(start, options, before)
+        asked, middle = self._end_of_program_turns(inside)
         urgency = self._urgency(start, options, before, inputs) if self._urgent else []
         end = self._environment(middle.configuration, inputs)
-        return SymbolicRound(options, before, inputs, middle, end, urgency)
+        if not self._urgent and self.d.known(asked) is False:
+            return SymbolicRound(options, before, inputs, None, middle, end, urgency)
+        moved = conjunction(self.d, self._acting(options))
+        # Where everyone has moved and asked, nobody sees that they did not all stop.
+        inside.real = self.d.unary(UnaryOp.NOT, self.d.binary(BinaryOp.AND, moved, asked))
+        return SymbolicRound(options, before, inputs, inside, middle, end, urgency)
+
+    def _acting(self, options: list[Option]) -> list[Term]:
+        """Robot by robot, whether it runs an event."""
+        return [
+            disjunction(self.d, [o.chosen for o in options if o.robot == i])
+            for i in range(self.system.robots)
+        ]
+
+    def _end_of_program_turns(self, inside: Moment) -> tuple[Term, Moment]:
+        """Whether all robots stop now, and the configuration after that. [END-PROG] [STOP]"""
+        d, robots = self.d, inside.configuration.robots
+        asked = conjunction(d, [self._differs(r.status, Status.RUNNING) for r in robots])
+        if d.known(asked) is not False:
+            stopped = d.const(int(Status.STOPPED), INT)
+            robots = tuple(replace(r, status=d.ite(asked, stopped, r.status)) for r in robots)
+        configuration = replace(inside.configuration, robots=robots)
+        checks = SymbolicInputs(self.unknowns, Phase.MIDDLE.value)
+        return asked, Moment(
+            Phase.MIDDLE, configuration, inside.constraints, inside.findings, checks
+        )
 
     def _options(
         self, start: Configuration[Term], inputs: SymbolicInputs, label: str
@@ -231,7 +261,7 @@ class Encoder:
         options: list[Option],
         before: dict[tuple[int, int], Term],
     ) -> Moment:
-        """The configuration when every robot has run an event or done nothing. [EVENT-TRANS]"""
+        """The configuration when robots have run the events they chose. [EVENT-TRANS]"""
         d = self.d
         constraints = self._one_event_each(options) + self._locks(options)
         constraints += self._order_constraints(before)
@@ -240,11 +270,10 @@ class Encoder:
             self._chosen_state(state, [o for o in options if o.robot == i])
             for i, state in enumerate(start.robots)
         )
-        robots = self._all_asked(robots)
         faults = [d.binary(BinaryOp.AND, o.chosen, f) for o in options for f, _ in o.turned.faults]
         configuration = Configuration(robots, store, start.round, Turn.ENV)
         lost = self._lost_updates(options)
-        return self._moment(Phase.MIDDLE, configuration, constraints, faults, lost=lost)
+        return self._moment(Phase.INSIDE, configuration, constraints, faults, lost=lost)
 
     def _moment(
         self,
@@ -310,15 +339,6 @@ class Encoder:
     ) -> tuple[Storage[Term], ...]:
         pairs = zip(then, other, strict=True)
         return tuple(merge_storage(self.d, condition, a, b) for a, b in pairs)
-
-    def _all_asked(self, robots: tuple[Robot[Term], ...]) -> tuple[Robot[Term], ...]:
-        """When every robot has asked to stop or stopped, all stop. [STOP] [END-PROG]"""
-        d = self.d
-        everyone = conjunction(d, [self._differs(r.status, Status.RUNNING) for r in robots])
-        if d.known(everyone) is False:
-            return robots
-        stopped = d.const(int(Status.STOPPED), INT)
-        return tuple(replace(r, status=d.ite(everyone, stopped, r.status)) for r in robots)
 
     def _differs(self, status: Term, other: Status) -> Term:
         return self.d.binary(BinaryOp.NE, status, self.d.const(int(other), INT))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import z3
 
@@ -33,7 +34,7 @@ from koord.syntax.types import (
 from koord.verify.footprint import Written
 from koord.verify.terms import Term, Terms
 
-Symbolic = Value[Term]
+Symbolic: TypeAlias = "Value[Term]"
 
 #: How long an arbitrary list may be where nothing says it; a verdict tells when this cut anything.
 LIST_CAPACITY = 3

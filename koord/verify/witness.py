@@ -139,12 +139,11 @@ def _round(
             events[option.robot] = option.position
     order = _order(reader, symbolic.before) or tuple(range(system.robots))
     answers = reader.answers(symbolic.inputs)
-    cut = phase is Phase.MIDDLE
+    cut = phase in (Phase.INSIDE, Phase.MIDDLE)
     if phase is not None:
-        moment = symbolic.middle if cut else symbolic.end
-        answers += reader.answers(moment.checks)
-    if cut:
-        # Robots that skipped count as not having moved yet. [T-PREFIX]
+        answers += reader.answers(_moment(symbolic, phase).checks)
+    if phase is Phase.INSIDE:
+        # Robots that run no event have not moved yet. [T-PREFIX]
         order = tuple(robot for robot in order if events[robot] is not None)
     else:
         # Who skips because a lock is taken must come behind who took it; skips may always.
@@ -162,6 +161,14 @@ def _round(
         )
     )
     return Round(order, tuple(events), readings, answers, cut)
+
+
+def _moment(symbolic: rounds.SymbolicRound, phase: Phase) -> rounds.Moment:
+    if phase is Phase.END:
+        return symbolic.end
+    if phase is Phase.MIDDLE or symbolic.inside is None:
+        return symbolic.middle
+    return symbolic.inside
 
 
 def _order(reader: Reader, before: dict[tuple[int, int], Term]) -> tuple[int, ...]:
