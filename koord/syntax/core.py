@@ -530,6 +530,7 @@ class Contract(Node):
     name: str
     requires: tuple[Expr, ...]
     ensures: tuple[Expr, ...]
+    bound: int = 0
 
 
 @dataclass(frozen=True, slots=True)

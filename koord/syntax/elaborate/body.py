@@ -1,0 +1,178 @@
+"""The place in a program where an expression or a statement stands, and what is in scope there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from enum import Enum
+
+from koord.syntax import ast, core
+from koord.syntax.elaborate.findings import Findings
+from koord.syntax.elaborate.session import AtomicBlock, Session
+from koord.syntax.elaborate.symbols import AgentScope, BoundSymbol, Role
+from koord.syntax.source import Span
+from koord.syntax.types import INT, Type
+
+#: Expressions and blocks stand inside each other at most so deep.
+MAX_DEPTH = 120
+
+
+class Where(Enum):
+    """The construct that a body belongs to; the value says it in messages."""
+
+    GUARD = "a guard"
+    EFFECT = "an effect"
+    INIT = "`init:`"
+    ENVIRONMENT = "an `environment:` block"
+    FUNCTION = "a function"
+    REQUIRES = "the `requires:` of a contract"
+    ENSURES = "the `ensures:` of a contract"
+    SUMMARY_REQUIRES = "the `requires:` of an external function"
+    SUMMARY = "the `ensures:` of an external function"
+    PROPERTY = "a property"
+    ASSUMPTION = "an assumption"
+    INITIAL = "an initial value"
+    SHARED_INITIAL = "the initial value of an `allwrite` variable"
+    CONSTANT = "a constant"
+
+
+CONTRACT = frozenset({Where.REQUIRES, Where.ENSURES})
+SUMMARIES = frozenset({Where.SUMMARY, Where.SUMMARY_REQUIRES})
+CLOSED = frozenset({Where.PROPERTY, Where.ASSUMPTION})
+#: Where quantifiers may stand.
+LOGICAL = CONTRACT | SUMMARIES | CLOSED
+#: Where variables of the program may be read.
+SEES_VARIABLES = CLOSED | {Where.GUARD, Where.EFFECT, Where.INIT}
+SEES_PORTS = SEES_VARIABLES | CONTRACT | {Where.ENVIRONMENT}
+#: Where a robot's own id is known.
+SEES_PID = SEES_PORTS | {Where.INITIAL}
+INITIALS = frozenset({Where.INITIAL, Where.SHARED_INITIAL})
+
+
+@dataclass(slots=True)
+class Robot:
+    """The robot that ``… @ i`` names; ``kind`` if all that it can be are of one kind."""
+
+    expr: core.Expr
+    kind: int | None
+    used: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """A write of a shared variable; ``block`` is the atomic block around it."""
+
+    variable: core.Variable
+    own: bool  #: the location belongs to the robot: ``x[pid]``
+    block: AtomicBlock | None
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A loop around a statement: ``over`` is the list whose positions or elements it visits."""
+
+    variable: str
+    over: ast.Expr | None
+    element: Type | None
+    by_position: bool
+
+
+@dataclass(slots=True)
+class Body:
+    """One body being elaborated: its names, its slots, and what it was seen to do."""
+
+    session: Session
+    where: Where
+    agent: AgentScope | None
+    findings: Findings
+    module: str | None = None
+    frames: list[dict[str, BoundSymbol]] = field(default_factory=lambda: [{}])
+    bound: int = 0
+    depth: int = 0
+    robot: Robot | None = None
+    primed: bool = False
+    #: The quantified variable that stands for ``pid`` in a property, once one is needed.
+    closing: core.Variable | None = None
+    result: Type | None = None
+    loops: list[Loop] = field(default_factory=list)
+    breakable: int = 0
+    atomic: AtomicBlock | None = None
+    writes: list[Write] = field(default_factory=list)
+    shared_reads: set[int] = field(default_factory=set)
+    calls: list[str] = field(default_factory=list)
+    #: Whether the function is the library's: its calls mean the library's functions.
+    library: bool = False
+    #: For the library's functions: where the program asks for them.
+    origin: Span | None = None
+
+    def expr(self, e: ast.Expr, expected: Type | None = None) -> core.Expr | None:
+        """The expression elaborated; None if it is wrong, which is told by then."""
+        if self.depth >= MAX_DEPTH:
+            self.findings.error(
+                "K231",
+                e.span,
+                f"this is nested more than {MAX_DEPTH} deep",
+                "give a part of it a name of its own",
+            )
+            return None
+        self.depth += 1
+        try:
+            return self.session.expression(self, e, expected)
+        finally:
+            self.depth -= 1
+
+    def block(self, statements: ast.Block) -> core.Block:
+        """The statements elaborated, with a frame of names of their own."""
+        with self.frame():
+            return self.session.block(self, statements)
+
+    def error(self, code: str, span: Span, message: str, hint: str | None = None) -> None:
+        """Record an error."""
+        self.findings.error(code, span, message, hint)
+
+    def slot(self, name: str, type_: Type) -> core.Variable:
+        """A new bound variable."""
+        self.bound += 1
+        return core.Variable(core.Home.BOUND, self.bound - 1, name, type_)
+
+    def declare(
+        self, name: ast.Ident, type_: Type | None, role: Role, kind: int | None = None
+    ) -> BoundSymbol:
+        """Bind a name in the innermost frame."""
+        variable = self.slot(name.name, type_) if type_ is not None else None
+        symbol = BoundSymbol(variable, role, name, kind)
+        self.frames[-1][name.name] = symbol
+        return symbol
+
+    def lookup(self, name: str) -> BoundSymbol | None:
+        """The bound name, from the innermost frame outwards."""
+        for frame in reversed(self.frames):
+            if name in frame:
+                return frame[name]
+        return None
+
+    @contextmanager
+    def frame(self) -> Iterator[None]:
+        """Names bound inside are forgotten behind it."""
+        self.frames.append({})
+        try:
+            yield
+        finally:
+            self.frames.pop()
+
+    def pid(self) -> core.Variable:
+        """The variable that stands for ``pid`` in a property: it is closed over all robots."""
+        if self.closing is None:
+            self.closing = self.slot("pid", INT)
+        return self.closing
+
+    def fresh_site(self) -> int:
+        """The number of a call or a choice."""
+        return self.session.sites.take()
+
+
+def inner(body: Body, where: Where) -> Body:
+    """A body of the same robot for another construct, with slots of its own."""
+    return Body(body.session, where, body.agent, body.findings, module=body.module)

@@ -1,0 +1,120 @@
+"""Warnings: what is allowed and hardly meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from koord.syntax import ast, core
+from koord.syntax.diagnostics import Note
+from koord.syntax.elaborate.body import Body
+from koord.syntax.elaborate.folding import constant
+from koord.syntax.elaborate.session import Confusion, Session
+from koord.syntax.elaborate.symbols import Named, ParamSymbol, Poisoned, VariableSymbol
+from koord.syntax.types import ArrayType, show
+
+
+def never_enabled(session: Session, event: ast.Event, guard: core.Expr) -> None:
+    """An event whose guard is false in every configuration."""
+    if constant(guard) is False:
+        assert event.pre is not None
+        session.findings.warning(
+            "K402",
+            event.pre.span,
+            f"the event `{event.name.name}` is never enabled: its guard is always false",
+        )
+
+
+def lost_updates(body: Body) -> None:
+    """Allwrite variables that an effect reads, and writes outside of `atomic`."""
+    told: set[int] = set()
+    for write in body.writes:
+        slot = write.variable.slot
+        if write.block is not None or write.own or slot not in body.shared_reads or slot in told:
+            continue
+        told.add(slot)
+        name = write.variable.name
+        body.findings.warning(
+            "K401",
+            write.span,
+            f"`{name}` is read and written outside `atomic`: "
+            "of two robots that do so in one round, one loses its update",
+            "put both under `atomic:`",
+        )
+
+
+def contradictions(
+    session: Session,
+    agents: Iterable[core.Agent],
+    assumptions: Iterable[core.Assumption],
+    externals: Iterable[core.External],
+) -> None:
+    """Conditions that never hold make empty what depends on them."""
+    for assumption in assumptions:
+        _never(session, assumption.condition, "this assumption", "nothing can begin")
+    for agent in agents:
+        for module in agent.modules:
+            for contract in module.contracts:
+                for condition in contract.requires:
+                    _never(session, condition, "this `requires:`", "the contract promises nothing")
+                for condition in contract.ensures:
+                    _never(session, condition, "this `ensures:`", "no environment can keep it")
+    for external in externals:
+        for condition in external.requires:
+            _never(session, condition, "this `requires:`", "every call is a fault")
+        for condition in external.ensures:
+            _never(session, condition, "this `ensures:`", "no function can keep it")
+
+
+def _never(session: Session, condition: core.Expr, what: str, consequence: str) -> None:
+    if constant(condition) is False:
+        session.findings.warning("K404", condition.span, f"{what} is always false: {consequence}")
+
+
+def unused(session: Session, scopes: Iterable[dict[str, Named]]) -> None:
+    """Variables and params that are named nowhere."""
+    for scope in scopes:
+        for name, symbol in scope.items():
+            if isinstance(symbol, Poisoned) or id(symbol.declared) in session.used:
+                continue
+            if isinstance(symbol, VariableSymbol | ParamSymbol):
+                what = "param" if isinstance(symbol, ParamSymbol) else "variable"
+                shadowed = name in session.loop_variables
+                session.findings.warning(
+                    "K403",
+                    symbol.declared.span,
+                    f"the {what} `{name}` is never used",
+                    "a `for` loop declares its own variable: leave this one out"
+                    if shadowed
+                    else None,
+                )
+
+
+def confused(session: Session) -> None:
+    """Allread variables whose entries were meant to be lists: one error for each, at its type."""
+    for symbol in session.shared.values():
+        if not isinstance(symbol, VariableSymbol):
+            continue
+        uses = [found for found in session.confusions if found.variable == symbol.variable]
+        if uses:
+            _confused(session, symbol, uses)
+
+
+def _confused(session: Session, symbol: VariableSymbol, uses: list[Confusion]) -> None:
+    name = symbol.variable.name
+    assert isinstance(symbol.variable.type, ArrayType)
+    entry = show(symbol.variable.type.element)
+    stored = [use for use in uses if use.stored] or uses
+    verb = "is stored in" if stored[0].stored else "is wanted of"
+    session.findings.error(
+        "K244",
+        symbol.type_span,
+        f"`{name}` holds one `{entry}` for each robot, but a `{entry}[]` {verb} `{name}[pid]`",
+        f"declare it as `{entry}[][] {name}`: one `{entry}[]` for each robot",
+        tuple(
+            Note(
+                use.span,
+                f"a `{entry}[]` is stored here" if use.stored else f"`{entry}[][]` is wanted here",
+            )
+            for use in sorted(uses, key=lambda use: (use.span.line, use.span.column))[:4]
+        ),
+    )

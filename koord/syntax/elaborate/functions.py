@@ -1,0 +1,274 @@
+"""Functions: the program's own, those of the library that are called, and their order."""
+
+from __future__ import annotations
+
+from koord.syntax import ast, core
+from koord.syntax.diagnostics import Note
+from koord.syntax.elaborate.body import Body, Where
+from koord.syntax.elaborate.coercion import fit
+from koord.syntax.elaborate.findings import Findings
+from koord.syntax.elaborate.function_table import Signature
+from koord.syntax.elaborate.library import signature
+from koord.syntax.elaborate.session import Session
+from koord.syntax.elaborate.suggest import listed
+from koord.syntax.elaborate.symbols import Role
+from koord.syntax.types import BOOL
+
+_KINDS = {
+    ast.External.FUNCTION: core.ExternalKind.FUNCTION,
+    ast.External.FRESH: core.ExternalKind.FRESH,
+}
+
+
+def declare_functions(session: Session, definitions: list[ast.FunDef]) -> None:
+    """Enter the program's own functions."""
+    own = session.functions.own
+    for definition in definitions:
+        name = definition.name
+        if name.name == "?":
+            continue
+        first = own.get(name.name)
+        if first is not None:
+            session.findings.error(
+                "K208",
+                name.span,
+                f"the function `{name.name}` is declared twice",
+                "give one of them another name",
+                (Note(first.definition.name.span, "first declared here"),),
+            )
+            continue
+        own[name.name] = signature(session, definition, name.name, library=False)
+
+
+def define_functions(session: Session) -> None:
+    """Elaborate the program's own functions, and those of the library that are called."""
+    table = session.functions
+    for own in table.own.values():
+        table.wanted.add(own.name)
+        _define(session, own, session.findings)
+    while table.pending:
+        wanted = table.pending.pop()
+        if not wanted.library:
+            continue
+        findings = Findings()
+        if not wanted.sound:
+            findings.errors += 1
+        else:
+            _define(session, wanted, findings)
+        if findings.errors:
+            _unfit(session, wanted, findings)
+
+
+def _unfit(session: Session, wanted: Signature, findings: Findings) -> None:
+    """A function of the library does not fit the program's own `Task`."""
+    told = findings.in_order()
+    task = session.types.declared.get("Task")
+    notes = (Note(task.span, "`Task` is declared here"),) if task is not None else ()
+    session.findings.error(
+        "K245",
+        session.functions.origins[wanted.name],
+        f"`{wanted.written}` of the library cannot work with this program's `Task`"
+        + (f": {told[0].message}" if told else ""),
+        "add what is missing to `Task`, or leave its declaration out: `Task` is predefined",
+        notes,
+    )
+
+
+def _define(session: Session, wanted: Signature, findings: Findings) -> None:
+    definition = wanted.definition
+    if isinstance(definition.body, ast.External):
+        made: core.Function | core.External | None = _external(session, wanted, findings)
+    else:
+        made = _function(session, wanted, definition.body, findings)
+    if made is not None:
+        session.functions.elaborated[wanted.name] = made
+
+
+def _body(session: Session, wanted: Signature, findings: Findings, where: Where) -> Body:
+    """A body with the parameters in scope."""
+    body = Body(session, where, None, findings, library=wanted.library)
+    body.origin = session.functions.origins.get(wanted.name) if wanted.library else None
+    for decl, type_ in zip(wanted.definition.parameters, wanted.parameters, strict=True):
+        known = body.frames[0].get(decl.name.name)
+        if known is not None:
+            findings.error(
+                "K208",
+                decl.name.span,
+                f"the parameter `{decl.name.name}` is declared twice",
+                None,
+                (Note(known.declared.span, "first declared here"),),
+            )
+        if decl.initial is not None:
+            findings.error("K240", decl.initial.span, "a parameter has no initial value")
+        body.declare(decl.name, type_, Role.PARAMETER)
+    return body
+
+
+def _function(
+    session: Session, wanted: Signature, statements: ast.Block, findings: Findings
+) -> core.Function | None:
+    body = _body(session, wanted, findings, Where.FUNCTION)
+    body.result = wanted.result
+    block = body.block(statements)
+    definition = wanted.definition
+    session.functions.calls[wanted.name] = body.calls
+    if definition.requires or definition.ensures:
+        place = (*definition.requires, *definition.ensures)[0]
+        findings.error(
+            "K240",
+            place.span,
+            "only an external function has a summary",
+            "what a function with a body computes is known",
+        )
+    if definition.result is None:
+        findings.error(
+            "K228",
+            definition.name.span,
+            f"`{definition.name.name}` computes nothing: it has no result",
+            "declare its type, as in `def fun f(int a) -> int:`; what changes variables belongs "
+            "in an event",
+        )
+    elif statements and not returns(statements):
+        findings.error(
+            "K222",
+            definition.name.span,
+            f"`{definition.name.name}` can end without a `return`",
+            "end it with `return …`",
+        )
+    if not wanted.sound:
+        return None
+    parameters = _parameters(body, wanted)
+    return core.Function(
+        wanted.name, parameters, wanted.result, block, body.bound, span=definition.span
+    )
+
+
+def _parameters(body: Body, wanted: Signature) -> tuple[core.Variable, ...]:
+    return tuple(
+        core.Variable(core.Home.BOUND, slot, name, type_)
+        for slot, (name, type_) in enumerate(
+            zip(wanted.parameter_names, wanted.parameters, strict=True)
+        )
+        if type_ is not None
+    )
+
+
+def returns(statements: ast.Block) -> bool:
+    """Whether the statements always end in a ``return``."""
+    for s in statements:
+        match s:
+            case ast.Return():
+                return True
+            case ast.If(arms=arms, otherwise=otherwise):
+                blocks = [block for _, block in arms]
+                if otherwise is not None and all(map(returns, [*blocks, otherwise])):
+                    return True
+            case ast.Atomic(body=inner):
+                if returns(inner):
+                    return True
+    return False
+
+
+def _external(session: Session, wanted: Signature, findings: Findings) -> core.External | None:
+    definition = wanted.definition
+    if definition.result is None:
+        findings.error(
+            "K240",
+            definition.name.span,
+            f"the external function `{definition.name.name}` has no result",
+            "declare its type, as in `def fun f(int a) -> int: extern`",
+        )
+        return None
+    requires: list[core.Expr | None] = []
+    ensures: list[core.Expr | None] = []
+    calls: list[str] = []
+    bound = 0
+    for condition in definition.requires:
+        body = _body(session, wanted, findings, Where.SUMMARY_REQUIRES)
+        body.bound += 1  # the slot of the answer
+        requires.append(_condition(body, condition))
+        bound, calls = max(bound, body.bound), [*calls, *body.calls]
+    for condition in definition.ensures:
+        body = _body(session, wanted, findings, Where.SUMMARY)
+        result = ast.Ident("result", span=definition.name.span)
+        if any(decl.name.name == "result" for decl in definition.parameters):
+            findings.error(
+                "K208", definition.name.span, "`result` names the answer: rename the parameter"
+            )
+        body.declare(result, wanted.result, Role.RESULT)
+        ensures.append(_condition(body, condition))
+        bound, calls = max(bound, body.bound), [*calls, *body.calls]
+    session.functions.calls[wanted.name] = calls
+    if not wanted.sound or wanted.result is None:
+        return None
+    parameters = _parameters(_body(session, wanted, Findings(), Where.SUMMARY), wanted)
+    answer = core.Variable(core.Home.BOUND, len(parameters), "result", wanted.result)
+    assert isinstance(definition.body, ast.External)
+    return core.External(
+        wanted.name,
+        parameters,
+        answer,
+        _KINDS[definition.body],
+        tuple(condition for condition in requires if condition is not None),
+        tuple(condition for condition in ensures if condition is not None),
+        max(bound, len(parameters) + 1),
+        span=definition.span,
+    )
+
+
+def _condition(body: Body, condition: ast.Expr) -> core.Expr | None:
+    what = "what a summary says"
+    return fit(body, body.expr(condition, BOOL), BOOL, condition.span, what)
+
+
+def in_order(session: Session) -> list[core.Function | core.External]:
+    """The functions, each behind those that it calls. Recursion is an error, told once a cycle.
+
+    The summary of an external function may speak of the function itself ("symmetric").
+    """
+    table = session.functions
+    done: dict[str, core.Function | core.External | None] = {}
+    for name in [*table.own, *sorted(table.elaborated)]:
+        start = table.own[name].name if name in table.own else name
+        path: list[str] = []
+        stack: list[tuple[str, bool]] = [(start, False)]
+        while stack:
+            current, leaving = stack.pop()
+            if leaving:
+                path.pop()
+                done.setdefault(current, table.elaborated.get(current))
+                continue
+            if current in done:
+                continue
+            if current in path:
+                cycle = path[path.index(current) :]
+                if len(cycle) > 1 or not _is_external(session, current):
+                    _recursion(session, cycle)
+                continue
+            path.append(current)
+            stack.append((current, True))
+            stack.extend((called, False) for called in reversed(table.calls.get(current, [])))
+    return [made for made in done.values() if made is not None]
+
+
+def _is_external(session: Session, name: str) -> bool:
+    return isinstance(session.functions.elaborated.get(name), core.External)
+
+
+def _recursion(session: Session, cycle: list[str]) -> None:
+    own = [session.functions.own[name] for name in cycle if name in session.functions.own]
+    if not own:
+        raise AssertionError(f"the library is recursive: {cycle}")
+    first = min(own, key=lambda known: (known.definition.span.line, known.definition.span.column))
+    start = cycle.index(first.name)
+    names = [*cycle[start:], *cycle[:start], first.name]
+    if len(cycle) == 1:
+        message = f"`{first.written}` calls itself"
+    else:
+        message = f"{listed(sorted(set(names)))} call each other: {' → '.join(names)}"
+    session.findings.error(
+        "K216",
+        first.definition.name.span,
+        message,
+        "functions are not recursive, so that every event ends: use a `for` loop",
+    )

@@ -1,0 +1,103 @@
+"""The library, ``prelude.krd``: functions and modules that every program may use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+
+from koord.syntax import ast
+from koord.syntax.elaborate.body import Body, Where
+from koord.syntax.elaborate.findings import Findings
+from koord.syntax.elaborate.function_table import Signature
+from koord.syntax.elaborate.resolve_types import resolve
+from koord.syntax.elaborate.session import Session
+from koord.syntax.parser import parse
+from koord.syntax.source import Source, normalise
+
+#: Ports of library modules that go by two names; the second is the one that is kept.
+PORT_ALIASES: Mapping[str, Mapping[str, str]] = {
+    "Motion": {"position": "psn", "done": "reached"},
+    "MotionWithScan": {"position": "psn", "done": "reached"},
+}
+
+#: Functions that operators are made of; programs do not call them.
+_INTERNAL = frozenset({"negatedPos", "addedPos", "subtractedPos", "scaledPos", "dividedPos"})
+
+
+@dataclass(frozen=True, slots=True)
+class Library:
+    """The definitions of the prelude by name."""
+
+    functions: Mapping[str, tuple[ast.FunDef, ...]]
+    modules: Mapping[str, ast.Using]
+    task: ast.RecordDef
+
+
+@lru_cache(maxsize=1)
+def library() -> Library:
+    """The prelude, read once."""
+    path = files("koord.syntax").joinpath("prelude.krd")
+    text = normalise(path.read_text(encoding="utf-8"))
+    parsed = parse(Source("prelude.krd", text))
+    assert not parsed.diagnostics, parsed.diagnostics
+    functions: dict[str, tuple[ast.FunDef, ...]] = {}
+    modules: dict[str, ast.Using] = {}
+    task: ast.RecordDef | None = None
+    for section in parsed.program.sections:
+        match section:
+            case ast.FunDef(name=name):
+                functions[name.name] = (*functions.get(name.name, ()), section)
+            case ast.Using(module=module):
+                modules[module.name] = section
+            case ast.RecordDef():
+                task = section
+    assert task is not None
+    return Library(functions, modules, task)
+
+
+def library_names() -> list[str]:
+    """The functions of the library that programs may call."""
+    return [name for name in library().functions if name not in _INTERNAL]
+
+
+def library_signatures(session: Session, name: str) -> tuple[Signature, ...]:
+    """The library's functions of that name, typed for this program."""
+    table = session.functions
+    found = table.library.get(name)
+    if found is None:
+        definitions = library().functions.get(name, ())
+        found = tuple(
+            signature(session, definition, _unique(session, name, number), library=True)
+            for number, definition in enumerate(definitions, 1)
+        )
+        table.library[name] = found
+    return found
+
+
+def _unique(session: Session, name: str, number: int) -> str:
+    """The name in the core program, which no function of the user has."""
+    wanted = name if number == 1 else f"{name}_{number}"
+    while wanted in session.functions.own:
+        wanted = f"library_{wanted}"
+    return wanted
+
+
+def signature(session: Session, definition: ast.FunDef, name: str, *, library: bool) -> Signature:
+    """What callers see of a function. Mistakes in the library's types are told at its calls."""
+    findings = Findings() if library else session.findings
+    body = Body(session, Where.CONSTANT, None, findings)
+    parameters = tuple(resolve(body, decl.type) for decl in definition.parameters)
+    result = resolve(body, definition.result) if definition.result is not None else None
+    sound = all(parameters) and (result is not None or definition.result is None)
+    return Signature(
+        name,
+        definition.name.name,
+        parameters,
+        tuple(decl.name.name for decl in definition.parameters),
+        result,
+        sound,
+        definition,
+        library,
+    )

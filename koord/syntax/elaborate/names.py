@@ -1,0 +1,343 @@
+"""What a bare name means where it stands."""
+
+from __future__ import annotations
+
+from koord.syntax import ast, core
+from koord.syntax.diagnostics import Note
+from koord.syntax.elaborate.body import (
+    CLOSED,
+    CONTRACT,
+    INITIALS,
+    SEES_PID,
+    SEES_PORTS,
+    SEES_VARIABLES,
+    Body,
+    Where,
+)
+from koord.syntax.elaborate.suggest import did_you_mean, listed
+from koord.syntax.elaborate.symbols import (
+    AgentScope,
+    MemberSymbol,
+    Named,
+    ParamSymbol,
+    Poisoned,
+    PortNamed,
+    PortSymbol,
+    StreamSymbol,
+    VariableSymbol,
+)
+from koord.syntax.source import Span
+from koord.syntax.types import FLOAT, INT, EnumType, Type
+
+#: Names that every program has and none may declare.
+RESERVED = frozenset({"pid", "numAgents", "Nsys", "numBots"})
+
+#: What a name can stand for: a place, a value, or nothing (told by then).
+Meaning = core.Place | core.Expr | None
+
+
+def name(body: Body, e: ast.Name, expected: Type | None) -> Meaning:
+    """The meaning of a name."""
+    bound = body.lookup(e.name)
+    if bound is not None:
+        return None if bound.variable is None else core.Place(bound.variable, span=e.span)
+    found, agent = _declared(body, e)
+    if found is not None:
+        return _symbol(body, e, found, agent)
+    ports = _ports(body, e.name)
+    if ports:
+        return _unqualified(body, e, ports)
+    members = body.session.member(e.name)
+    if members:
+        return _member(body, e, members, expected)
+    return _special(body, e)
+
+
+def _declared(body: Body, e: ast.Name) -> tuple[Named | None, AgentScope | None]:
+    """The variable, constant or param of that name."""
+    session = body.session
+    if e.name in session.shared:
+        return session.shared[e.name], None
+    agent = _context(body)
+    if agent is not None:
+        found = agent.variables.get(e.name)
+        return found, agent
+    owners = [scope for scope in session.agents if e.name in scope.variables]
+    return (owners[0].variables[e.name], owners[0]) if owners else (None, None)
+
+
+def _context(body: Body) -> AgentScope | None:
+    """The kind of robot whose names are meant, if it is one kind."""
+    if body.robot is not None:
+        kind = body.robot.kind
+        return None if kind is None else body.session.agents[kind]
+    return body.agent
+
+
+def _symbol(body: Body, e: ast.Name, found: Named, agent: AgentScope | None) -> Meaning:
+    body.session.mark_used(found.declared)
+    match found:
+        case Poisoned():
+            return None
+        case ParamSymbol(value=value):
+            return None if value is None else _placed(value, e.span)
+        case MemberSymbol(type=type_, position=position):
+            return core.Const(position, type_, span=e.span)
+        case VariableSymbol(variable=variable):
+            return _variable(body, e, variable, agent)
+
+
+def _placed(value: core.Expr, span: Span) -> core.Expr:
+    match value:
+        case core.Const(value=constant, type=type_):
+            return core.Const(constant, type_, span=span)
+        case _:
+            return value
+
+
+def _variable(
+    body: Body, e: ast.Name, variable: core.Variable, agent: AgentScope | None
+) -> Meaning:
+    if body.where not in SEES_VARIABLES:
+        _out_of_reach(body, e, f"the variable `{e.name}`")
+        return None
+    if variable.home is not core.Home.LOCAL:
+        if variable.home is core.Home.ALLWRITE:
+            body.shared_reads.add(variable.slot)
+        return core.Place(variable, span=e.span)
+    if not _common(body, e, variable, agent):
+        return None
+    return core.Place(variable, robot=_robot(body, e.span), span=e.span)
+
+
+def _out_of_reach(body: Body, e: ast.Expr, what: str) -> None:
+    match body.where:
+        case Where.FUNCTION | Where.SUMMARY | Where.SUMMARY_REQUIRES:
+            body.error(
+                "K224",
+                e.span,
+                f"a function knows its parameters only, not {what}",
+                "pass it as an argument",
+            )
+        case Where.ENVIRONMENT:
+            body.error(
+                "K239",
+                e.span,
+                f"an `environment:` block knows ports only, not {what}",
+                "let the program write what the environment needs to an actuator",
+            )
+        case Where.REQUIRES | Where.ENSURES:
+            body.error(
+                "K307",
+                e.span,
+                f"a contract speaks of ports only, not of {what}",
+                "say it in an `invariant`",
+            )
+        case Where.CONSTANT:
+            body.error("K226", e.span, f"{what} is not known before the run", "use a `param`")
+        case _:
+            body.error(
+                "K226",
+                e.span,
+                f"an initial value cannot use {what}",
+                "assign it in `init:`",
+            )
+
+
+def _common(body: Body, e: ast.Expr, variable: core.Variable, agent: AgentScope | None) -> bool:
+    """Whether every robot that can be meant has the variable; told if not."""
+    if body.where not in CLOSED or _context(body) is not None or body.session.single:
+        return True
+    lacking = []
+    for scope in body.session.agents:
+        other: Named | PortNamed | None = scope.variables.get(variable.name)
+        if variable.home is core.Home.PORT:
+            candidates = scope.ports.get(variable.name, [])
+            other = candidates[0] if candidates else None
+        if not isinstance(other, VariableSymbol | PortSymbol) or other.variable != variable:
+            lacking.append(scope.name)
+    if not lacking:
+        return True
+    owner = agent.name if agent else "Kind"
+    body.error(
+        "K243",
+        e.span,
+        f"robots of kind {listed(lacking)} have no `{variable.name}` of this type",
+        f"say which robots are meant: `forall {owner} i: … {variable.name}@i …`",
+    )
+    return False
+
+
+def _robot(body: Body, span: Span) -> core.Expr | None:
+    """Whose local or port is meant: None for the robot that runs."""
+    if body.robot is not None:
+        body.robot.used = True
+        return body.robot.expr
+    if body.where in CLOSED:
+        return core.Read(core.Place(body.pid(), span=span), span=span)
+    return None
+
+
+def _ports(body: Body, wanted: str) -> list[PortNamed]:
+    agent = _context(body)
+    if agent is not None:
+        found = agent.ports.get(wanted, [])
+        own = [port for port in found if _module(port) == body.module]
+        return own if body.module and own else found
+    for scope in body.session.agents:
+        if wanted in scope.ports:
+            return scope.ports[wanted]
+    return []
+
+
+def _module(port: PortNamed) -> str | None:
+    return None if isinstance(port, Poisoned) else port.module
+
+
+def _unqualified(body: Body, e: ast.Name, ports: list[PortNamed]) -> Meaning:
+    if len(ports) > 1:
+        modules = [port.module for port in ports if not isinstance(port, Poisoned)]
+        body.error(
+            "K210",
+            e.span,
+            f"`{e.name}` is a port of {listed(modules)}",
+            f"write `{modules[0]}.{e.name}`" if modules else None,
+        )
+        return None
+    return port_place(body, e, ports[0])
+
+
+def port_place(body: Body, e: ast.Expr, port: PortNamed) -> Meaning:
+    """The place of a port that was found."""
+    match port:
+        case Poisoned():
+            return None
+        case StreamSymbol(stream=stream):
+            body.error(
+                "K238", e.span, f"`{stream}` is a stream: it is written with `<<` and never read"
+            )
+            return None
+        case PortSymbol(variable=variable):
+            if body.where not in SEES_PORTS:
+                _out_of_reach(body, e, f"the port `{variable.name}`")
+                return None
+            if not _common(body, e, variable, _owner(body, variable.name)):
+                return None
+            return core.Place(variable, robot=_robot(body, e.span), primed=body.primed, span=e.span)
+
+
+def _owner(body: Body, port: str) -> AgentScope | None:
+    return next((scope for scope in body.session.agents if port in scope.ports), None)
+
+
+def _member(body: Body, e: ast.Name, members: list[MemberSymbol], expected: Type | None) -> Meaning:
+    if len(members) > 1:
+        wanted = [member for member in members if member.type == expected]
+        if not wanted:
+            enums = [member.type.name for member in members]
+            body.error(
+                "K210",
+                e.span,
+                f"`{e.name}` is a member of {listed(enums)}",
+                f"write `{enums[0]}.{e.name}`",
+            )
+            return None
+        members = wanted
+    member = members[0]
+    return core.Const(member.position, member.type, span=e.span)
+
+
+def _special(body: Body, e: ast.Name) -> Meaning:
+    match e.name:
+        case "pid":
+            return _pid(body, e)
+        case "numAgents" | "Nsys" | "numBots":
+            if body.where is Where.CONSTANT:
+                return core.NumAgents(INT, span=e.span)
+            return core.NumAgents(INT, span=e.span)
+        case "delta":
+            return core.Delta(FLOAT, span=e.span)
+        case "stopped" if body.where in CLOSED:
+            robot = _robot(body, e.span)
+            return None if robot is None else core.Stopped(robot, span=e.span)
+        case _:
+            if not body.session.partial:
+                unknown(body, e)
+            return None
+
+
+def _pid(body: Body, e: ast.Name) -> Meaning:
+    if body.where in CLOSED:
+        if body.robot is not None:
+            body.robot.used = True
+            return body.robot.expr
+        return core.Place(body.pid(), span=e.span)
+    if body.where in SEES_PID:
+        if body.where in CONTRACT and body.robot is not None:
+            body.robot.used = True
+            return body.robot.expr
+        return core.Pid(INT, span=e.span)
+    if body.where is Where.SHARED_INITIAL:
+        body.error(
+            "K226",
+            e.span,
+            "an `allwrite` variable is one for all robots: its initial value cannot use `pid`",
+            "declare it under `allread:`, or assign it in `init:`",
+        )
+    else:
+        _out_of_reach(body, e, "`pid`")
+    return None
+
+
+def unknown(body: Body, e: ast.Name, field: str | None = None) -> None:
+    """Tell that there is no such name, and what may have been meant."""
+    hint = _element_hint(body, e.name, field)
+    similar = did_you_mean(e.name, visible(body))
+    message = f"`{e.name}` is not declared"
+    notes: tuple[Note, ...] = ()
+    if hint is None:
+        hint = similar or _home_hint(body, e.name)
+    body.findings.error("K201", e.span, message, hint, notes)
+
+
+def _home_hint(body: Body, wanted: str) -> str | None:
+    if body.where in INITIALS | {Where.CONSTANT}:
+        return None
+    if body.agent is None and body.where in CLOSED | {Where.GUARD, Where.EFFECT}:
+        return None
+    for module in body.session.library_modules:
+        if module == wanted:
+            return f"`{wanted}` is a module: begin with `using {wanted}`"
+    return None
+
+
+def _element_hint(body: Body, wanted: str, field: str | None) -> str | None:
+    """In a loop over a list of records, a name like that of the record may mean the element."""
+    for loop in reversed(body.loops):
+        element = loop.element
+        if loop.over is None or not isinstance(loop.over, ast.Name):
+            continue
+        named = getattr(element, "name", None)
+        if named is None or element is None or isinstance(element, EnumType):
+            continue
+        fits = named.lower() == wanted.lower()
+        if fits and loop.by_position:
+            access = f"{loop.over.name}[{loop.variable}]"
+            shown = f"{access}.{field}" if field else access
+            return f"the element that the loop is at is `{shown}`"
+        if fits:
+            shown = f"{loop.variable}.{field}" if field else loop.variable
+            return f"the element that the loop is at is `{shown}`"
+    return None
+
+
+def visible(body: Body) -> list[str]:
+    """The names that could stand here."""
+    session = body.session
+    names = [name_ for frame in body.frames for name_ in frame]
+    names += session.shared
+    names += session.types.members
+    for agent in [body.agent] if body.agent else session.agents:
+        names += agent.variables
+        names += agent.ports
+    return [*names, "pid", "numAgents", "delta"]

@@ -1,0 +1,116 @@
+"""Assumptions and properties: closed statements about configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import assert_never
+
+from koord.syntax import ast, core
+from koord.syntax.diagnostics import Note
+from koord.syntax.elaborate.body import Body, Where
+from koord.syntax.elaborate.coercion import fit
+from koord.syntax.elaborate.sections import Stated
+from koord.syntax.elaborate.session import Session
+from koord.syntax.elaborate.symbols import AgentScope
+from koord.syntax.types import BOOL
+
+
+def closed(body: Body, e: ast.Expr, what: str) -> core.Expr | None:
+    """The statement, said of every robot if it speaks of ``pid``."""
+    made = fit(body, body.expr(e, BOOL), BOOL, e.span, what)
+    if made is None or body.closing is None:
+        return made
+    kind = body.agent.index if body.agent is not None and not body.session.single else None
+    return core.Quantified(
+        core.QuantifierKind.FORALL, body.closing, core.RobotRange(kind), made, span=e.span
+    )
+
+
+def scope_of(session: Session, kind: int | None) -> AgentScope | None:
+    """The robots that an unqualified local belongs to: those of one kind, or all."""
+    if session.single:
+        return session.agents[0]
+    return None if kind is None else session.agents[kind]
+
+
+def assumption(
+    session: Session, section: ast.Assume, number: int, kind: int | None
+) -> core.Assumption | None:
+    """An assumption about the configuration after INIT."""
+    body = Body(session, Where.ASSUMPTION, scope_of(session, kind), session.findings)
+    condition = closed(body, section.condition, "an assumption")
+    if condition is None:
+        return None
+    name = section.name.name if section.name is not None else f"assume_{number}"
+    return core.Assumption(name, condition, body.bound, span=section.span)
+
+
+def property_(
+    session: Session, section: Stated, name: str, kind: int | None
+) -> core.Property | None:
+    """A property to check."""
+    body = Body(session, Where.PROPERTY, scope_of(session, kind), session.findings)
+    match section:
+        case ast.Invariant(at_round=at_round, condition=condition):
+            made = closed(body, condition, "an invariant")
+            sort = core.PropertyKind.AT_ROUND if at_round else core.PropertyKind.INVARIANT
+        case ast.Eventually(goal=goal):
+            made = closed(body, goal, "what eventually holds")
+            sort = core.PropertyKind.EVENTUALLY
+        case ast.LeadsTo():
+            return _leads_to(body, section, name)
+        case _:
+            assert_never(section)
+    if made is None:
+        return None
+    return core.Property(name, sort, made, body.bound, span=section.span)
+
+
+def _leads_to(body: Body, section: ast.LeadsTo, name: str) -> core.Property | None:
+    trigger = fit(body, body.expr(section.trigger, BOOL), BOOL, section.trigger.span, "a trigger")
+    goal = fit(body, body.expr(section.goal, BOOL), BOOL, section.goal.span, "a goal")
+    if body.closing is not None:
+        body.error(
+            "K305",
+            section.span,
+            "both sides of `leadsto` are about all robots at once: neither is about robot `pid`",
+            "say which robots are meant on each side: `(exists i: a@i) leadsto (exists i: b@i)`",
+        )
+        return None
+    if trigger is None or goal is None:
+        return None
+    return core.Property(
+        name, core.PropertyKind.LEADS_TO, goal, body.bound, trigger, span=section.span
+    )
+
+
+_WORDS: dict[type[Stated], str] = {
+    ast.Invariant: "invariant",
+    ast.Eventually: "eventually",
+    ast.LeadsTo: "eventually",
+}
+
+
+def names(session: Session, sections: Iterable[Stated]) -> list[str]:
+    """The names of the properties; those without one are numbered by their order."""
+    result: list[str] = []
+    first: dict[str, ast.Ident] = {}
+    counts: dict[str, int] = {}
+    for section in sections:
+        word = _WORDS[type(section)]
+        counts[word] = counts.get(word, 0) + 1
+        if section.name is None:
+            result.append(f"{word}_{counts[word]}")
+            continue
+        name = section.name.name
+        if name in first and name != "?":
+            session.findings.error(
+                "K208",
+                section.name.span,
+                f"there are two properties named `{name}`",
+                "choose another name",
+                (Note(first[name].span, "first declared here"),),
+            )
+        first.setdefault(name, section.name)
+        result.append(name)
+    return result

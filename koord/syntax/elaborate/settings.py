@@ -1,0 +1,34 @@
+"""What elaboration is given beside the text, and what it answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from koord.syntax import core
+from koord.syntax.diagnostics import Diagnostic
+
+#: A value for a ``param``, as ``--set`` or a configuration gives it.
+ParamValue = int | Fraction | bool | str | tuple["ParamValue", ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The choices of a run.
+
+    ``params`` replaces the values of ``param`` declarations. ``tasks`` are the places of the
+    world's tasks in metres, if the configuration lists them: an ``allwrite`` list of tasks without
+    an initial value starts with them.
+    """
+
+    params: Mapping[str, ParamValue] = field(default_factory=dict)
+    tasks: tuple[tuple[Fraction, Fraction, Fraction], ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Elaborated:
+    """The core program, unless there are errors or the file holds properties alone."""
+
+    program: core.Program | None
+    diagnostics: tuple[Diagnostic, ...]

@@ -1,0 +1,29 @@
+"""Guesses at what a misspelt name was meant to be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """The known name most like ``name``, or None if none is much like it."""
+    folded = {candidate.lower(): candidate for candidate in known}
+    if name.lower() in folded:
+        return folded[name.lower()]
+    found = get_close_matches(name.lower()[:60], folded, n=1, cutoff=0.6)
+    return folded[found[0]] if found else None
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str | None:
+    """A hint that names the closest known name."""
+    found = closest(name, known)
+    return f"did you mean `{found}`?" if found else None
+
+
+def listed(names: Iterable[str]) -> str:
+    """The names in backquotes, with commas and a final `and`."""
+    shown = [f"`{name}`" for name in names]
+    if len(shown) < 2:
+        return "".join(shown)
+    return f"{', '.join(shown[:-1])} and {shown[-1]}"

@@ -1,0 +1,186 @@
+"""Params and variables: names, homes, slots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from koord.syntax import ast, core
+from koord.syntax.diagnostics import Note
+from koord.syntax.elaborate.body import Body, Where
+from koord.syntax.elaborate.names import RESERVED
+from koord.syntax.elaborate.params import param_value
+from koord.syntax.elaborate.resolve_types import resolve
+from koord.syntax.elaborate.session import Session
+from koord.syntax.elaborate.suggest import did_you_mean
+from koord.syntax.elaborate.symbols import (
+    AgentScope,
+    Named,
+    ParamSymbol,
+    Poisoned,
+    VariableSymbol,
+)
+from koord.syntax.source import Span
+from koord.syntax.types import STREAM, ArrayType, ListType, Robots, Type, show
+
+
+def is_new(session: Session, name: ast.Ident, *scopes: dict[str, Named]) -> bool:
+    """Whether the name may be declared; told if not."""
+    if name.name == "?":
+        return False
+    if name.name in RESERVED:
+        session.findings.error(
+            "K209",
+            name.span,
+            f"`{name.name}` is the language's own name, and has a meaning everywhere",
+            "choose another name",
+        )
+        return False
+    for scope in (session.shared, *scopes):
+        if name.name in scope:
+            declared_twice(session, name, scope[name.name].declared)
+            return False
+    members = session.member(name.name)
+    if members:
+        declared_twice(session, name, members[0].declared)
+        return False
+    return True
+
+
+def declared_twice(session: Session, name: ast.Ident, first: ast.Ident) -> None:
+    """Tell that a name is taken."""
+    session.findings.error(
+        "K208",
+        name.span,
+        f"`{name.name}` is declared already",
+        "choose another name, or leave one of the declarations out",
+        (Note(first.span, "first declared here"),),
+    )
+
+
+def declare_params(session: Session, decls: list[ast.VarDecl]) -> tuple[tuple[str, object], ...]:
+    """Enter the constants of the run, with the values that the settings give them."""
+    used: list[tuple[str, object]] = []
+    for decl in decls:
+        if not is_new(session, decl.name):
+            continue
+        value = param_value(session, decl)
+        session.shared[decl.name.name] = ParamSymbol(value, decl.name)
+        if value is not None:
+            used.append((decl.name.name, plain(value)))
+    for name in session.settings.params:
+        if not isinstance(session.shared.get(name), ParamSymbol) and not session.partial:
+            known = [decl.name.name for decl in decls]
+            hint = did_you_mean(name, known) or f"declare it: `param int {name} = …`"
+            session.findings.error(
+                "K236",
+                Span("--set", 1, 1, 1, 1),
+                f"the program has no `param` named `{name}`",
+                hint,
+            )
+    return tuple(used)
+
+
+def plain(value: core.Expr) -> object:
+    """A constant as a Python value."""
+    match value:
+        case core.Const(value=constant):
+            return constant
+        case core.MakeList(items=items):
+            return tuple(plain(item) for item in items)
+        case core.MakeRecord(fields=fields):
+            return tuple(plain(field) for field in fields)
+        case _:
+            return None
+
+
+def variable_type(session: Session, decl: ast.VarDecl) -> Type | None:
+    """The type of a variable."""
+    body = Body(session, Where.CONSTANT, None, session.findings)
+    type_ = resolve(body, decl.type)
+    if type_ == STREAM:
+        session.findings.error(
+            "K238",
+            decl.span,
+            "a stream is a port of a module, not a variable",
+            "write to `stdout`, or declare it under `actuators:` of a module",
+        )
+        return None
+    return type_
+
+
+def declare_shared(
+    session: Session, allread: list[ast.VarDecl], allwrite: list[ast.VarDecl]
+) -> None:
+    """Enter the shared variables."""
+    _declare(session, core.Home.ALLWRITE, allwrite)
+    _declare(session, core.Home.ALLREAD, allread)
+
+
+def _declare(session: Session, home: core.Home, decls: Iterable[ast.VarDecl]) -> None:
+    slot = 0
+    for decl in decls:
+        if not is_new(session, decl.name):
+            continue
+        type_ = variable_type(session, decl)
+        if home is core.Home.ALLREAD and type_ is not None:
+            type_ = _per_robot(session, decl, type_)
+        if type_ is None:
+            session.shared[decl.name.name] = Poisoned(decl.name)
+            continue
+        variable = core.Variable(home, slot, decl.name.name, type_)
+        session.shared[decl.name.name] = VariableSymbol(variable, decl.name, decl.type.span)
+        slot += 1
+
+
+def _per_robot(session: Session, decl: ast.VarDecl, type_: Type) -> Type | None:
+    """The type of an allread variable: an array with one element per robot."""
+    match type_:
+        case ListType(element=element) | ArrayType(element=element, size=Robots.ALL):
+            return ArrayType(element, Robots.ALL)
+        case ArrayType(element=element):
+            message = "an `allread` variable has as many entries as there are robots"
+            cure = f"write `{show(element)}[] {decl.name.name}`"
+        case _:
+            message = "an `allread` variable has one entry per robot: it is an array"
+            cure = (
+                f"write `{show(type_)}[] {decl.name.name}`, and `{decl.name.name}[pid]` for the own"
+            )
+    session.findings.error("K211", decl.span, message, cure)
+    return None
+
+
+def declare_locals(session: Session, scopes: list[tuple[AgentScope, list[ast.VarDecl]]]) -> None:
+    """Enter the locals of every kind of robot.
+
+    What all kinds have, by name and type, comes first and in one order: the same slot in each, so
+    that ``v@i`` needs no knowledge of robot i's kind.
+    """
+    types: dict[int, Type | None] = {}
+    per_scope: list[dict[str, tuple[ast.VarDecl, Type]]] = []
+    for scope, decls in scopes:
+        found: dict[str, tuple[ast.VarDecl, Type]] = {}
+        for decl in decls:
+            if not is_new(session, decl.name, scope.variables):
+                continue
+            if id(decl) not in types:
+                types[id(decl)] = variable_type(session, decl)
+            type_ = types[id(decl)]
+            scope.variables[decl.name.name] = Poisoned(decl.name)
+            if type_ is not None:
+                found[decl.name.name] = (decl, type_)
+        per_scope.append(found)
+    shared = common_names([{n: t for n, (_, t) in found.items()} for found in per_scope])
+    for (scope, _), found in zip(scopes, per_scope, strict=True):
+        rest = [name for name in found if name not in shared]
+        for slot, name in enumerate([*shared, *rest]):
+            decl, type_ = found[name]
+            variable = core.Variable(core.Home.LOCAL, slot, name, type_)
+            scope.variables[name] = VariableSymbol(variable, decl.name, decl.type.span)
+
+
+def common_names(kinds: list[dict[str, Type]]) -> list[str]:
+    """The names that all have with one type, in the order of the first."""
+    first, *others = kinds
+    return [
+        name for name, type_ in first.items() if all(other.get(name) == type_ for other in others)
+    ]
