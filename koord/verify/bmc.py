@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import count
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
@@ -18,7 +19,7 @@ from koord.verify.rounds import Encoder, Moment, Opening, SymbolicRound
 from koord.verify.solving import Answer, Deadline, Solver
 from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms
-from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
+from koord.verify.verdicts import Engine, Outcome, Verdict
 from koord.verify.witness import NotReplayedError, Reader, recording_of, replayed
 
 #: Called with the number of the round that is being looked at.
@@ -46,12 +47,12 @@ class Unrolling:
         self.solver.add(self.opening.moment.constraints)
         self.solver.add(assumed(self.system, self.encoder.d, self.opening.moment))
 
-    def moments(self, rounds: int) -> Iterator[Moment]:
-        """The configurations to look at, in order, up to so many rounds. Unrolls as it goes."""
+    def moments(self) -> Iterator[Moment]:
+        """The configurations to look at, in order, without end. Unrolls as it goes."""
         yield self.opening.moment
         self._sound(self.opening.moment)
         start = self.opening.moment.configuration
-        for number in range(rounds):
+        for number in count():
             taken = self.encoder.round(start, str(number))
             self.rounds.append(taken)
             self.solver.add(taken.middle.constraints)
@@ -82,48 +83,115 @@ def assumed(system: System, d: Terms, moment: Moment) -> list[Term]:
     return needed
 
 
-def check_bounded(
-    system: System,
-    claims: Sequence[Claim],
-    rounds: int,
-    deadline: Deadline,
-    *,
-    seed: int = 0,
-    progress: Progress = lambda round_: None,
-) -> dict[Claim, Verdict]:
-    """Verdicts on the claims for runs of up to ``rounds`` rounds.
+@dataclass(frozen=True, slots=True)
+class Idle:
+    """Events (agent kind, position) that never run; ``stuck`` is a round that no run reaches."""
 
-    A claim that is violated is so in the first round in which one can be. After ``deadline`` the
-    claims still open are *unknown*, through the last round that was looked at in full.
+    events: set[tuple[int, int]]
+    stuck: int | None
+
+
+class Bounded:
+    """The bounded check of one system, which goes on from where it stopped.
+
+    ``completed`` is the last round through which all claims that are still open hold (None: not
+    even INIT is known to satisfy them).
     """
-    started = time.monotonic()
-    unrolling = Unrolling(system, seed)
-    open_claims = list(claims)
-    verdicts: dict[Claim, Verdict] = {}
-    completed: int | None = None
-    reason = ""
-    for moment in unrolling.moments(rounds):
-        progress(moment.configuration.round if moment.phase is Phase.END else completed or 0)
-        try:
-            found, reason = _look(unrolling, moment, open_claims, deadline, started)
-        except NotReplayedError as error:
-            found, reason = {}, f"a candidate violation did not replay: {error}"
-        verdicts |= found
-        open_claims = [claim for claim in open_claims if claim not in verdicts]
-        if reason or not open_claims:
-            break
-        if moment.phase in (Phase.INIT, Phase.END):
-            completed = moment.configuration.round
-    seconds = time.monotonic() - started
-    limits = sorted(set(unrolling.unknowns.limits))
-    if not reason and limits:
-        reason = f"not covered: {'; '.join(limits)}"
-    outcome = Outcome.UNKNOWN if reason else Outcome.HOLDS
-    for claim in open_claims:
-        verdicts[claim] = Verdict(
-            claim, outcome, Engine.BMC, seconds, rounds=completed, reason=reason
-        )
-    return verdicts
+
+    def __init__(self, system: System, seed: int = 0) -> None:
+        self._unrolling = Unrolling(system, seed)
+        self._started = time.monotonic()
+        self._moments: Iterator[Moment] | None = None
+        self._limit = 0
+        self.completed: int | None = None
+        self.reason = ""
+
+    def check(
+        self,
+        claims: Sequence[Claim],
+        proved: Sequence[Claim],
+        rounds: int,
+        deadline: Deadline,
+        progress: Progress = lambda round_: None,
+    ) -> dict[Claim, Verdict]:
+        """The claims that are violated within ``rounds`` rounds, each in the first possible one.
+
+        ``proved`` are taken for granted. Claims that are not in the answer hold through round
+        ``completed``; that is less than ``rounds`` if the deadline passed, the solver gave up, or
+        a candidate did not replay, and then ``reason`` says so.
+        """
+        pending = list(claims)
+        verdicts: dict[Claim, Verdict] = {}
+        while pending and not self.reason:
+            if self.completed is not None and self.completed >= rounds:
+                break
+            progress(0 if self.completed is None else self.completed + 1)
+            moment = self._next()
+            self._take_for_granted(moment, proved)
+            found, self.reason = _look(self._unrolling, moment, pending, deadline, self._started)
+            verdicts |= found
+            pending = [claim for claim in pending if claim not in verdicts]
+            if not self.reason and moment.phase in (Phase.INIT, Phase.END):
+                self.completed = moment.configuration.round
+        return verdicts
+
+    def start_possible(self, deadline: Deadline) -> bool:
+        """Whether some configuration after INIT satisfies the assumptions (or nobody knows)."""
+        return self._unrolling.solver.check([], deadline) is not Answer.UNSAT
+
+    def idle_events(self, rounds: int, deadline: Deadline) -> Idle:
+        """The events that no robot can run within so many rounds. Unrolls as far as needed."""
+        kinds = self._unrolling.system.kinds
+        agents = self._unrolling.system.program.agents
+        idle = {(k, p) for k in set(kinds) for p in range(len(agents[k].events))}
+        number = 0
+        while idle and number < rounds:
+            while len(self._unrolling.rounds) <= number:
+                self._next()
+            answer = self._strike(idle, self._unrolling.rounds[number], deadline)
+            if answer is Answer.UNKNOWN:
+                return Idle(set(), None)
+            if idle and self._unrolling.solver.check([], deadline) is Answer.UNSAT:
+                return Idle(set(), number)
+            number += 1
+        return Idle(idle, None)
+
+    def _strike(
+        self, idle: set[tuple[int, int]], taken: SymbolicRound, deadline: Deadline
+    ) -> Answer:
+        """Take the events that can run in this round off the list."""
+        kinds, solver = self._unrolling.system.kinds, self._unrolling.solver
+        while True:
+            pending = [o for o in taken.options if (kinds[o.robot], o.position) in idle]
+            question = disjunction(self._unrolling.encoder.d, [o.chosen for o in pending])
+            if not pending:
+                return Answer.UNSAT
+            answer = solver.check([question], deadline)
+            if answer is not Answer.SAT:
+                return answer
+            model = solver.model()
+            idle -= {(kinds[o.robot], o.position) for o in pending if model.truth(o.chosen)}
+
+    @property
+    def seconds(self) -> float:
+        """Since the check began."""
+        return time.monotonic() - self._started
+
+    @property
+    def limits(self) -> list[str]:
+        """What the unrolling does not cover."""
+        return sorted(set(self._unrolling.unknowns.limits))
+
+    def _next(self) -> Moment:
+        if self._moments is None:
+            self._moments = self._unrolling.moments()
+        return next(self._moments)
+
+    def _take_for_granted(self, moment: Moment, proved: Sequence[Claim]) -> None:
+        d, solver = self._unrolling.encoder.d, self._unrolling.solver
+        state = [claim for claim in proved if claim.is_state_property]
+        for violated, needed in violations(self._unrolling.system, d, moment, state).values():
+            solver.add([*needed, d.unary(UnaryOp.NOT, violated)])
 
 
 def _look(
@@ -152,7 +220,10 @@ def _look(
         claim = broken_here[0]
         reader = Reader(model, unrolling.system)
         recording = recording_of(reader, unrolling.opening, unrolling.rounds, moment.phase)
-        counterexample: Counterexample = replayed(unrolling.system, recording, claim, moment.phase)
+        try:
+            counterexample = replayed(unrolling.system, recording, claim, moment.phase)
+        except NotReplayedError as error:
+            return verdicts, f"a candidate violation of {claim.name} did not replay: {error}"
         verdicts[claim] = Verdict(
             claim,
             Outcome.VIOLATED,

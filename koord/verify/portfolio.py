@@ -1,0 +1,187 @@
+"""Which engine is asked what, cheapest first; and one report of what they said."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+from koord.semantics.configurations import System
+from koord.semantics.machine import NotFiniteError
+from koord.verify.bmc import Bounded
+from koord.verify.claims import Claim, ClaimKind, claims_of, liveness_of
+from koord.verify.exhaustive import exhaust
+from koord.verify.induction import prove
+from koord.verify.solving import Deadline
+from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Vacuity, Verdict
+
+#: How many rounds an inductive step may span.
+MAX_DEPTH = 3
+
+#: What an inductive attempt may cost before other engines get their turn, in seconds.
+PROOF_BUDGET_S = 30.0
+
+
+class Choice(Enum):
+    """Which engines may answer."""
+
+    AUTO = "auto"
+    BMC = "bmc"
+    SEARCH = "search"
+    INDUCTION = "induction"
+
+
+@dataclass(slots=True)
+class _Session:
+    """The state of one verification: what is open, and why."""
+
+    system: System
+    bounds: Bounds
+    seed: int
+    progress: Callable[[str], None]
+    deadline: Deadline
+    claims: list[Claim]
+    verdicts: dict[Claim, Verdict] = field(default_factory=dict)
+    reasons: dict[Claim, str] = field(default_factory=dict)
+    bounded: Bounded | None = None
+    exhausted: bool = False
+
+    def open(self) -> list[Claim]:
+        return [claim for claim in self.claims if claim not in self.verdicts]
+
+    def proved(self) -> list[Claim]:
+        return [c for c, v in self.verdicts.items() if v.outcome is Outcome.HOLDS]
+
+
+def verify(
+    system: System,
+    bounds: Bounds,
+    choice: Choice = Choice.AUTO,
+    *,
+    names: Sequence[str] = (),
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Report:
+    """Verdicts on all claims about a system, or on the named ones.
+
+    Claims that are not named still serve as lemmas. Ctrl-C ends it with what is known so far.
+    """
+    started = time.monotonic()
+    claims = list(claims_of(system))
+    session = _Session(system, bounds, seed, progress, Deadline.after(bounds.timeout_s), claims)
+    interrupted = False
+    vacuities: tuple[Vacuity, ...] = ()
+    try:
+        _run(session, choice)
+        vacuities = _vacuities(session)
+    except NotFiniteError as error:
+        session.reasons |= dict.fromkeys(session.open(), str(error))
+    except KeyboardInterrupt:
+        interrupted = True
+        session.reasons |= dict.fromkeys(session.open(), "interrupted")
+    for claim in session.open():
+        session.verdicts[claim] = _open_verdict(session, claim, choice)
+    verdicts = tuple(session.verdicts[c] for c in claims if not names or c.name in names)
+    live = tuple(
+        Verdict(_live(p.name), Outcome.UNKNOWN, Engine.NONE, 0.0, reason=_NO_LIVENESS)
+        for p in liveness_of(system)
+        if not names or p.name in names
+    )
+    seconds = time.monotonic() - started
+    return Report(verdicts + live, vacuities, seconds, interrupted)
+
+
+_NO_LIVENESS = "liveness is not decided by the engines of this version"
+
+
+def _live(name: str) -> Claim:
+    return Claim(name, ClaimKind.PROPERTY)
+
+
+def _run(session: _Session, choice: Choice) -> None:
+    if choice in (Choice.AUTO, Choice.INDUCTION):
+        _by_induction(session)
+    if choice in (Choice.AUTO, Choice.SEARCH) and session.open():
+        _by_search(session)
+    if choice in (Choice.AUTO, Choice.BMC) and session.open():
+        _by_unrolling(session, session.bounds.rounds)
+
+
+def _by_unrolling(session: _Session, rounds: int) -> None:
+    """Bounded model checking through so many rounds."""
+    if session.bounded is None:
+        session.bounded = Bounded(session.system, session.seed)
+    session.verdicts |= session.bounded.check(
+        session.open(),
+        session.proved(),
+        rounds,
+        session.deadline,
+        lambda round_: session.progress(f"bmc, round {round_} of {session.bounds.rounds}"),
+    )
+
+
+def _by_induction(session: _Session) -> None:
+    """Inductive proofs over one round, then two, …: for every number of rounds."""
+    deadline = session.deadline.sooner(PROOF_BUDGET_S)
+    for depth in range(1, MAX_DEPTH + 1):
+        # A step of ``depth`` rounds proves what holds in the first ``depth - 1`` rounds too.
+        _by_unrolling(session, depth - 1)
+        assert session.bounded is not None
+        if not session.open() or session.bounded.reason:
+            return
+        session.progress(f"induction over {depth} round{'s' if depth > 1 else ''}")
+        result = prove(
+            session.system,
+            session.open(),
+            session.proved(),
+            deadline,
+            depth=depth,
+            seed=session.seed,
+        )
+        session.verdicts |= result.proved
+        session.reasons |= result.reasons
+        if not session.open() or deadline.passed():
+            return
+
+
+def _by_search(session: _Session) -> None:
+    """All configurations one by one, where they are few."""
+    result = exhaust(session.system, session.open(), session.deadline, session.progress)
+    session.verdicts |= result.verdicts
+    session.exhausted = result.exhausted
+    for claim in session.open():
+        if result.reason:
+            session.reasons[claim] = result.reason
+
+
+def _open_verdict(session: _Session, claim: Claim, choice: Choice) -> Verdict:
+    """What to say of a claim that nobody violated or proved."""
+    bounded = session.bounded
+    if bounded is None or choice in (Choice.INDUCTION, Choice.SEARCH):
+        reason = session.reasons.get(claim, "not decided")
+        return Verdict(claim, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=reason)
+    reached, reason = bounded.completed, bounded.reason
+    if not reason and reached is not None and reached >= session.bounds.rounds:
+        if not bounded.limits:
+            return Verdict(claim, Outcome.HOLDS, Engine.BMC, bounded.seconds, rounds=reached)
+        reason = f"not covered: {'; '.join(bounded.limits)}"
+    reason = reason or session.reasons.get(claim, "not decided")
+    return Verdict(claim, Outcome.UNKNOWN, Engine.BMC, bounded.seconds, reached, reason=reason)
+
+
+def _vacuities(session: _Session) -> tuple[Vacuity, ...]:
+    """Assumptions that contradict each other, and events that can never run within the bound."""
+    found: list[Vacuity] = []
+    budget = session.deadline.sooner(PROOF_BUDGET_S)
+    bounded = session.bounded or Bounded(session.system, session.seed)
+    if not bounded.start_possible(budget):
+        return (Vacuity("assumptions", "no initial configuration satisfies them all"),)
+    session.progress("looking for events that never run")
+    idle = bounded.idle_events(session.bounds.rounds, budget)
+    if idle.stuck is not None:
+        return (Vacuity("contracts", f"no run gets through round {idle.stuck + 1}"),)
+    for kind, position in sorted(idle.events):
+        name = session.system.program.agents[kind].events[position].name
+        found.append(Vacuity("event", f"{name} cannot run within {session.bounds.rounds} rounds"))
+    return tuple(found)
