@@ -571,3 +571,8 @@ class Program(Node):
 
     sections: tuple[Section, ...]
     comments: tuple[Comment, ...] = field(default=(), compare=False, repr=False)
+    #: Where words stand that begin a block but have no node (``else``, ``pre``, ``sensors``, …),
+    #: in the order of the text; for the printer, which puts comments beside them.
+    heads: tuple[Ident, ...] = field(default=(), compare=False, repr=False)
+    #: Names that lines with mistakes were about to declare: not to be called undeclared as well.
+    lost: frozenset[str] = field(default=frozenset(), compare=False, repr=False)

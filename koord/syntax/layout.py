@@ -1,182 +1,155 @@
 """From lines to blocks: which line belongs to which body.
 
-A line is cut at the colons that open blocks into *parts*, each the body of the part before it:
-``else: atomic:`` is a part ``else`` whose body is a part ``atomic``. More-indented lines go on with a
-body that the line opened; lines indented like a block belong to that block. Mistakes of indentation
+Lines indented like a block belong to it; deeper-indented lines are the body of the part that the
+line before them ends with, or go on with a body that began on that line. Mistakes of indentation
 are told and mended here, so that the parser sees a tree in any case.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+from koord.syntax.lines import Line, Part, language_lines
 from koord.syntax.report import Report
-from koord.syntax.source import Span
-from koord.syntax.tokens import TextLine, Token
+from koord.syntax.tokens import Text
 
-#: Blocks and brackets may stand inside each other so deep.
+#: Blocks may stand inside each other so deep.
 MAX_BLOCKS = 64
-MAX_BRACKETS = 100
 
-_OPENING = {"LPAR": "RPAR", "LSQB": "RSQB", "LBRACE": "RBRACE"}
-_CLOSING = frozenset(_OPENING.values())
-_QUANTIFIERS = frozenset(["FORALL", "EXISTS"])
-
-#: First words of parts that want a body: if their colon is missing, the deeper lines below are
+#: First words of parts that want a body. If their colon is missing, the deeper lines below are
 #: their body nevertheless.
 _OPENERS = frozenset(
-    """AGENT ALLREAD ALLWRITE ASSUME ATOMIC DEF EFF ELIF ELSE ENUM EVENTUALLY FOR IF INIT INVARIANT
-    LOCAL PRE URGENT USING""".split()
+    """agent allread allwrite assume atomic contract def eff elif else ensures enum environment
+    eventually for if init invariant local pre requires sensors actuators urgent using""".split()
 )
 
 
 @dataclass(slots=True)
-class Part:
-    """A piece of a line up to a colon that opens a block, or up to the end of the line."""
-
-    tokens: list[Token]
-    colon: Token | None
-    body: list[Part] = field(default_factory=list)
-    #: Something wrong in it was told already.
-    broken: bool = False
-
-    @property
-    def end(self) -> Token:
-        """A token for the place behind the part: its colon, or nothing at the end of the line."""
-        if self.colon:
-            return self.colon
-        last = self.tokens[-1]
-        column = last.end_column
-        return Token("END", "", last.file, last.line, column, column + 1)
-
-    @property
-    def span(self) -> Span:
-        """From the first token to the last, or the colon if there is nothing else."""
-        if self.tokens:
-            return self.tokens[0].span.to(self.tokens[-1].span)
-        return self.end.span
-
-
-@dataclass(slots=True)
 class _Level:
+    """An open block, or a wrong indentation that stands for one."""
+
     column: int
     body: list[Part]
+    depth: int
 
 
-@dataclass(slots=True)
-class _Line:
-    indent: int
-    parts: list[Part]
-
-
-def lay_out(lines: list[TextLine], report: Report) -> list[Part]:
+def lay_out(text: Text, report: Report) -> list[Part]:
     """The parts at the left margin, with their bodies."""
-    root: list[Part] = []
-    levels = [_Level(0, root)]
-    previous: _Line | None = None
-    for line in _logical(lines, report):
-        level = _level_for(line, previous, levels, report)
-        level.body.append(line.parts[0])
-        previous = line
-    return root
+    layout = _Layout(report, tabs=text.tabs)
+    for line in language_lines(text.lines, report):
+        layout.place(line)
+    return layout.root
 
 
-def _level_for(
-    line: _Line, previous: _Line | None, levels: list[_Level], report: Report
-) -> _Level:
-    column = line.indent
-    top = levels[-1]
-    if column == top.column:
-        return top
-    if column > top.column:
-        body = _continued(line, previous) if previous else None
-        if body is None:
-            first = line.parts[0].tokens[0]
-            report.error(
-                "K110",
-                first.span,
-                "this line is indented deeper than the one before it, which opens no block",
-                f"indent it with {top.column} spaces, not {column}"
-                if top.column
-                else "begin it at the left margin",
+class _Layout:
+    __slots__ = ("levels", "previous", "report", "root", "tabs", "too_deep")
+
+    def __init__(self, report: Report, *, tabs: bool) -> None:
+        self.report = report
+        #: Whether tabs were told of: then nobody knows what the indentation was meant to be.
+        self.tabs = tabs
+        self.root: list[Part] = []
+        self.levels = [_Level(0, self.root, 0)]
+        self.previous: Line | None = None
+        self.too_deep = False
+
+    def place(self, line: Line) -> None:
+        """Put a line into the body it belongs to."""
+        level = self._level(line)
+        if level.depth + len(line.chain) - 1 > MAX_BLOCKS:
+            if not self.too_deep:
+                self.report.error(
+                    "K108",
+                    line.roots[0].span,
+                    f"blocks stand inside each other more than {MAX_BLOCKS} deep",
+                    "make a function of the inner ones",
+                )
+            self.too_deep = True
+            for part in line.chain[:-1]:
+                part.body = []
+        else:
+            level.body.extend(line.roots)
+        self.previous = line
+
+    def _level(self, line: Line) -> _Level:
+        column = line.indent
+        top = self.levels[-1]
+        if column > top.column:
+            found = self._continued(line)
+            if found is None:
+                self._mistake(
+                    "K110",
+                    line,
+                    "this line is indented deeper than the one before it, which opens no block",
+                    _cure(top.column),
+                )
+                self.levels.append(_Level(column, top.body, top.depth))
+            else:
+                self.levels.append(_Level(column, found[0], top.depth + found[1]))
+            return self.levels[-1]
+        popped = top
+        while self.levels[-1].column > column:
+            popped = self.levels.pop()
+        top = self.levels[-1]
+        if top.column < column:
+            self._mistake(
+                "K111",
+                line,
+                "the indentation of this line is that of no open block",
+                f"{_cure(top.column)} or {popped.column}",
             )
-            body = top.body
-        levels.append(_Level(column, body))
-        return levels[-1]
-    popped = top
-    while levels[-1].column > column:
-        popped = levels.pop()
-    top = levels[-1]
-    if top.column < column:
-        first = line.parts[0].tokens[0]
-        report.error(
-            "K111",
-            first.span,
-            "the indentation of this line is that of no open block",
-            f"indent it with {top.column} or {popped.column} spaces",
-        )
-        nearest = popped if popped.column - column < column - top.column else top
-        levels.append(_Level(column, nearest.body))
-    return levels[-1]
+            nearest = popped if popped.column - column < column - top.column else top
+            self.levels.append(_Level(column, nearest.body, nearest.depth))
+        return self.levels[-1]
+
+    def _mistake(self, code: str, line: Line, message: str, cure: str) -> None:
+        if not self.tabs:
+            part = line.roots[0]
+            place = part.tokens[0].span if part.tokens else part.span
+            self.report.error(code, place, message, cure)
+
+    def _continued(self, line: Line) -> tuple[list[Part], int] | None:
+        """The body that a deeper-indented line goes on with, if the line before it has one.
+
+        With it, how many blocks deeper it is than the line before.
+        """
+        chain = self.previous.chain if self.previous else []
+        if not chain:
+            return None
+        last = chain[-1]
+        if last.colon or _opens(last, alone=len(chain) == 1 and self.levels[-1].depth == 0):
+            return last.body, len(chain)
+        # the part that opens a body on the line, and the column where that body begins
+        opened = [
+            (outer, inner, inner.tokens[0].column - 1 if inner.tokens else line.indent)
+            for outer, inner in zip(chain, chain[1:], strict=False)
+        ]
+        if line.roots[0].first in ("ELSE", "ELIF"):
+            opened = [candidate for candidate in opened if candidate[1].first in ("IF", "ELIF")]
+            opened = [c for c in opened if c[2] == line.indent] or opened
+        else:
+            opened = [c for c in opened if c[2] <= line.indent][-1:] or opened
+        if len(opened) > 1:
+            outer, inner = (f"`{part.tokens[0].text}`" for part in (opened[0][0], opened[-1][0]))
+            self._mistake(
+                "K112",
+                line,
+                f"this line may belong to {outer} or to {inner} of the line before it",
+                f"begin the body of {inner} on a line of its own",
+            )
+        if not opened:
+            return None
+        return opened[0][0].body, chain.index(opened[0][0]) + 1
 
 
-def _continued(line: _Line, previous: _Line) -> list[Part] | None:
-    last = previous.parts[-1]
-    if last.colon or not last.tokens or last.tokens[0].type in _OPENERS:
-        return last.body
-    if len(previous.parts) == 1:
-        return None
-    body = previous.parts[0].body
-    for part in previous.parts[:-1]:
-        if part.body[0].tokens[0].column - 1 <= line.indent:
-            body = part.body
-    return body
+def _opens(part: Part, *, alone: bool) -> bool:
+    """Whether a part without a colon was meant to have one; ``alone`` at the left margin."""
+    if not part.tokens:
+        return False
+    return part.tokens[0].text in _OPENERS or (
+        alone and len(part.tokens) == 1 and part.first == "NAME"
+    )
 
 
-def _logical(lines: list[TextLine], report: Report) -> list[_Line]:
-    result: list[_Line] = []
-    tokens: list[Token] = []
-    depth = 0
-    indent = 0
-    for line in lines:
-        if not depth:
-            tokens = []
-            indent = line.indent
-        for token in line.tokens:
-            kind = token.type
-            if kind in _OPENING:
-                depth += 1
-            elif kind in _CLOSING:
-                depth -= 1
-        tokens.extend(line.tokens)
-        if not depth:
-            result.append(_Line(indent, _parts(tokens)))
-    return result
-
-
-def _parts(tokens: list[Token]) -> list[Part]:
-    parts: list[Part] = []
-    depth = 0
-    pending = 0
-    start = 0
-    for position, token in enumerate(tokens):
-        kind = token.type
-        if kind == "COLON":
-            if depth:
-                continue
-            if pending:
-                pending -= 1
-                continue
-            parts.append(Part(tokens[start:position], token))
-            start = position + 1
-        elif kind in _OPENING:
-            depth += 1
-        elif kind in _CLOSING:
-            depth -= 1
-        elif kind in _QUANTIFIERS and not depth:
-            pending += 1
-    if start < len(tokens):
-        parts.append(Part(tokens[start:], None))
-    for outer, inner in zip(parts, parts[1:], strict=False):
-        outer.body.append(inner)
-    return parts
+def _cure(column: int) -> str:
+    return f"indent it with {column} spaces" if column else "begin it at the left margin"

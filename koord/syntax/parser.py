@@ -11,7 +11,10 @@ from koord.syntax.parser_reader import Reader
 from koord.syntax.parser_sections import sections
 from koord.syntax.report import Report
 from koord.syntax.source import Source
-from koord.syntax.tokens import tokenise
+from koord.syntax.tokens import Text, tokenise
+
+#: A longer text is not read.
+MAX_CHARACTERS = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +31,23 @@ def parse(source: Source) -> Parsed:
     Never raises on any text: what cannot be read is told and left out, and the rest is there.
     """
     report = Report()
-    lines, comments = tokenise(source, report)
-    parts = lay_out(lines, report)
-    tree = sections(Reader(report), parts)
-    span = source.span(0, len(source.text))
-    return Parsed(ast.Program(tree, comments, span=span), report.in_order())
+    if len(source.text) > MAX_CHARACTERS:
+        report.error(
+            "K106",
+            source.span(0, 0),
+            f"this file has {len(source.text):,} characters, more than {MAX_CHARACTERS:,}",
+            "is it a program? If so, take it apart",
+        )
+        text = Text([], (), tabs=False)
+    else:
+        text = tokenise(source, report)
+    reader = Reader(report)
+    tree = sections(reader, lay_out(text, report))
+    program = ast.Program(
+        tree,
+        text.comments,
+        tuple(reader.heads),
+        frozenset(reader.lost),
+        span=source.span(0, len(source.text)),
+    )
+    return Parsed(program, report.in_order())

@@ -5,13 +5,22 @@ from __future__ import annotations
 from typing import cast
 
 from koord.syntax import ast
-from koord.syntax.layout import Part
-from koord.syntax.parser_lines import Form, LoopEach, LoopRange
+from koord.syntax.lines import Part
+from koord.syntax.parser_lines import Form, type_end
+from koord.syntax.parser_nodes import LoopEach, LoopRange
 from koord.syntax.parser_reader import Reader
 from koord.syntax.source import Span
+from koord.syntax.tokens import shown
 
 #: What stands for a condition that could not be read.
 _UNKNOWN = ast.BoolLit(True)
+
+#: Sections and their pieces: none of them stands among statements.
+_SECTIONS = frozenset(
+    """AGENT ALLREAD ALLWRITE ASSUME DEF EFF ENUM EVENTUALLY INIT INVARIANT LOCAL PARAM PRE URGENT
+    USING""".split()
+)
+_OTHER_BLOCKS = frozenset("while loop repeat do switch case match try with until when".split())
 
 
 def block(reader: Reader, parts: list[Part]) -> ast.Block:
@@ -20,40 +29,25 @@ def block(reader: Reader, parts: list[Part]) -> ast.Block:
     position = 0
     while position < len(parts):
         part = parts[position]
-        first = part.tokens[0].type if part.tokens else ""
+        first = part.first
         position += 1
-        match first:
-            case "IF":
-                rest = position
-                while rest < len(parts) and _is(parts[rest], "ELIF"):
-                    rest += 1
-                if rest < len(parts) and _is(parts[rest], "ELSE"):
-                    rest += 1
-                statements.append(_if(reader, parts[position - 1 : rest]))
-                position = rest
-            case "ELIF" | "ELSE":
-                reader.report.error(
-                    "K116",
-                    part.tokens[0].span,
-                    f"this `{part.tokens[0].text}` has no `if` before it",
-                    "give it the indentation of its `if`",
-                )
-                statements.extend(block(reader, part.body))
-            case "FOR":
-                statements.extend(_for(reader, part))
-            case "ATOMIC":
-                reader.ends(part, 1)
-                body = block(reader, reader.body(part))
-                statements.append(ast.Atomic(body, span=reach(part)))
-            case _:
-                statement = _simple(reader, part)
-                if statement:
-                    statements.append(statement)
+        if first == "IF":
+            arms = [part]
+            while position < len(parts) and _continues(reader, arms[-1], parts[position]):
+                arms.append(parts[position])
+                position += 1
+            statements.append(_if(reader, arms))
+        elif first == "FOR":
+            statements.extend(_for(reader, part))
+        elif first == "ATOMIC":
+            reader.ends(part, 1)
+            body = block(reader, reader.body(part))
+            statements.append(ast.Atomic(body, span=reach(part)))
+        elif part.colon or first in _SECTIONS or first == "ELSE" or first == "ELIF":
+            statements.extend(_misplaced(reader, part))
+        else:
+            statements.extend(_simple(reader, part))
     return tuple(statements)
-
-
-def _is(part: Part, kind: str) -> bool:
-    return bool(part.tokens) and part.tokens[0].type == kind
 
 
 def reach(part: Part) -> Span:
@@ -64,21 +58,43 @@ def reach(part: Part) -> Span:
     return part.span.to(last.span)
 
 
+def _continues(reader: Reader, before: Part, part: Part) -> bool:
+    """Whether a part is a further arm of the ``if`` whose last arm so far is ``before``."""
+    if before.first == "ELSE":
+        return False
+    word = part.tokens[0] if part.tokens else None
+    if word is None:
+        return False
+    if part.colon and word.text in ("elseif", "elsif"):
+        count = 1
+    elif word.type == "ELSE" and len(part.tokens) > 1 and part.tokens[1].type == "IF":
+        count = 2
+    else:
+        return word.type in ("ELIF", "ELSE")
+    span = word.span.to(part.tokens[count - 1].span)
+    written = " ".join(token.text for token in part.tokens[:count])
+    reader.complain(
+        part, "K133", span, f"`{written}` is not a word of the language", "write `elif`"
+    )
+    part.tokens = [word.meant("elif"), *part.tokens[count:]]
+    return True
+
+
 def _if(reader: Reader, parts: list[Part]) -> ast.If:
     arms: list[tuple[ast.Expr, ast.Block]] = []
     otherwise: ast.Block | None = None
     for part in parts:
-        if part.tokens[0].type == "ELSE":
-            reader.ends(part, 1)
+        if part.first == "ELSE":
+            reader.head(part)
             otherwise = block(reader, reader.body(part))
-            continue
-        condition = cast("ast.Expr | None", reader.line(Form.EXPRESSION, part, 1))
-        arms.append((condition or _UNKNOWN, block(reader, reader.body(part))))
+        else:
+            condition = reader.condition(part)
+            arms.append((condition or _UNKNOWN, block(reader, reader.body(part))))
     return ast.If(tuple(arms), otherwise, span=parts[0].span.to(reach(parts[-1])))
 
 
 def _for(reader: Reader, part: Part) -> ast.Block:
-    head = reader.line(Form.LOOP, part)
+    head = reader.line(Form.LOOP, part, opens=True)
     body = block(reader, reader.body(part))
     match head:
         case LoopRange(variable=variable, low=low, high=high):
@@ -86,37 +102,50 @@ def _for(reader: Reader, part: Part) -> ast.Block:
         case LoopEach(variables=variables, sequence=sequence):
             return (ast.ForEach(variables, sequence, body, span=reach(part)),)
         case _:
-            return ()
+            reader.lost.update(token.text for token in part.tokens if token.type == "NAME")
+            return body
 
 
-def _simple(reader: Reader, part: Part) -> ast.Stmt | None:
-    reader.no_block(part)
-    if _declares(part):
-        decl = reader.line(Form.DECLARATION, part)
-        return ast.LocalDecl(decl, span=decl.span) if decl else None
-    return cast("ast.Stmt | None", reader.line(Form.STATEMENT, part))
+def _simple(reader: Reader, part: Part) -> list[ast.Stmt]:
+    end = type_end(part.tokens, 0) if len(part.tokens) > 1 and part.first == "NAME" else None
+    if end is not None and end < len(part.tokens) and part.tokens[end].type == "NAME":
+        decls = reader.declaration(part)
+        return [ast.LocalDecl(decl, span=decl.span) for decl in decls]
+    statement = cast("ast.Stmt | None", reader.line(Form.STATEMENT, part))
+    return [statement] if statement else []
 
 
-def _declares(part: Part) -> bool:
-    """Whether a line begins with a type and a name."""
-    tokens = part.tokens
-    if len(tokens) < 2 or tokens[0].type != "NAME":
-        return False
-    second = tokens[1].type
-    if second == "NAME":
-        return True
-    if second == "LESS":
-        return True
-    if second != "LSQB":
-        return False
-    depth = 0
-    for position, token in enumerate(tokens):
-        if token.type == "LSQB":
-            depth += 1
-        elif token.type == "RSQB":
-            depth -= 1
-            if not depth:
-                following = tokens[position + 1].type if position + 1 < len(tokens) else ""
-                if following != "LSQB":
-                    return following == "NAME"
-    return False
+def _misplaced(reader: Reader, part: Part) -> ast.Block:
+    """Tell of a part that is no statement; if it has a body of statements, they stay."""
+    first = part.first
+    word = shown(part.tokens[0].text) if part.tokens else ":"
+    place = part.tokens[0].span if part.tokens else part.span
+    if first in ("ELSE", "ELIF"):
+        reader.complain(
+            part,
+            "K116",
+            place,
+            f"this `{word}` has no `if` before it",
+            "give it the indentation of its `if`",
+        )
+        return block(reader, part.body)
+    if first in _SECTIONS:
+        if not part.colon and not part.body:
+            return tuple(_simple(reader, part))  # a keyword used as a name
+        reader.complain(
+            part, "K141", place, f"`{word}` cannot stand among statements", "indent it less"
+        )
+        return ()
+    if word in _OTHER_BLOCKS:
+        hint = "loops are bounded: `for i = 0, n:`, left with `break`"
+        message = f"`{word}` is not a word of the language"
+        reader.complain(part, "K133", place, message, hint if word != "switch" else None)
+    elif word in ("requires", "ensures"):
+        hint = "external functions have them: `def fun f(int a) -> int: extern`"
+        message = f"`{word}:` belongs below `extern`, or to a contract"
+        reader.complain(part, "K141", place, message, hint)
+        return ()
+    elif part.colon:
+        message = "no block can begin here"
+        reader.complain(part, "K115", part.colon.span, message, "leave `:` out, or indent less")
+    return block(reader, part.body)

@@ -1,92 +1,211 @@
-"""Parts of lines to nodes, with errors told once: what the parsers of blocks and sections share."""
+"""Parts of lines to nodes, with each mistake told once: what blocks and sections share."""
 
 from __future__ import annotations
 
 from typing import Any, cast
 
 from koord.syntax import ast
-from koord.syntax.layout import Part
-from koord.syntax.parser_lines import Form, Misplaced, Unexpected, parse_line
+from koord.syntax.lines import Part
+from koord.syntax.parser_lines import Form, Unexpected, parse_line
 from koord.syntax.parser_messages import explain
+from koord.syntax.parser_operands import Misplaced
 from koord.syntax.report import Report
+from koord.syntax.source import Span
+from koord.syntax.tokens import KEYWORDS, Token, shown
+
+#: A line is mended and read again so often.
+_MAX_REPAIRS = 10
+
+#: Forms that may go on over several lines without brackets: the expressions of properties.
+_OVER_LINES = frozenset([Form.EXPRESSION, Form.GOAL, Form.MEMBERS])
+#: In a body of expressions a line that begins so goes on with the one before …
+_GOES_ON = frozenset("OPERATOR LESS GREATER DOT LEADSTO IN".split())
+#: … and one that ends so goes on with the next.
+_UNFINISHED = _GOES_ON | frozenset("MINUS NOT COMMA COLON FORALL EXISTS".split())
+#: First words of statements that have a body.
+_BLOCKS = frozenset("IF FOR ATOMIC".split())
+#: Complaints that may as well mean a missing colon.
+_NO_COLON = frozenset(["K130", "K131", "K135"])
 
 
 class Reader:
-    """Reads single lines; a line with a mistake is told and gives None."""
+    """Reads parts; a part with a mistake is told, and None where nothing can be made of it."""
 
-    __slots__ = ("report",)
+    __slots__ = ("heads", "lost", "report")
 
     def __init__(self, report: Report) -> None:
         self.report = report
+        #: Words that begin a block but have no node of their own.
+        self.heads: list[ast.Ident] = []
+        #: Names whose declarations could not be read.
+        self.lost: set[str] = set()
 
-    def line(self, form: Form, part: Part, start: int = 0) -> Any | None:
-        """The node of a part's tokens from number ``start`` on."""
-        tokens = part.tokens[start:] if start else part.tokens
-        try:
-            return parse_line(form, tokens, part.end)
-        except Unexpected as error:
-            if not part.broken:
-                explain(self.report, form, part, start, error)
-        except Misplaced as error:
-            self.report.error(error.code, error.span, error.message, error.hint)
+    # --- lines
+
+    def line(self, form: Form, part: Part, start: int = 0, *, opens: bool = False) -> Any | None:
+        """The node of a part's tokens from number ``start`` on.
+
+        ``opens`` tells that a body follows, so that ``:`` may be what is missing.
+        """
+        if part.joint and (opens or form not in _OVER_LINES):
+            self.complain(
+                part,
+                "K119",
+                part.joint.span,
+                "a line goes on below only inside brackets",
+                "put what stands on both lines in `(` `)`",
+            )
+        tokens = part.tokens[start:]
+        for _ in range(_MAX_REPAIRS):
+            try:
+                return parse_line(form, tokens, quantified=part.quantified)
+            except Misplaced as error:
+                self.complain(part, error.code, error.span, error.message, error.hint)
+                part.broken = True
+                return None
+            except Unexpected as error:
+                complaint = explain(form, tokens, error, part.end)
+                at = start + error.position
+                if opens and complaint.code in _NO_COLON and self._splits(part, at):
+                    tokens = part.tokens[start:]
+                    continue
+            token = complaint.token
+            self.complain(part, complaint.code, token.span, complaint.message, complaint.hint)
+            if complaint.repaired is None:
+                break
+            tokens = complaint.repaired
         part.broken = True
         return None
 
-    def expression(self, part: Part, start: int = 0) -> ast.Expr | None:
+    def complain(
+        self, part: Part, code: str, span: Span, message: str, hint: str | None = None
+    ) -> None:
+        """Tell of a mistake in a part, unless it is likely to come of one that was told."""
+        if part.broken or part.told not in (None, code):
+            return
+        if any(token.line in self.report.damaged for token in part.tokens):
+            return
+        part.told = code
+        self.report.error(code, span, message, hint)
+
+    def expression(self, part: Part) -> ast.Expr | None:
         """The expression that a part is."""
         self.no_block(part)
-        return cast("ast.Expr | None", self.line(Form.EXPRESSION, part, start))
+        return cast("ast.Expr | None", self.line(Form.EXPRESSION, part))
+
+    def condition(self, part: Part) -> ast.Expr | None:
+        """The expression behind the first word of a part that has a body."""
+        return cast("ast.Expr | None", self.line(Form.EXPRESSION, part, 1, opens=True))
+
+    # --- declarations
 
     def declarations(self, part: Part) -> tuple[ast.VarDecl, ...]:
-        """A declaration for each part of the body."""
-        found = []
-        for line in self.body(part):
-            self.no_block(line)
-            decl = self.line(Form.DECLARATION, line)
-            if decl:
-                found.append(decl)
-        return tuple(found)
+        """What the body of a part declares."""
+        if part.colon is None:
+            self.body(part)
+        return tuple(decl for line in part.body for decl in self.declaration(line))
+
+    def declaration(self, part: Part, start: int = 0) -> list[ast.VarDecl]:
+        """What a line declares: one variable, unless it is wrong."""
+        if part.colon:
+            self.complain(
+                part,
+                "K115",
+                part.colon.span,
+                "no `:` stands in a declaration",
+                "write `int x` or `int x = 3`",
+            )
+        decl = self.line(Form.DECLARATION, part, start)
+        if decl:
+            return [decl, *_others(decl, part.tokens)]
+        tokens = part.tokens[start:]
+        for position, token in enumerate(tokens):
+            if token.type == "ASSIGN":  # without its value the variable may be readable
+                part = Part(tokens[:position], broken=True)
+                decl = self.line(Form.DECLARATION, part) if position else None
+                break
+        if decl:
+            return [decl]
+        self.lost.update(token.text for token in tokens if token.type == "NAME")
+        return []
+
+    # --- heads of blocks
+
+    def ends(self, part: Part, length: int) -> None:
+        """Complain if a part goes on behind its first ``length`` words."""
+        if len(part.tokens) <= length or self._splits(part, length):
+            return
+        token = part.tokens[length]
+        hint = "a condition stands behind `elif`" if part.first == "ELSE" else None
+        self.complain(
+            part, "K130", token.span, f"`:` is expected here, but found `{shown(token.text)}`", hint
+        )
+
+    def name(self, part: Part, at: int, what: str, then: int = 0) -> ast.Ident:
+        """The name that stands as word number ``at``; ``then`` words more end the part."""
+        token = part.tokens[at] if at < len(part.tokens) else part.end
+        if token.type == "NAME":
+            self.ends(part, at + 1 + then)
+        elif token.text in KEYWORDS:
+            self.complain(
+                part,
+                "K131",
+                token.span,
+                f"`{token.text}` is a keyword and cannot be used as a name",
+                f"choose another name, such as `{token.text}_`",
+            )
+        else:
+            self.complain(part, "K130", token.span, f"the name of {what} is expected here")
+            return ast.Ident("?", span=token.span)
+        return ast.Ident(token.text, span=token.span)
+
+    def _splits(self, part: Part, at: int) -> bool:
+        """Take word number ``at`` for the beginning of the body, if ``:`` is missing before it."""
+        if at >= len(part.tokens) or not at:
+            return False
+        token = part.tokens[at]
+        if part.colon and token.type not in _BLOCKS:
+            return False
+        self.complain(
+            part, "K114", token.span, f"`:` is missing before `{shown(token.text)}`", "write `:`"
+        )
+        rest = Part(part.tokens[at:], part.colon, quantified=part.quantified)
+        rest.broken = part.broken
+        if part.colon:
+            rest.body, part.body = part.body, [rest]
+        else:
+            part.body = [rest, *part.body]
+        part.tokens, part.colon = part.tokens[:at], token
+        return True
+
+    def head(self, part: Part) -> None:
+        """Take a part that is one word and has no node; remember where it stands."""
+        self.ends(part, 1)
+        token = part.tokens[0]
+        self.heads.append(ast.Ident(token.text, span=token.span))
+
+    # --- bodies
 
     def body(self, part: Part) -> list[Part]:
         """The body of a part that must have one."""
-        if part.colon is None and not part.broken:
-            self.report.error(
-                "K114", part.end.span, f"`:` is missing behind {_named(part)}", "write `:` here"
-            )
-            part.broken = True
-        elif not part.body and not part.broken:
-            self.report.error(
+        word = f"`{shown(part.tokens[-1].text)}`" if part.tokens else "this"
+        if part.colon is None:
+            self.complain(part, "K114", part.end.span, f"`:` is missing behind {word}", "write `:`")
+        elif not part.body:
+            first = f"`{shown(part.tokens[0].text)}`" if part.tokens else "this"
+            self.complain(
+                part,
                 "K113",
                 part.span,
-                f"{_named(part)} has no body",
-                "write it behind the `:` or in deeper-indented lines below",
+                f"{first} has no body",
+                "write it behind the `:` or in deeper-indented lines below; `pass` does nothing",
             )
         return part.body
 
     def no_block(self, part: Part) -> None:
         """Complain if a part has a body where none can be."""
-        if part.colon and not part.broken:
-            self.report.error("K115", part.colon.span, "no block can begin here")
-            part.broken = True
-
-    def ends(self, part: Part, length: int) -> None:
-        """Complain if a part goes on behind its first ``length`` words."""
-        if len(part.tokens) > length and not part.broken:
-            token = part.tokens[length]
-            self.report.error("K130", token.span, f"`:` is expected here, not `{token.text}`")
-            part.broken = True
-
-    def name(self, part: Part, at: int, what: str, then: int = 0) -> ast.Ident:
-        """The name that stands as word number ``at``; ``then`` words more end the part."""
-        if at < len(part.tokens) and part.tokens[at].type == "NAME":
-            self.ends(part, at + 1 + then)
-            token = part.tokens[at]
-            return ast.Ident(token.text, span=token.span)
-        token = part.tokens[at] if at < len(part.tokens) else part.end
-        if not part.broken:
-            self.report.error("K130", token.span, f"the name of {what} is expected here")
-            part.broken = True
-        return ast.Ident("?", span=token.span)
+        if part.colon:
+            self.complain(part, "K115", part.colon.span, "no block can begin here", "leave `:` out")
 
     def expressions(self, part: Part) -> list[ast.Expr]:
         """The expressions that the body of a part lists, one a line."""
@@ -105,18 +224,37 @@ class Reader:
         return whole
 
     def joined(self, parts: list[Part]) -> list[Part]:
-        """The lines of an expression that goes on over several lines put together."""
-        return parts
+        """Lines of expressions; one that is unfinished goes on with the next."""
+        lines: list[Part] = []
+        for part in parts:
+            last = lines[-1] if lines else None
+            if (
+                last
+                and last.tokens
+                and not last.colon
+                and part.tokens
+                and (last.tokens[-1].type in _UNFINISHED or part.first in _GOES_ON)
+            ):
+                lines[-1] = Part(
+                    last.tokens + part.tokens,
+                    part.colon,
+                    part.body,
+                    broken=last.broken or part.broken,
+                    quantified=last.quantified or part.quantified,
+                )
+            else:
+                lines.append(part)
+        return lines
 
-    def stray(self, part: Part, allowed: str) -> None:
-        """Complain about a part that does not belong where it is."""
-        if not part.broken:
-            self.report.error("K141", part.span, "this does not belong here", allowed)
 
-    def no_section(self, part: Part) -> None:
-        """Complain about a line at the left margin that begins no section."""
-        self.report.error("K140", part.span, "a section or an event is expected here")
-
-
-def _named(part: Part) -> str:
-    return f"`{part.tokens[0].text}`" if part.tokens else "this"
+def _others(decl: ast.VarDecl, tokens: list[Token]) -> list[ast.VarDecl]:
+    """The further names of a declaration that has several."""
+    found = []
+    depth = 0
+    for token, following in zip(tokens, tokens[1:], strict=False):
+        depth += token.type in ("LPAR", "LSQB", "LBRACE", "LESS")
+        depth -= token.type in ("RPAR", "RSQB", "RBRACE", "GREATER")
+        if token.type == "COMMA" and following.type == "NAME" and not depth:
+            name = ast.Ident(following.text, span=following.span)
+            found.append(ast.VarDecl(decl.type, name, span=following.span))
+    return found

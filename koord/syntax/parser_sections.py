@@ -3,83 +3,135 @@
 from __future__ import annotations
 
 from koord.syntax import ast
-from koord.syntax.layout import Part
+from koord.syntax.lines import Part
 from koord.syntax.parser_blocks import block, reach
-from koord.syntax.parser_lines import Form, Signature
+from koord.syntax.parser_lines import Form
+from koord.syntax.parser_nodes import LeadsTo, Signature
 from koord.syntax.parser_reader import Reader
+from koord.syntax.parser_strays import Strays, stray_section
 
 
-def sections(reader: Reader, parts: list[Part]) -> tuple[ast.Section, ...]:
+def sections(reader: Reader, parts: list[Part], *, agent: bool = False) -> tuple[ast.Section, ...]:
     """The sections of a file or of an ``agent``."""
     found: list[ast.Section] = []
+    strays = Strays(reader)
     for part in parts:
-        found.extend(_section(reader, part))
+        if agent and part.first == "AGENT":
+            strays.add(part, "`agent` cannot stand inside `agent`", None)
+            continue
+        read = _section(reader, part)
+        if read is None:
+            strays.add(part, *stray_section(part))
+            continue
+        strays.over()
+        found.extend(read)
     return tuple(found)
 
 
-def _section(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
-    match part.tokens[0].type if part.tokens else "":
+def _section(reader: Reader, part: Part) -> tuple[ast.Section, ...] | None:
+    """The sections that a part is; None if it is none."""
+    match part.first:
         case "LOCAL" | "ALLREAD" | "ALLWRITE":
             reader.ends(part, 1)
             kind = ast.VarKind(part.tokens[0].text)
             return (ast.VarSection(kind, reader.declarations(part), span=reach(part)),)
         case "PARAM":
-            reader.no_block(part)
-            decl = reader.line(Form.DECLARATION, part, 1)
-            return (ast.ParamDecl(decl, span=part.span),) if decl else ()
+            decls = reader.declaration(part, 1)
+            return tuple(ast.ParamDecl(decl, span=part.span) for decl in decls)
         case "USING":
-            return _using(reader, part)
+            return (_using(reader, part),)
         case "DEF":
             return _def(reader, part)
         case "ENUM":
-            return _enum(reader, part)
+            return (_enum(reader, part),)
         case "AGENT":
             name = reader.name(part, 1, "a kind of robot")
-            inner = sections(reader, reader.body(part))
+            inner = sections(reader, reader.body(part), agent=True)
             return (ast.Agent(name, inner, span=reach(part)),)
         case "INIT":
             reader.ends(part, 1)
             return (ast.Init(block(reader, reader.body(part)), span=reach(part)),)
         case "ASSUME":
-            return _assume(reader, part)
+            given = _property_name(reader, part)
+            return tuple(ast.Assume(given, e, span=e.span) for e in reader.expressions(part))
         case "INVARIANT":
             return _invariant(reader, part)
         case "EVENTUALLY":
             return _eventually(reader, part)
         case "URGENT":
-            return _event(reader, part, urgent=True)
-        case "NAME" if part.colon or part.body:
-            return _event(reader, part, urgent=False)
+            return (_event(reader, part, urgent=True),)
+        case "NAME" if _is_event(part):
+            return (_event(reader, part, urgent=False),)
         case _:
-            reader.no_section(part)
-            return ()
+            return None
 
 
 # --- events -------------------------------------------------------------------------------------
 
 
-def _event(reader: Reader, part: Part, *, urgent: bool) -> tuple[ast.Section, ...]:
-    at = 1 if urgent else 0
-    name = reader.name(part, at, "an event")
+def _is_event(part: Part) -> bool:
+    return (
+        bool(part.colon or part.body)
+        and len(part.tokens) == 1
+        and part.tokens[0].text
+        not in (
+            "sensors",
+            "actuators",
+            "environment",
+            "requires",
+            "ensures",
+        )
+    )
+
+
+def _event(reader: Reader, part: Part, *, urgent: bool) -> ast.Event:
+    name = reader.name(part, 1 if urgent else 0, "an event")
     pre: ast.Expr | None = None
-    eff: ast.Block | None = None
+    eff: ast.Block = ()
+    strays = Strays(reader)
+    seen: set[str] = set()
+    loose: list[Part] = []
     for line in reader.body(part):
-        match line.tokens[0].type if line.tokens else "":
+        match line.first:
             case "PRE":
-                reader.ends(line, 1)
+                strays.once(line, seen)
+                reader.head(line)
                 pre = reader.conjunction(line)
             case "EFF":
-                reader.ends(line, 1)
-                eff = block(reader, reader.body(line))
+                strays.once(line, seen)
+                reader.head(line)
+                eff += block(reader, reader.body(line))
             case _:
-                reader.stray(line, "an event has `pre:` and `eff:`")
-    return (ast.Event(name, urgent, pre, eff or (), span=reach(part)),)
+                strays.add(
+                    line,
+                    "`pre:` or `eff:` is expected here",
+                    "the statements of an event stand below its `eff:`",
+                )
+                loose.append(line)
+                continue
+        strays.over()
+    if loose:
+        quiet(loose)
+        eff += block(reader, loose)
+    elif "EFF" not in seen and part.body:
+        message = f"the event `{name.name}` has no `eff:`"
+        reader.complain(part, "K143", part.span, message, "write `eff: pass` if it does nothing")
+    return ast.Event(name, urgent, pre, eff, span=reach(part))
+
+
+def quiet(parts: list[Part]) -> None:
+    """Say nothing more about parts that do not belong where they are."""
+    waiting = list(parts)
+    while waiting:
+        part = waiting.pop()
+        part.broken = True
+        waiting.extend(part.body)
 
 
 # --- modules and functions ----------------------------------------------------------------------
 
 
-def _using(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
+def _using(reader: Reader, part: Part) -> ast.Using:
     words = part.tokens
     at = 2 if len(words) > 2 and words[1].text == "module" else 1
     name = reader.name(part, at, "a module")
@@ -87,36 +139,35 @@ def _using(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
     actuators: list[ast.VarDecl] = []
     environment: ast.Block | None = None
     contracts: list[ast.ContractDef] = []
-    for line in reader.body(part) if part.colon or part.body else ():
+    strays = Strays(reader)
+    seen: set[str] = set()
+    for line in reader.body(part) if part.body and not part.colon else part.body:
         match line.tokens[0].text if line.tokens else "":
             case "sensors":
+                reader.head(line)
                 sensors.extend(reader.declarations(line))
             case "actuators":
+                reader.head(line)
                 actuators.extend(reader.declarations(line))
             case "environment":
-                environment = block(reader, reader.body(line))
+                strays.once(line, seen)
+                reader.head(line)
+                environment = (environment or ()) + block(reader, reader.body(line))
             case "contract":
-                contracts.append(_contract(reader, line))
+                contract = reader.name(line, 1, "a contract")
+                requires, ensures = _summary(reader, reader.body(line))
+                contracts.append(ast.ContractDef(contract, requires, ensures, span=reach(line)))
             case _:
-                reader.stray(
-                    line, "a module has `sensors:`, `actuators:`, `environment:`, `contract NAME:`"
+                strays.add(
+                    line,
+                    "a piece of a module is expected here",
+                    "one of `sensors:`, `actuators:`, `environment:`, `contract NAME:`",
                 )
-    return (
-        ast.Using(
-            name,
-            tuple(sensors),
-            tuple(actuators),
-            environment,
-            tuple(contracts),
-            span=reach(part),
-        ),
+                continue
+        strays.over()
+    return ast.Using(
+        name, tuple(sensors), tuple(actuators), environment, tuple(contracts), span=reach(part)
     )
-
-
-def _contract(reader: Reader, part: Part) -> ast.ContractDef:
-    name = reader.name(part, 1, "a contract")
-    requires, ensures = _summary(reader, reader.body(part))
-    return ast.ContractDef(name, requires, ensures, span=reach(part))
 
 
 def _summary(
@@ -124,56 +175,71 @@ def _summary(
 ) -> tuple[tuple[ast.Expr, ...], tuple[ast.Expr, ...]]:
     requires: list[ast.Expr] = []
     ensures: list[ast.Expr] = []
+    strays = Strays(reader)
     for line in parts:
         match line.tokens[0].text if line.tokens else "":
             case "requires":
+                reader.head(line)
                 requires.extend(reader.expressions(line))
             case "ensures":
+                reader.head(line)
                 ensures.extend(reader.expressions(line))
             case _:
-                reader.stray(line, "`requires:` and `ensures:` stand here")
+                strays.add(line, "`requires:` or `ensures:` is expected here", None)
+                continue
+        strays.over()
     return tuple(requires), tuple(ensures)
 
 
 def _def(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
     words = [token.text for token in part.tokens]
-    if "(" in words:
-        return _function(reader, part, 2 if words[1] == "fun" and words[2] != "(" else 1)
+    if "(" in words or words[1:2] == ["fun"]:
+        return _function(reader, part, 2 if words[1:2] == ["fun"] and words[2:3] != ["("] else 1)
     at = 2 if len(words) > 2 and words[1] == "adt" else 1
-    name = reader.name(part, at, "a record")
+    name = reader.name(part, at, "a record or `fun`")
+    reader.body(part)
     return (ast.RecordDef(name, reader.declarations(part), span=reach(part)),)
 
 
 def _function(reader: Reader, part: Part, at: int) -> tuple[ast.Section, ...]:
-    head = reader.line(Form.SIGNATURE, part, at)
+    head = reader.line(Form.SIGNATURE, part, at, opens=True)
     body = reader.body(part)
-    if not isinstance(head, Signature):
-        return ()
     first = [token.text for token in body[0].tokens] if body else []
+    requires: tuple[ast.Expr, ...] = ()
+    ensures: tuple[ast.Expr, ...] = ()
+    answer: ast.Block | ast.External
     if first in (["extern"], ["extern", "fresh"]) and not body[0].colon:
+        reader.heads.append(ast.Ident("extern", span=body[0].span))
+        answer = ast.External(" ".join(first))
         requires, ensures = _summary(reader, body[1:])
-        kind = ast.External(" ".join(first))
-        return (
-            ast.FunDef(
-                head.name,
-                head.parameters,
-                head.result,
-                kind,
-                requires,
-                ensures,
-                span=reach(part),
-            ),
-        )
-    statements = block(reader, body)
-    return (ast.FunDef(head.name, head.parameters, head.result, statements, span=reach(part)),)
+    else:
+        answer = block(reader, body)
+    if not isinstance(head, Signature):
+        reader.lost.update(token.text for token in part.tokens if token.type == "NAME")
+        return ()
+    return (
+        ast.FunDef(
+            head.name,
+            head.parameters,
+            head.result,
+            answer,
+            requires,
+            ensures,
+            span=reach(part),
+        ),
+    )
 
 
-def _enum(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
+def _enum(reader: Reader, part: Part) -> ast.EnumDef:
     name = reader.name(part, 1, "an enumeration")
     members: list[ast.Ident] = []
-    for line in reader.body(part):
-        members.extend(reader.line(Form.MEMBERS, line) or ())
-    return (ast.EnumDef(name, tuple(members), span=reach(part)),)
+    for line in reader.joined(reader.body(part)):
+        reader.no_block(line)
+        found = reader.line(Form.MEMBERS, line)
+        members.extend(found or ())
+        if not found:
+            reader.lost.update(token.text for token in line.tokens)
+    return ast.EnumDef(name, tuple(members), span=reach(part))
 
 
 # --- properties ---------------------------------------------------------------------------------
@@ -182,12 +248,10 @@ def _enum(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
 def _property_name(reader: Reader, part: Part, then: int = 0) -> ast.Ident | None:
     if len(part.tokens) - then < 2:
         return None
+    if part.colon is None and not (len(part.tokens) == 2 and part.body):
+        reader.ends(part, 1)  # the expression stands where `:` is missing
+        return None
     return reader.name(part, 1, "a property", then)
-
-
-def _assume(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
-    name = _property_name(reader, part)
-    return tuple(ast.Assume(name, e, span=e.span) for e in reader.expressions(part))
 
 
 def _invariant(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
@@ -202,10 +266,22 @@ def _invariant(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
 
 def _eventually(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
     name = _property_name(reader, part)
-    for line in reader.joined(reader.body(part)):
-        found = reader.line(Form.LEADS_TO, line)
-        if found and len(found) == 1:
-            return (ast.Eventually(name, found[0], span=reach(part)),)
-        if found:
-            return (ast.LeadsTo(name, found[0], found[1], span=reach(part)),)
+    lines = reader.joined(reader.body(part))
+    for more in lines[1:]:
+        reader.complain(
+            more,
+            "K135",
+            more.span,
+            "`eventually` has one property",
+            "join the lines with `and`, or write `eventually` twice",
+        )
+    for line in lines[:1]:
+        reader.no_block(line)
+        match reader.line(Form.GOAL, line):
+            case LeadsTo(trigger=trigger, goal=goal):
+                return (ast.LeadsTo(name, trigger, goal, span=reach(part)),)
+            case None:
+                return ()
+            case goal:
+                return (ast.Eventually(name, goal, span=reach(part)),)
     return ()

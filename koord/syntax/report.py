@@ -12,10 +12,13 @@ MAX_ERRORS = 100
 class Report:
     """The errors found so far in one file; of two at the same place only the first is kept."""
 
-    __slots__ = ("_places", "diagnostics")
+    __slots__ = ("_places", "damaged", "diagnostics")
 
     def __init__(self) -> None:
         self.diagnostics: list[Diagnostic] = []
+        #: Lines with something that is not a token: what the parser says of them is not to be
+        #: trusted.
+        self.damaged: set[int] = set()
         self._places: set[tuple[int, int]] = set()
 
     def error(
@@ -28,10 +31,20 @@ class Report:
     ) -> None:
         """Record an error, unless there are too many or there is one at this place already."""
         place = (span.line, span.column)
-        if place in self._places or self.full:
+        if self.full or place in self._places:
             return
         self._places.add(place)
         self.diagnostics.append(Diagnostic(code, Severity.ERROR, span, message, hint, notes))
+        if self.full:
+            self.diagnostics.append(
+                Diagnostic(
+                    "K107",
+                    Severity.ERROR,
+                    span,
+                    f"{MAX_ERRORS} errors are enough: the rest of them is not shown",
+                    "mend these first",
+                )
+            )
 
     @property
     def full(self) -> bool:
@@ -39,5 +52,7 @@ class Report:
         return len(self.diagnostics) >= MAX_ERRORS
 
     def in_order(self) -> tuple[Diagnostic, ...]:
-        """The errors in the order of the text."""
-        return tuple(sorted(self.diagnostics, key=lambda d: (d.span.line, d.span.column)))
+        """The errors in the order of the text; that there are too many comes last."""
+        return tuple(
+            sorted(self.diagnostics, key=lambda d: (d.code == "K107", d.span.line, d.span.column))
+        )

@@ -7,9 +7,11 @@ keywords only where their construct is (``at``, ``round``, ``extern``, …) are 
 from __future__ import annotations
 
 import re
+import unicodedata
 from dataclasses import dataclass
 
 from koord.syntax.ast import Comment
+from koord.syntax.operators import SPELLINGS
 from koord.syntax.report import Report
 from koord.syntax.source import Source, Span
 
@@ -20,16 +22,11 @@ KEYWORDS = frozenset(
     "true True trystop urgent using".split()
 )
 
-#: Operators between two operands. ``-``, ``<`` and ``>`` have types of their own, since they also
-#: stand elsewhere.
-OPERATORS = frozenset(
-    ["+", "*", "/", "%", "==", "!=", "≠", "<=", "≤", ">=", "≥", "&&", "||", "and", "or", "implies"]
-)
-
 _TYPES = {word: word.upper() for word in KEYWORDS}
-_TYPES |= dict.fromkeys(OPERATORS, "OPERATOR")
-_TYPES |= {"&": "OPERATOR", "|": "OPERATOR", "!": "NOT"}
+#: Operators between two operands; ``-``, ``<`` and ``>`` also stand elsewhere.
+_TYPES |= dict.fromkeys(SPELLINGS, "OPERATOR")
 _TYPES |= {
+    "!": "NOT",
     "-": "MINUS",
     "<": "LESS",
     ">": "GREATER",
@@ -52,16 +49,41 @@ _TYPES |= {
     "'": "PRIME",
 }
 
+#: Signs of other languages, and what Koord writes instead.
+_FOREIGN = {
+    "&": "and",
+    "|": "or",
+    "∧": "and",
+    "∨": "or",
+    "¬": "not",
+    "∀": "forall",
+    "∃": "exists",
+    "∈": "in",
+    "⇒": "implies",
+    "=>": "implies",
+    "→": "->",
+    ":=": "=",
+    "<>": "!=",
+    "=<": "<=",
+    "===": "==",
+    "!==": "!=",
+    "−": "-",
+    "×": "*",
+    "÷": "/",
+    "’": "'",
+}
+
 _TOKEN = re.compile(
     r"""
       (?P<SPACE>[ \t]+)
     | (?P<NAME>[A-Za-z_][A-Za-z0-9_]*)
     | (?P<COMMENT>(?:\#|//)[^\n]*)
-    | (?P<SIGN><<|->|\+\+|--|[=!<>]=|&&|\|\||[-+*/%<>=!≠≤≥()\[\]{},.:;@'&|])
+    | (?P<FOREIGN>===|!==|=>|=<|<>|:=|&(?!&)|\|(?!\|)|[∧∨¬∀∃∈⇒→−×÷’])
+    | (?P<SIGN><<|->|\+\+|--|[=!<>]=|&&|\|\||[-+*/%<>=!≠≤≥()\[\]{},.:;@'])
     | (?P<NUMBER>[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?(?P<TAIL>[A-Za-z0-9_]*))
     | (?P<NEWLINE>\n[ \t]*)
-    | (?P<STRING>"(?:[^"\\\n]|\\[^\n])*(?P<QUOTE>"?))
-    | (?P<BAD>[^\x20-\x7e\n\t≠≤≥]+|.)
+    | (?P<STRING>"[^"\\\n]*(?:\\[^\n][^"\\\n]*)*(?P<QUOTE>["\\]?))
+    | (?P<BAD>[^\x20-\x7e\n\t≠≤≥∧∨¬∀∃∈⇒→−×÷’]+|.)
     """,
     re.VERBOSE,
 )
@@ -83,13 +105,27 @@ class Token:
         """Where the token stands."""
         return Span(self.file, self.line, self.column, self.line, self.end_column)
 
+    def meant(self, text: str) -> Token:
+        """What should stand in place of this token."""
+        kind = _TYPES.get(text, "NAME")
+        return Token(kind, text, self.file, self.line, self.column, self.end_column)
+
 
 @dataclass(slots=True)
 class TextLine:
-    """A line of the file: the columns of its indentation, and its tokens."""
+    """A line of the file: the width of its indentation, and its tokens."""
 
     indent: int
     tokens: list[Token]
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A file in tokens."""
+
+    lines: list[TextLine]  #: those that are not blank
+    comments: tuple[Comment, ...]
+    tabs: bool  #: whether tabs stand in the indentation
 
 
 #: A number has at most so many digits, and an exponent of at most so much.
@@ -98,22 +134,20 @@ MAX_DIGITS = 400
 _TAB = 4
 
 
-def tokenise(source: Source, report: Report) -> tuple[list[TextLine], tuple[Comment, ...]]:
+def tokenise(source: Source, report: Report) -> Text:
     """The lines of a text that are not blank, and its comments."""
-    lines: list[TextLine] = []
-    comments: list[Comment] = []
     file = source.name
     text = source.text
-    tokens: list[Token] = []
-    lines.append(TextLine(0, tokens))
-    add = tokens.append
     types = _TYPES
+    comments: list[Comment] = []
+    position = len(text) - len(text.lstrip(" "))
+    tokens: list[Token] = []
+    lines = [TextLine(position, tokens)]
+    tabs: list[Span] = []
     line = 1
     start = 0  # offset of column 1 of the line
-    tab: Span | None = None
-    tabs = 0
-    position = len(text) - len(text.lstrip(" "))
-    lines[0].indent = position
+    if text[position : position + 1] == "\t":
+        tabs.append(Span(file, 1, 1, 1, position + 2))
     for match in _TOKEN.finditer(text, position):
         kind = match.lastgroup
         if kind == "SPACE":
@@ -122,77 +156,77 @@ def tokenise(source: Source, report: Report) -> tuple[list[TextLine], tuple[Comm
         column = begin - start + 1
         if kind == "NAME" or kind == "SIGN":
             word = match.group()
-            add(Token(types.get(word, "NAME"), word, file, line, column, end - start + 1))
+            tokens.append(Token(types.get(word, "NAME"), word, file, line, column, end - start + 1))
         elif kind == "NEWLINE":
             line += 1
             start = begin + 1
             indent = end - start
-            if "\t" in match.group():
+            if "\t" in match.group() and text[end : end + 1] not in ("\n", ""):
                 indent = len(text[start:end].expandtabs(_TAB))
-                tabs += 1
-                tab = tab or Span(file, line, 1, line, end - start + 1)
+                tabs.append(Span(file, line, 1, line, end - start + 1))
             tokens = []
-            add = tokens.append
             lines.append(TextLine(indent, tokens))
         elif kind == "COMMENT":
             comments.append(Comment(line, column, match.group().rstrip(), not tokens))
         else:
             token = Token("NAME", match.group(), file, line, column, end - start + 1)
             if kind == "NUMBER":
-                _number(token, match, report)
+                tokens.append(_number(token, match.group("TAIL"), report))
             elif kind == "STRING":
-                _string(token, match, report)
+                tokens.append(_string(token, match.group("QUOTE"), report))
+            elif kind == "FOREIGN":
+                tokens.append(_foreign(token, report))
             else:
-                _bad(token, report)
-                continue
-            add(token)
-    if tab:
-        _tabs(tab, tabs, report)
-    return [line for line in lines if line.tokens], tuple(comments)
+                tokens.extend(_bad(token, report))
+    if tabs:
+        _refuse_tabs(tabs, report)
+    return Text([line for line in lines if line.tokens], tuple(comments), bool(tabs))
 
 
-def _number(token: Token, match: re.Match[str], report: Report) -> None:
+def _number(token: Token, tail: str, report: Report) -> Token:
     digits = token.text
     token.type = "INT" if digits.isdigit() else "FLOAT"
-    if match.group("TAIL"):
+    if tail:
         report.error(
             "K103",
             token.span,
-            f"`{_shown(digits)}` is neither a number nor a name",
-            "a name begins with a letter or `_`",
+            f"`{shown(digits)}` is neither a number nor a name",
+            "a name begins with a letter or `_`; a number has digits, `.` and `e` only",
         )
-        token.type, token.text = "INT", "0"
-    elif len(digits) > MAX_DIGITS or ("e" in digits.lower() and _exponent(digits) > MAX_DIGITS):
+    elif len(digits) > MAX_DIGITS or abs(int(digits.lower().partition("e")[2] or 0)) > MAX_DIGITS:
         report.error("K103", token.span, f"a number has at most {MAX_DIGITS} digits")
-        token.type, token.text = "INT", "0"
-
-
-def _exponent(digits: str) -> int:
-    return abs(int(digits.lower().partition("e")[2]))
+    else:
+        return token
+    token.type, token.text = "INT", "0"
+    return token
 
 
 _ESCAPES = {"n": "\n", "t": "\t", '"': '"', "\\": "\\"}
 
 
-def _string(token: Token, match: re.Match[str], report: Report) -> None:
+def _string(token: Token, quote: str, report: Report) -> Token:
     token.type = "STRING"
-    if not match.group("QUOTE"):
+    if quote != '"':
+        report.damaged.add(token.line)
         report.error(
             "K102",
             token.span,
             "this string has no end on its line",
             'close it with `"`; a line break in a string is written `\\n`',
         )
-        token.text += '"'
-    for escape in re.finditer(r"\\(.)", token.text[:-1]):
+        token.text = '""'
+    for escape in re.finditer(r"\\(.)", token.text):
         if escape.group(1) not in _ESCAPES:
-            column = token.column + escape.start()
-            report.error(
-                "K104",
-                Span(token.file, token.line, column, token.line, column + 2),
-                f"`{_shown(escape.group())}` means nothing in a string",
-                'known are `\\n`, `\\t`, `\\"` and `\\\\`',
-            )
+            place = _inside(token, escape.start(), 2)
+            message = f"`{shown(escape.group())}` means nothing in a string"
+            report.error("K104", place, message, 'known are `\\n`, `\\t`, `\\"` and `\\\\`')
+    if not token.text.isprintable():
+        for offset, character in enumerate(token.text):
+            if _unprintable(character):
+                message = f"the character U+{ord(character):04X} cannot stand in a string"
+                report.error("K101", _inside(token, offset, 1), message)
+                break
+    return token
 
 
 def string_value(text: str) -> str:
@@ -200,23 +234,55 @@ def string_value(text: str) -> str:
     return re.sub(r"\\(.)", lambda match: _ESCAPES.get(match.group(1), match.group()), text[1:-1])
 
 
-def _bad(token: Token, report: Report) -> None:
+def _inside(token: Token, offset: int, length: int) -> Span:
+    column = token.column + offset
+    return Span(token.file, token.line, column, token.line, column + length)
+
+
+def _foreign(token: Token, report: Report) -> Token:
+    meant = _FOREIGN[token.text]
+    hint = f"write `{meant}`"
+    if token.text == "=>":
+        hint = "write `>=` to compare, `implies` to conclude"
+    elif token.text in ("&", "|"):
+        hint = f"write `{meant}` or `{token.text * 2}`"
+    report.error("K133", token.span, f"`{token.text}` is not a sign of the language", hint)
+    return token.meant(meant)
+
+
+def _bad(token: Token, report: Report) -> list[Token]:
+    """Tell of characters that the language does not have; as a name if they look like one."""
     character = token.text[0]
-    shown = f"`{character}`" if character.isprintable() else "this character"
+    code = f"U+{ord(character):04X}"
+    what = f"`{character}` ({code})" if character.isprintable() else f"the character {code}"
     hint = None
-    if character in "“”„«»‘’`":
+    word = character.isalpha()
+    if character in "“”„«»‘`":
         hint = 'strings stand between `"`'
-    elif character.isalpha():
+    elif character.isspace():
+        hint = "write an ordinary space"
+    elif character == "$":
+        hint = "leave the `$` out: it belongs to the typesetting of a listing"
+    elif word:
         hint = "names are made of the letters a to z, digits and `_`"
-    report.error(
-        "K101", token.span, f"{shown} (U+{ord(character):04X}) is not part of the language", hint
+    report.damaged.add(token.line)
+    report.error("K101", token.span, f"{what} is not part of the language", hint)
+    return [token] if word else []
+
+
+def _unprintable(character: str) -> bool:
+    return (
+        ord(character) < 0x20 or 0x7F <= ord(character) < 0xA0 or 0xD800 <= ord(character) < 0xE000
     )
 
 
-def _tabs(tab: Span, count: int, report: Report) -> None:
-    more = f" (so do {count - 1} more lines)" if count > 1 else ""
-    report.error("K105", tab, f"this line is indented with a tab{more}", "indent with spaces")
+def _refuse_tabs(tabs: list[Span], report: Report) -> None:
+    more = len(tabs) - 1
+    also = f" (and {more} more line{'s' if more > 1 else ''})" if more else ""
+    report.error("K105", tabs[0], f"this line{also} is indented with a tab", "indent with spaces")
 
 
-def _shown(text: str) -> str:
+def shown(text: str) -> str:
+    """A piece of the text as it may stand in a message."""
+    text = "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in text[:24])
     return text if len(text) <= 20 else text[:19] + "…"
