@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from dataclasses import dataclass
 from enum import Enum
@@ -23,6 +24,9 @@ from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit, gravest
 from koord.cli.files import check_writable
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
+from koord.cli.progress import LiveLine
+from koord.cli.systems import system_of
+from koord.cli.terminal import style_of
 
 
 class Engine(Enum):
@@ -109,7 +113,35 @@ def _request(arguments: argparse.Namespace) -> Request:
 
 
 def _verify(program: LoadedProgram, request: Request) -> Exit:
-    # >>> The engine's place: koord.verify on (program.program, request), a LiveLine on standard
-    # error and an Interruption around it, the verdict as text or JSON on standard output.
-    print(f"koord verify: {program.source.name}: not available in this version", file=sys.stderr)
-    return Exit.BAD_INPUT
+    # Z3 is loaded here and not before, so that the other commands start without it.
+    from koord.cli import verdicts
+    from koord.verify.portfolio import Choice, verify
+    from koord.verify.verdicts import Bounds, Outcome
+
+    system = system_of(program.program, request.fleet, request.delta_s)
+    bounds = Bounds(request.rounds, request.timeout_s)
+    with LiveLine(sys.stderr) as line:
+        report = verify(
+            system,
+            bounds,
+            Choice(request.engine.value),
+            names=request.properties,
+            seed=request.seed,
+            progress=line.show,
+        )
+    if request.as_json:
+        print(json.dumps(verdicts.as_json(program.source.name, system, bounds, report), indent=2))
+    else:
+        style = style_of(sys.stdout)
+        for text in verdicts.lines(program.source.name, system, report, style):
+            print(text)
+        print()
+        print(verdicts.summary(system, bounds, report, style))
+    if report.interrupted:
+        return Exit.INTERRUPTED
+    codes = {
+        Outcome.HOLDS: Exit.OK,
+        Outcome.VIOLATED: Exit.VIOLATED,
+        Outcome.UNKNOWN: Exit.UNKNOWN,
+    }
+    return codes[report.outcome]

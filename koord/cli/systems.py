@@ -1,0 +1,24 @@
+"""The robots that a command asks for, as a system."""
+
+from __future__ import annotations
+
+from argparse import ArgumentTypeError
+from fractions import Fraction
+
+from koord.cli.arguments import Fleet
+from koord.semantics.configurations import System, dealt
+from koord.syntax import core
+
+
+def system_of(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
+    """The program with its robots. Raises ArgumentTypeError for kinds it does not have."""
+    if not fleet.kinds:
+        return dealt(program, fleet.total, delta_s)
+    names = [agent.name for agent in program.agents]
+    kinds: list[int] = []
+    for name, count in fleet.kinds:
+        if name not in names:
+            known = ", ".join(names) if names != [""] else "only one kind, which has no name"
+            raise ArgumentTypeError(f"--robots: there is no agent {name} here; there is {known}")
+        kinds += [names.index(name)] * count
+    return System(program, tuple(kinds), delta_s)

@@ -1,0 +1,118 @@
+"""Verdicts as text and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import assert_never
+
+from koord.cli.terminal import Paint, Style
+from koord.semantics.configurations import System
+from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+
+_PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKNOWN: Paint.WARNING}
+
+
+def lines(name: str, system: System, report: Report, style: Style) -> Iterator[str]:
+    """The report as a table, then what makes it say less, then one line that sums it up."""
+    yield style.paint(f"{name}: {_fleet(system)}, δ = {float(system.delta_s):g} s", Paint.BOLD)
+    yield ""
+    rows = [(v.claim.name, said(v), _by(v), f"{v.seconds:.2f} s") for v in report.verdicts]
+    widths = [max((len(row[k]) for row in rows), default=0) for k in range(4)]
+    for verdict, row in zip(report.verdicts, rows, strict=True):
+        shown = style.paint(row[1].ljust(widths[1]), _PAINT[verdict.outcome])
+        time = row[3].rjust(widths[3])
+        yield f"  {row[0].ljust(widths[0])}  {shown}  {row[2].ljust(widths[2])}  {time}".rstrip()
+        if verdict.reason:
+            yield f"      {verdict.reason}"
+    if report.vacuities:
+        yield ""
+    for vacuity in report.vacuities:
+        label = style.paint("warning:", Paint.WARNING)
+        yield f"  {label} {vacuity.what}: {vacuity.detail}"
+
+
+def summary(system: System, bounds: Bounds, report: Report, style: Style) -> str:
+    """One line: the outcome, for whom, how far, in how long."""
+    outcome = style.paint(report.outcome.value, _PAINT[report.outcome])
+    stopped = "interrupted, " if report.interrupted else ""
+    match report.outcome:
+        case Outcome.HOLDS:
+            everywhere = all(verdict.rounds is None for verdict in report.verdicts)
+            reach = "every number of rounds" if everywhere else f"{bounds.rounds} rounds"
+            text = f"{outcome}: {len(report.verdicts)} claims, {_fleet(system)}, {reach}"
+        case Outcome.VIOLATED:
+            count = sum(v.outcome is Outcome.VIOLATED for v in report.verdicts)
+            text = f"{outcome}: {count} of {len(report.verdicts)} claims, {_fleet(system)}"
+        case Outcome.UNKNOWN:
+            count = sum(v.outcome is Outcome.UNKNOWN for v in report.verdicts)
+            text = f"{outcome}: {count} of {len(report.verdicts)} claims, {_fleet(system)}"
+        case _:
+            assert_never(report.outcome)
+    return f"{text}; {stopped}{report.seconds:.2f} s"
+
+
+def said(verdict: Verdict) -> str:
+    """The verdict in words, with how far it reaches."""
+    match verdict.outcome:
+        case Outcome.HOLDS if verdict.rounds is None:
+            return "holds in every round"
+        case Outcome.HOLDS:
+            return f"holds through round {verdict.rounds}"
+        case Outcome.VIOLATED:
+            assert verdict.counterexample is not None
+            found = verdict.counterexample
+            where = f"in round {found.round}" if found.round else "at the start"
+            return f"violated {where}"
+        case Outcome.UNKNOWN:
+            if verdict.rounds is None:
+                return "unknown"
+            return f"unknown; holds through round {verdict.rounds}"
+
+
+def _by(verdict: Verdict) -> str:
+    if verdict.engine is Engine.NONE:
+        return ""
+    if verdict.engine is Engine.INDUCTION and verdict.depth > 1:
+        return f"induction over {verdict.depth} rounds"
+    return verdict.engine.value
+
+
+def _fleet(system: System) -> str:
+    count = system.robots
+    if len(system.program.agents) == 1:
+        return f"{count} robot{'s' if count != 1 else ''}"
+    names = [agent.name for agent in system.program.agents]
+    parts = [f"{system.kinds.count(k)} {name}" for k, name in enumerate(names)]
+    return ", ".join(parts)
+
+
+def as_json(name: str, system: System, bounds: Bounds, report: Report) -> dict[str, object]:
+    """The report as the object that ``--json`` prints."""
+    return {
+        "program": name,
+        "robots": system.robots,
+        "delta_s": float(system.delta_s),
+        "rounds": bounds.rounds,
+        "outcome": report.outcome.value,
+        "seconds": round(report.seconds, 3),
+        "interrupted": report.interrupted,
+        "claims": [_verdict_json(verdict) for verdict in report.verdicts],
+        "vacuities": [{"what": v.what, "detail": v.detail} for v in report.vacuities],
+    }
+
+
+def _verdict_json(verdict: Verdict) -> dict[str, object]:
+    found = verdict.counterexample
+    return {
+        "name": verdict.claim.name,
+        "kind": verdict.claim.kind.value,
+        "outcome": verdict.outcome.value,
+        "engine": verdict.engine.value,
+        "all_rounds": verdict.outcome is Outcome.HOLDS and verdict.rounds is None,
+        "through_round": verdict.rounds,
+        "seconds": round(verdict.seconds, 3),
+        "reason": verdict.reason or None,
+        "violated": None
+        if found is None
+        else {"round": found.round, "phase": found.phase.value, "detail": found.detail},
+    }
