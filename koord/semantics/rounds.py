@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 from koord.semantics.configurations import (
+    NO_EVENT,
     Configuration,
     Fault,
     Robot,
@@ -136,7 +137,7 @@ def run_event(
         raise IllegalStepError("ATOMIC", f"{name} of robot {robot} enters a taken lock class")
     after = replace(
         configuration,
-        robots=_with(configuration.robots, robot, turned.robot),
+        robots=_with(_opened(d, configuration), robot, turned.robot),
         store=committed(d, configuration.store, turned),
         taken=configuration.taken | entered,
         fault=found,
@@ -152,7 +153,7 @@ def run_skip(
     if not may_skip(d, system, configuration, robot, inputs):
         raise IllegalStepError("SKIP", f"robot {robot} has an urgent event to run")
     turned = skip_turn(d, state)
-    robots = _with(configuration.robots, robot, turned.robot)
+    robots = _with(_opened(d, configuration), robot, turned.robot)
     return Stepped(_ended(d, replace(configuration, robots=robots)))
 
 
@@ -181,6 +182,14 @@ def _to_move(configuration: Configuration[V], robot: int) -> Robot[V]:
     if state.turn is not Turn.PROG:
         raise IllegalStepError("EVENT-TRANS", f"robot {robot} has had its turn in this round")
     return state
+
+
+def _opened(d: Domain[V], configuration: Configuration[V]) -> tuple[Robot[V], ...]:
+    """The robots as a turn finds them: the first of a round clears every ``ran``. [EVENT-TRANS]"""
+    if any(state.turn is Turn.ENV for state in configuration.robots):
+        return configuration.robots
+    none = d.const(NO_EVENT, INT)
+    return tuple(replace(state, ran=none) for state in configuration.robots)
 
 
 def _ended(d: Domain[V], configuration: Configuration[V]) -> Configuration[V]:
