@@ -99,14 +99,14 @@ def initial_turn(
         copy=store,
         bound=agent.init_bound,
     )
-    for entry in agent.locals:
-        start = _starting(m, entry, entry.variable.type, inputs, robot)
-        if start is not None:
-            m.memory.locals[entry.variable.slot] = start
     for port in agent.ports:
         start = _starting(m, port.declaration, port.declaration.variable.type, inputs, robot)
         if start is not None:
             m.memory.ports[port.declaration.variable.slot] = start
+    for entry in agent.locals:
+        start = _starting(m, entry, entry.variable.type, inputs, robot)
+        if start is not None:
+            m.memory.locals[entry.variable.slot] = start
     for entry in system.program.allread:
         _start_own_entry(m, entry, inputs, robot)
     run(m, agent.init)
