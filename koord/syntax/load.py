@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
+
 from koord.syntax import ast
 from koord.syntax.diagnostics import Diagnostic, Severity
 from koord.syntax.elaborate import Elaborated, Settings, elaborate
@@ -44,13 +47,53 @@ def load(
         diagnostics += findings.in_order()
     program = ast.Program(tuple(sections), parsed.program.comments, span=parsed.program.span)
     elaborated = elaborate(program, settings)
+    lost = {file.name: lost_words(file, diagnostics) for file in (source, *properties)}
+    independent = [
+        found
+        for found in elaborated.diagnostics
+        if not follows(found, lost.get(found.span.file, frozenset()), source)
+    ]
     files = {name.name: number for number, name in enumerate((source, *properties))}
     together = sorted(
-        (*diagnostics, *elaborated.diagnostics),
+        (*diagnostics, *independent),
         key=lambda d: (files.get(d.span.file, -1), d.span.line, d.span.column),
     )
     kept = elaborated.program if not _has_errors(diagnostics) else None
     return Elaborated(kept, tuple(together))
+
+
+#: Findings that may only be there because a line with an error could not be read.
+_FOLLOWING = frozenset({"K201", "K202", "K203", "K205", "K206", "K207", "K304", "K403"})
+#: Errors of indentation, which are mended: nothing is lost.
+_MENDED = frozenset({"K110", "K111"})
+_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+def lost_words(source: Source, diagnostics: Iterable[Diagnostic]) -> frozenset[str]:
+    """The words on lines that could not be read, and in the blocks below them."""
+    words: set[str] = set()
+    for diagnostic in diagnostics:
+        if diagnostic.span.file != source.name or diagnostic.code in _MENDED:
+            continue
+        line = diagnostic.span.line
+        text = source.line_text(line)
+        indent = len(text) - len(text.lstrip())
+        while text.strip():
+            words.update(_WORD.findall(text))
+            line += 1
+            text = source.line_text(line)
+            if len(text) - len(text.lstrip()) <= indent:
+                break
+    return frozenset(words)
+
+
+def follows(found: Diagnostic, lost: frozenset[str], source: Source) -> bool:
+    """Whether what was found may be a mere consequence of lines that could not be read."""
+    if not lost or found.code not in _FOLLOWING or found.span.file != source.name:
+        return False
+    text = source.line_text(found.span.line)[found.span.column - 1 :]
+    word = _WORD.match(text)
+    return word is not None and word.group() in lost
 
 
 def _misplaced(findings: Findings, section: ast.Section) -> None:

@@ -21,11 +21,10 @@ def assign(body: Body, s: ast.Assign) -> core.Block:
         name = _called(value)
         if name == "pop" and "pop" not in body.session.functions.own:
             return pop_into(body, s)
-        if name in ("append", "remove") and name not in body.session.functions.own:
-            changed = _changed(value)
-            if changed == s.target:
-                # the functional spelling, x = append(x, v)
-                return call_statement(body, ast.CallStmt(value, span=s.span))
+        own = name in body.session.functions.own
+        if name in ("append", "remove") and not own and _same(_changed(value), s.target):
+            # the functional spelling, x = append(x, v)
+            return call_statement(body, ast.CallStmt(value, span=s.span))
     place = target(body, s.target)
     found = body.expr(value, place.type if place is not None else None)
     if place is None or found is None:
@@ -44,6 +43,13 @@ def _changed(value: ast.Call | ast.MethodCall) -> ast.Expr | None:
     if isinstance(value, ast.MethodCall):
         return value.receiver
     return value.arguments[0].value if value.arguments else None
+
+
+def _same(one: ast.Expr | None, other: ast.Expr) -> bool:
+    try:
+        return one == other
+    except RecursionError:  # trees that are refused for their depth later
+        return False
 
 
 def increment(body: Body, s: ast.Increment) -> core.Block:

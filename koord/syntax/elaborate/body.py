@@ -10,7 +10,7 @@ from enum import Enum
 from koord.syntax import ast, core
 from koord.syntax.elaborate.findings import Findings
 from koord.syntax.elaborate.session import AtomicBlock, Session
-from koord.syntax.elaborate.symbols import AgentScope, BoundSymbol, Role
+from koord.syntax.elaborate.symbols import RESERVED, AgentScope, BoundSymbol, Role
 from koord.syntax.source import Span
 from koord.syntax.types import INT, Type
 
@@ -109,17 +109,23 @@ class Body:
 
     def expr(self, e: ast.Expr, expected: Type | None = None) -> core.Expr | None:
         """The expression elaborated; None if it is wrong, which is told by then."""
-        if self.depth >= MAX_DEPTH:
-            self.findings.error(
+        with self.deeper(e) as allowed:
+            return self.session.expression(self, e, expected) if allowed else None
+
+    @contextmanager
+    def deeper(self, e: ast.Expr) -> Iterator[bool]:
+        """One level further down; the answer is whether that is allowed."""
+        allowed = self.depth < MAX_DEPTH
+        if not allowed:
+            self.error(
                 "K231",
                 e.span,
                 f"this is nested more than {MAX_DEPTH} deep",
                 "give a part of it a name of its own",
             )
-            return None
         self.depth += 1
         try:
-            return self.session.expression(self, e, expected)
+            yield allowed
         finally:
             self.depth -= 1
 
@@ -141,6 +147,13 @@ class Body:
         self, name: ast.Ident, type_: Type | None, role: Role, kind: int | None = None
     ) -> BoundSymbol:
         """Bind a name in the innermost frame."""
+        if name.name in RESERVED and role is not Role.QUANTIFIED:
+            self.error(
+                "K209",
+                name.span,
+                f"`{name.name}` is the language's own name, and has a meaning everywhere",
+                "choose another name",
+            )
         variable = self.slot(name.name, type_) if type_ is not None else None
         symbol = BoundSymbol(variable, role, name, kind)
         self.frames[-1][name.name] = symbol
@@ -171,8 +184,3 @@ class Body:
     def fresh_site(self) -> int:
         """The number of a call or a choice."""
         return self.session.sites.take()
-
-
-def inner(body: Body, where: Where) -> Body:
-    """A body of the same robot for another construct, with slots of its own."""
-    return Body(body.session, where, body.agent, body.findings, module=body.module)

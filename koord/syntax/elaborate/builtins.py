@@ -36,6 +36,7 @@ def _no_list(body: Body, e: ast.Expr, name: str, given: Type, of: str = "a list"
 def _length(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
     if not _counted(body, e, 1):
         return None
+    read_before = set(body.shared_reads)
     value = body.expr(e.arguments[0].value)
     if value is None:
         return None
@@ -44,6 +45,7 @@ def _length(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
         return None
     if isinstance(value.type, ArrayType) and isinstance(value, core.Read) and _fixed(value.place):
         # the size of an array is no matter of its elements, which may be unset
+        body.shared_reads = read_before
         if isinstance(value.type.size, int):
             return core.Const(value.type.size, INT, span=e.span)
         return core.NumAgents(INT, span=e.span)

@@ -9,7 +9,7 @@ from koord.syntax.elaborate.library import library
 from koord.syntax.elaborate.records import field_value
 from koord.syntax.elaborate.resolve_types import GENERIC, PREDEFINED, resolve
 from koord.syntax.elaborate.session import Session
-from koord.syntax.elaborate.symbols import MemberSymbol, RecordInfo
+from koord.syntax.elaborate.symbols import RESERVED, MemberSymbol, RecordInfo
 from koord.syntax.types import STREAM, EnumType, RecordType, Type
 
 
@@ -53,6 +53,11 @@ def _is_new(session: Session, name: ast.Ident) -> bool:
 def _enum(session: Session, enum: ast.EnumDef) -> None:
     members: list[ast.Ident] = []
     for member in enum.members:
+        if member.name in RESERVED:
+            session.findings.error(
+                "K209", member.span, f"`{member.name}` is the language's own name"
+            )
+            continue
         first = next((known for known in members if known.name == member.name), None)
         if first is not None:
             session.findings.error(
@@ -100,11 +105,17 @@ def _records(session: Session, records: dict[str, ast.RecordDef]) -> None:
 
 
 def _names(type_: ast.TypeExpr) -> list[str]:
-    match type_:
-        case ast.NamedType(name=name, arguments=arguments):
-            return [name, *(part for argument in arguments for part in _names(argument))]
-        case ast.ArrayTypeExpr(element=element):
-            return _names(element)
+    """The names of types that it is made of."""
+    names: list[str] = []
+    stack = [type_]
+    while stack:
+        part = stack.pop()
+        if isinstance(part, ast.NamedType):
+            names.append(part.name)
+            stack.extend(part.arguments)
+        else:
+            stack.append(part.element)
+    return names
 
 
 def _endless(session: Session, records: dict[str, ast.RecordDef], cycle: list[str]) -> None:

@@ -44,7 +44,7 @@ def _unary(op: core.UnaryOp, value: Scalar) -> Scalar | None:
         case core.UnaryOp.NEG:
             return -value
         case core.UnaryOp.ABS:
-            return abs(value)
+            return value if value >= 0 else -value
         case core.UnaryOp.WIDEN:
             return Fraction(value)
         case core.UnaryOp.NOT:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
-from koord.syntax.elaborate.body import Body, Where
+from koord.syntax.elaborate.body import LOGICAL, Body, Where
 from koord.syntax.elaborate.coercion import accepts, fit
 from koord.syntax.elaborate.function_table import Signature
 from koord.syntax.elaborate.library import library_signatures
@@ -167,5 +167,7 @@ def _made(
     if signature.result is None:
         body.error("K228", span, f"`{signature.written}` gives no value")
         return None
+    if body.where in LOGICAL:
+        body.session.logical_calls.append((signature.name, span))
     make = core.ExternalCall if signature.external else core.Call
     return make(signature.name, arguments, signature.result, body.fresh_site(), span=span)

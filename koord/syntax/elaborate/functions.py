@@ -251,6 +251,28 @@ def in_order(session: Session) -> list[core.Function | core.External]:
     return [made for made in done.values() if made is not None]
 
 
+def check_logical_calls(session: Session) -> None:
+    """Statements call functions of fixed answers only."""
+    table = session.functions
+    for name, span in session.logical_calls:
+        stack, seen = [name], {name}
+        while stack:
+            current = stack.pop()
+            made = table.elaborated.get(current)
+            if isinstance(made, core.External) and made.kind is core.ExternalKind.FRESH:
+                way = "" if current == name else f" (it calls `{current}`)"
+                session.findings.error(
+                    "K309",
+                    span,
+                    f"`{name}` may answer anew at each call{way}: a statement cannot speak of it",
+                    "keep its answer in a variable, and speak of that",
+                )
+                break
+            called = [n for n in table.calls.get(current, []) if n not in seen]
+            seen.update(called)
+            stack.extend(called)
+
+
 def _is_external(session: Session, name: str) -> bool:
     return isinstance(session.functions.elaborated.get(name), core.External)
 

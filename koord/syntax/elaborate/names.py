@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from koord.syntax import ast, core
-from koord.syntax.diagnostics import Note
 from koord.syntax.elaborate.body import (
     CLOSED,
     CONTRACT,
-    INITIALS,
     SEES_PID,
     SEES_PORTS,
     SEES_VARIABLES,
     Body,
     Where,
 )
+from koord.syntax.elaborate.resolve_types import element_of
 from koord.syntax.elaborate.suggest import did_you_mean, listed
 from koord.syntax.elaborate.symbols import (
     AgentScope,
@@ -28,9 +27,6 @@ from koord.syntax.elaborate.symbols import (
 )
 from koord.syntax.source import Span
 from koord.syntax.types import FLOAT, INT, EnumType, Type
-
-#: Names that every program has and none may declare.
-RESERVED = frozenset({"pid", "numAgents", "Nsys", "numBots"})
 
 #: What a name can stand for: a place, a value, or nothing (told by then).
 Meaning = core.Place | core.Expr | None
@@ -251,9 +247,7 @@ def _special(body: Body, e: ast.Name) -> Meaning:
     match e.name:
         case "pid":
             return _pid(body, e)
-        case "numAgents" | "Nsys" | "numBots":
-            if body.where is Where.CONSTANT:
-                return core.NumAgents(INT, span=e.span)
+        case "numAgents" | "Nsys":
             return core.NumAgents(INT, span=e.span)
         case "delta":
             return core.Delta(FLOAT, span=e.span)
@@ -291,24 +285,10 @@ def _pid(body: Body, e: ast.Name) -> Meaning:
 
 def unknown(body: Body, e: ast.Name, field: str | None = None) -> None:
     """Tell that there is no such name, and what may have been meant."""
-    hint = _element_hint(body, e.name, field)
-    similar = did_you_mean(e.name, visible(body))
-    message = f"`{e.name}` is not declared"
-    notes: tuple[Note, ...] = ()
-    if hint is None:
-        hint = similar or _home_hint(body, e.name)
-    body.findings.error("K201", e.span, message, hint, notes)
-
-
-def _home_hint(body: Body, wanted: str) -> str | None:
-    if body.where in INITIALS | {Where.CONSTANT}:
-        return None
-    if body.agent is None and body.where in CLOSED | {Where.GUARD, Where.EFFECT}:
-        return None
-    for module in body.session.library_modules:
-        if module == wanted:
-            return f"`{wanted}` is a module: begin with `using {wanted}`"
-    return None
+    hint = _element_hint(body, e.name, field) or did_you_mean(e.name, visible(body))
+    if hint is None and field is not None:
+        hint = f"if `{e.name}` is a module, begin the program with `using {e.name}:`"
+    body.error("K201", e.span, f"`{e.name}` is not declared", hint)
 
 
 def _element_hint(body: Body, wanted: str, field: str | None) -> str | None:
@@ -341,3 +321,13 @@ def visible(body: Body) -> list[str]:
         names += agent.variables
         names += agent.ports
     return [*names, "pid", "numAgents", "delta"]
+
+
+def robot_entry(body: Body, found: core.Place, e: ast.Expr) -> core.Place:
+    """``x@i`` is ``x[i]`` for an allread ``x``."""
+    assert body.robot is not None
+    element = element_of(found.variable.type)
+    assert element is not None
+    body.robot.used = True
+    step = core.IndexStep(body.robot.expr, element, span=e.span)
+    return core.Place(found.variable, (step,), span=e.span)

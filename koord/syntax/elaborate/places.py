@@ -10,7 +10,7 @@ from koord.syntax.elaborate.names import Meaning
 from koord.syntax.elaborate.quantifiers import at_robot, primed
 from koord.syntax.elaborate.resolve_types import element_of
 from koord.syntax.elaborate.suggest import did_you_mean, listed
-from koord.syntax.elaborate.symbols import ModuleScope, Poisoned
+from koord.syntax.elaborate.symbols import RESERVED, ModuleScope, Poisoned
 from koord.syntax.types import INT, EnumType, FloatType, MapType, RecordType, Type, show
 
 #: Two names of one field of a `Task`, as published programs use them.
@@ -29,6 +29,15 @@ def meaning(body: Body, e: ast.Expr, expected: Type | None = None) -> Meaning:
     match e:
         case ast.Name():
             return names.name(body, e, expected)
+        case ast.Attribute() | ast.Index() | ast.AtRobot() | ast.Prime():
+            with body.deeper(e) as allowed:
+                return _composed(body, e) if allowed else None
+        case _:
+            return body.expr(e, expected)
+
+
+def _composed(body: Body, e: ast.Attribute | ast.Index | ast.AtRobot | ast.Prime) -> Meaning:
+    match e:
         case ast.Attribute():
             return _attribute(body, e)
         case ast.Index():
@@ -37,8 +46,6 @@ def meaning(body: Body, e: ast.Expr, expected: Type | None = None) -> Meaning:
             return at_robot(body, e, lambda: meaning(body, base))
         case ast.Prime(base=base):
             return primed(body, e, lambda: meaning(body, base))
-        case _:
-            return body.expr(e, expected)
 
 
 def read(found: Meaning, e: ast.Expr) -> core.Expr | None:
@@ -85,7 +92,7 @@ def _is_unknown(body: Body, name: str) -> bool:
     return (
         not any(name in agent.ports for agent in session.agents)
         and not session.member(name)
-        and name not in names.RESERVED | {"delta"}
+        and name not in RESERVED | {"delta"}
     )
 
 
@@ -193,17 +200,8 @@ def _entry(body: Body, base: ast.Expr, found: Meaning) -> Meaning:
         and body.robot is not None
         and body.where in CLOSED | CONTRACT
     ):
-        return own_entry(body, found, base)
+        return names.robot_entry(body, found, base)
     return found
-
-
-def own_entry(body: Body, found: core.Place, e: ast.Expr) -> Meaning:
-    """The entry of the robot that ``@`` names."""
-    assert body.robot is not None
-    element = element_of(found.variable.type)
-    assert element is not None
-    body.robot.used = True
-    return stepped(found, core.IndexStep(body.robot.expr, element, span=e.span), e)
 
 
 def _index(body: Body, e: ast.Index) -> Meaning:

@@ -122,6 +122,7 @@ def _define(
     stated = _properties(session, sections)
     functions.define_functions(session)
     ordered = functions.in_order(session)
+    functions.check_logical_calls(session)
     externals = tuple(made for made in ordered if isinstance(made, core.External))
     cautions.contradictions(session, agents, assumptions, externals)
     cautions.confused(session)

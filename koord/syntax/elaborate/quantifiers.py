@@ -7,7 +7,7 @@ from collections.abc import Callable
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import CLOSED, CONTRACT, LOGICAL, SUMMARIES, Body, Robot, Where
 from koord.syntax.elaborate.coercion import fit
-from koord.syntax.elaborate.names import Meaning
+from koord.syntax.elaborate.names import Meaning, robot_entry
 from koord.syntax.elaborate.resolve_types import element_of, resolve
 from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import Role
@@ -136,8 +136,12 @@ def at_robot(body: Body, e: ast.AtRobot, base: Callable[[], Meaning]) -> Meaning
     body.robot = Robot(robot, _kind(body, e.robot))
     try:
         found = base()
-        if isinstance(found, core.Place):
-            found = _whole_entry(body, e, found)
+        if (
+            isinstance(found, core.Place)
+            and found.variable.home is core.Home.ALLREAD
+            and not found.steps
+        ):
+            found = robot_entry(body, found, e)
         if found is not None and not body.robot.used:
             body.error(
                 "K302",
@@ -149,18 +153,6 @@ def at_robot(body: Body, e: ast.AtRobot, base: Callable[[], Meaning]) -> Meaning
     finally:
         body.robot = outer
     return found
-
-
-def _whole_entry(body: Body, e: ast.AtRobot, found: core.Place) -> Meaning:
-    """``x@i`` is ``x[i]`` for an allread ``x``."""
-    assert body.robot is not None
-    if found.variable.home is not core.Home.ALLREAD or found.steps:
-        return found
-    element = element_of(found.variable.type)
-    assert element is not None
-    body.robot.used = True
-    step = core.IndexStep(body.robot.expr, element, span=e.span)
-    return core.Place(found.variable, (step,), span=e.span)
 
 
 def _kind(body: Body, robot: ast.Expr) -> int | None:

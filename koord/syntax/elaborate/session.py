@@ -88,6 +88,8 @@ class Session:
     sites: Counter = field(default_factory=Counter)
     used: set[int] = field(default_factory=set)
     loop_variables: set[str] = field(default_factory=set)
+    #: Calls in properties, contracts and summaries.
+    logical_calls: list[tuple[str, Span]] = field(default_factory=list)
     confusions: list[Confusion] = field(default_factory=list)
     atomic_blocks: dict[int, AtomicBlock] = field(default_factory=dict)
     #: The library's modules that a program can use without declaring their ports.

@@ -10,7 +10,6 @@ from koord.syntax.elaborate.assignments import assign, increment
 from koord.syntax.elaborate.body import MAX_DEPTH, Body, Where
 from koord.syntax.elaborate.changes import call_statement
 from koord.syntax.elaborate.coercion import fit
-from koord.syntax.elaborate.names import RESERVED
 from koord.syntax.elaborate.resolve_types import resolve
 from koord.syntax.elaborate.session import AtomicBlock
 from koord.syntax.elaborate.streams import output
@@ -168,9 +167,7 @@ def _local(body: Body, s: ast.LocalDecl) -> core.Block:
         what = f"`{decl.name.name}`"
         value = fit(body, body.expr(decl.initial, type_), type_, decl.initial.span, what)
     known = body.lookup(decl.name.name)
-    if decl.name.name in RESERVED:
-        body.error("K209", decl.name.span, f"`{decl.name.name}` is the language's own name")
-    elif known is not None:
+    if known is not None:
         body.error("K208", decl.name.span, f"`{decl.name.name}` is {known.role.value} already")
     symbol = body.declare(decl.name, type_, Role.LOCAL)
     if symbol.variable is None or value is None:

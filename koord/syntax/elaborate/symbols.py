@@ -9,6 +9,9 @@ from koord.syntax import ast, core
 from koord.syntax.source import Span
 from koord.syntax.types import EnumType, RecordType
 
+#: Names that every program has and none may declare.
+RESERVED = frozenset({"pid", "numAgents", "Nsys"})
+
 
 @dataclass(frozen=True, slots=True)
 class VariableSymbol:

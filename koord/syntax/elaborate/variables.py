@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaborate.body import Body, Where
-from koord.syntax.elaborate.names import RESERVED
 from koord.syntax.elaborate.params import param_value
 from koord.syntax.elaborate.resolve_types import resolve
 from koord.syntax.elaborate.session import Session
 from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import (
+    RESERVED,
     AgentScope,
     Named,
     ParamSymbol,
