@@ -1,0 +1,1 @@
+"""Random typed core programs, configurations and runs, for agreement tests."""

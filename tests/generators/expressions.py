@@ -1,0 +1,355 @@
+"""Random expressions of a given type."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, ListOp, UnaryOp
+from koord.syntax.types import (
+    BOOL,
+    FLOAT,
+    INT,
+    ArrayType,
+    BoolType,
+    EnumType,
+    FloatType,
+    IntType,
+    ListType,
+    MapType,
+    OpaqueType,
+    QueueType,
+    RecordType,
+    Robots,
+    StreamType,
+    StringType,
+    Type,
+)
+from tests.generators import places
+from tests.generators.drafts import Context
+
+Maker = Callable[[], core.Expr | None]
+
+_FLOATS = (Fraction(0), Fraction(1), Fraction(1, 2), Fraction(-3, 2), Fraction(2))
+_TEXTS = ("", "go", "stop")
+
+
+def expression(c: Context, type_: Type, depth: int) -> core.Expr:
+    """An expression of a type. An array may stand where a list is asked for."""
+    makers: list[tuple[float, Maker]] = [
+        (1.0, lambda: literal(c, type_, depth)),
+        (2.5, lambda: _read(c, type_, depth)),
+    ]
+    if depth > 0:
+        makers += _operators(c, type_, depth - 1)
+        makers += [
+            (0.4, lambda: _call(c, type_, depth - 1)),
+            (0.4, lambda: _external(c, type_, depth - 1)),
+            (0.3, lambda: _select(c, type_, depth - 1)),
+        ]
+        if isinstance(type_, ListType):
+            makers.append((0.5, lambda: _array_as_list(c, type_, depth)))
+    made = c.draft.weighted(makers)()
+    return made if made is not None else literal(c, type_, depth)
+
+
+def literal(c: Context, type_: Type, depth: int) -> core.Expr:
+    """A constant, or a record, list or map written out."""
+    draft, span = c.draft, c.draft.span()
+    match type_:
+        case IntType():
+            return core.Const(draft.pick((-1, 0, 0, 1, 1, 2, 3)), INT, span=span)
+        case FloatType():
+            return core.Const(draft.pick(_FLOATS), FLOAT, span=span)
+        case BoolType():
+            return core.Const(draft.chance(0.5), BOOL, span=span)
+        case StringType() | StreamType():
+            return core.Const(draft.pick(_TEXTS), type_, span=span)
+        case EnumType(members=members):
+            return core.Const(draft.random.randrange(len(members)), type_, span=span)
+        case RecordType(fields=fields):
+            parts = tuple(expression(c, field, depth - 1) for _, field in fields)
+            return core.MakeRecord(parts, type_, span=span)
+        case ArrayType(element=element, size=size):
+            # An array over robots is written out as a shorter one: the rest stays unset.
+            count = size if isinstance(size, int) else 1
+            items = tuple(expression(c, element, depth - 1) for _ in range(count))
+            return core.MakeList(items, type_, span=span)
+        case ListType(element=element) | QueueType(element=element):
+            count = draft.weighted([(2, 0), (3, 1), (2, 2)])
+            items = tuple(expression(c, element, depth - 1) for _ in range(count))
+            return core.MakeList(items, type_, span=span)
+        case MapType(key=key_type, value=value):
+            count = draft.weighted([(1, 0), (2, 1), (2, 2)])
+            pairs = [
+                (literal(c, key_type, 0), expression(c, value, depth - 1)) for _ in range(count)
+            ]
+            return core.MakeMap(tuple(pairs), type_, span=span)
+        case OpaqueType():
+            raise AssertionError("no program text has opaque values")
+
+
+def key(c: Context, above: Type, depth: int) -> core.Expr:
+    """A key into a map: mostly a simple one, so that keys are met again."""
+    assert isinstance(above, MapType)
+    if c.draft.profile.finite or c.draft.chance(0.7):
+        return literal(c, above.key, 0)
+    return expression(c, above.key, depth - 1)
+
+
+def _read(c: Context, type_: Type, depth: int) -> core.Expr | None:
+    place = places.readable(c, type_, depth)
+    return core.Read(place, span=c.draft.span()) if place is not None else None
+
+
+def _array_as_list(c: Context, type_: ListType, depth: int) -> core.Expr | None:
+    sizes: tuple[int | Robots, ...] = (2, 3, Robots.ALL)
+    size = c.draft.pick(sizes)
+    return _read(c, ArrayType(type_.element, size), depth)
+
+
+# --- operators ----------------------------------------------------------------------------------
+
+
+def _operators(c: Context, type_: Type, depth: int) -> list[tuple[float, Maker]]:
+    match type_:
+        case IntType():
+            return _on_ints(c, depth)
+        case FloatType():
+            return _on_floats(c, depth)
+        case BoolType():
+            return _on_bools(c, depth)
+        case _:
+            return []
+
+
+def _on_ints(c: Context, depth: int) -> list[tuple[float, Maker]]:
+    draft = c.draft
+
+    def operand() -> core.Expr:
+        return expression(c, INT, depth)
+
+    def arithmetic() -> core.Expr:
+        op = draft.pick((BinaryOp.ADD, BinaryOp.SUB, BinaryOp.MUL))
+        made = core.Binary(op, operand(), operand(), INT, span=draft.span())
+        if not draft.profile.finite:
+            return made
+        modulus = core.Const(draft.pick((2, 3)), INT, span=draft.span())
+        return core.Binary(BinaryOp.MOD, made, modulus, INT, span=draft.span())
+
+    def divided() -> core.Expr:
+        op = draft.pick((BinaryOp.DIV, BinaryOp.MOD))
+        return core.Binary(op, operand(), divisor(c, INT, depth), INT, span=draft.span())
+
+    def bounded() -> core.Expr:
+        op = draft.pick((BinaryOp.MIN, BinaryOp.MAX))
+        return core.Binary(op, operand(), operand(), INT, span=draft.span())
+
+    def signed() -> core.Expr:
+        op = draft.pick((UnaryOp.NEG, UnaryOp.ABS))
+        return core.Unary(op, operand(), INT, span=draft.span())
+
+    makers: list[tuple[float, Maker]] = [
+        (1.5, arithmetic),
+        (0.6, divided),
+        (0.5, bounded),
+        (0.4, signed),
+        (0.5, lambda: core.NumAgents(INT, span=draft.span())),
+        (0.8, lambda: _length(c, depth)),
+        (0.4, lambda: _extreme(c, INT, depth)),
+    ]
+    if c.pid:
+        makers.append((1.0, lambda: core.Pid(INT, span=draft.span())))
+    if c.choices:
+        makers.append((1.0, lambda: choose(c, INT, depth)))
+    return makers
+
+
+def _on_floats(c: Context, depth: int) -> list[tuple[float, Maker]]:
+    draft = c.draft
+
+    def operand() -> core.Expr:
+        return expression(c, FLOAT, depth)
+
+    def arithmetic() -> core.Expr:
+        op = draft.pick((BinaryOp.ADD, BinaryOp.SUB, BinaryOp.MUL))
+        return core.Binary(op, operand(), operand(), FLOAT, span=draft.span())
+
+    def divided() -> core.Expr:
+        right = divisor(c, FLOAT, depth)
+        return core.Binary(BinaryOp.DIV, operand(), right, FLOAT, span=draft.span())
+
+    def bounded() -> core.Expr:
+        op = draft.pick((BinaryOp.MIN, BinaryOp.MAX))
+        return core.Binary(op, operand(), operand(), FLOAT, span=draft.span())
+
+    def signed() -> core.Expr:
+        op = draft.pick((UnaryOp.NEG, UnaryOp.ABS))
+        return core.Unary(op, operand(), FLOAT, span=draft.span())
+
+    def widened() -> core.Expr:
+        inner = expression(c, INT, depth)
+        return core.Unary(UnaryOp.WIDEN, inner, FLOAT, span=draft.span())
+
+    makers: list[tuple[float, Maker]] = [
+        (0.5, bounded),
+        (0.4, signed),
+        (0.5, widened),
+        (0.4, lambda: core.Delta(FLOAT, span=draft.span())),
+        (0.3, lambda: _extreme(c, FLOAT, depth)),
+    ]
+    if not draft.profile.finite:
+        makers += [(1.5, arithmetic), (0.6, divided)]
+        if c.choices:
+            makers.append((1.0, lambda: choose(c, FLOAT, depth)))
+    return makers
+
+
+def _on_bools(c: Context, depth: int) -> list[tuple[float, Maker]]:
+    draft = c.draft
+
+    def connected() -> core.Expr:
+        op = draft.pick((BinaryOp.AND, BinaryOp.OR, BinaryOp.IMPLIES))
+        left, right = expression(c, BOOL, depth), expression(c, BOOL, depth)
+        return core.Binary(op, left, right, BOOL, span=draft.span())
+
+    def negated() -> core.Expr:
+        return core.Unary(UnaryOp.NOT, expression(c, BOOL, depth), BOOL, span=draft.span())
+
+    def compared() -> core.Expr:
+        number: Type = FLOAT if FLOAT in draft.palette.scalars and draft.chance(0.4) else INT
+        op = draft.pick((BinaryOp.LT, BinaryOp.LE))
+        left, right = expression(c, number, depth), expression(c, number, depth)
+        return core.Binary(op, left, right, BOOL, span=draft.span())
+
+    def equated() -> core.Expr:
+        common = draft.type() if draft.chance(0.5) else draft.scalar()
+        op = draft.pick((BinaryOp.EQ, BinaryOp.NE))
+        left, right = expression(c, common, depth), expression(c, common, depth)
+        return core.Binary(op, left, right, BOOL, span=draft.span())
+
+    def any_or_all() -> core.Expr:
+        op = draft.pick((ListOp.ANY, ListOp.ALL))
+        whole = expression(c, ListType(BOOL), depth)
+        return core.Builtin(op, (whole,), BOOL, span=draft.span())
+
+    return [
+        (1.2, connected),
+        (0.5, negated),
+        (1.2, compared),
+        (1.2, equated),
+        (0.4, any_or_all),
+        (0.6, lambda: _contains(c, depth)),
+    ]
+
+
+def divisor(c: Context, type_: Type, depth: int) -> core.Expr:
+    """Mostly a constant that is not zero."""
+    draft = c.draft
+    if draft.chance(draft.profile.faulty * 2):
+        return expression(c, type_, depth)
+    value = draft.pick((1, 2, 3, -2, 2))
+    constant = Fraction(value) if type_ == FLOAT else value
+    return core.Const(constant, type_, span=draft.span())
+
+
+def choose(c: Context, type_: Type, depth: int) -> core.Expr:
+    """``choose``: mostly of a small range that is not empty."""
+    draft = c.draft
+    site = draft.site()
+    if draft.chance(draft.profile.faulty):
+        low, high = expression(c, type_, depth), expression(c, type_, depth)
+    else:
+        bounds = draft.pick(((0, 1), (-1, 1), (1, 2), (0, 0)))
+        low, high = (
+            core.Const(Fraction(b) if type_ == FLOAT else b, type_, span=draft.span())
+            for b in bounds
+        )
+    return core.Choose(low, high, type_, site, span=draft.span())
+
+
+# --- lists --------------------------------------------------------------------------------------
+
+
+def _containers(c: Context, kinds: tuple[type, ...]) -> list[Type]:
+    declared = [v.type for v in [*c.variables, *c.bound]]
+    return [t for t in [*declared, *c.draft.palette.all] if isinstance(t, kinds)]
+
+
+def _length(c: Context, depth: int) -> core.Expr | None:
+    types = _containers(c, (ListType, QueueType, MapType, ArrayType))
+    if not types:
+        return None
+    whole = expression(c, c.draft.pick(types), depth)
+    return core.Builtin(ListOp.LENGTH, (whole,), INT, span=c.draft.span())
+
+
+def _contains(c: Context, depth: int) -> core.Expr | None:
+    types = _containers(c, (ListType, QueueType, MapType))
+    if not types:
+        return None
+    type_ = c.draft.pick(types)
+    whole = expression(c, type_, depth)
+    if isinstance(type_, MapType):
+        wanted = key(c, type_, depth)
+    else:
+        assert isinstance(type_, ListType | QueueType)
+        wanted = expression(c, type_.element, depth)
+    return core.Builtin(ListOp.CONTAINS, (whole, wanted), BOOL, span=c.draft.span())
+
+
+def _extreme(c: Context, type_: Type, depth: int) -> core.Expr:
+    op = c.draft.pick((ListOp.MIN, ListOp.MAX))
+    if c.draft.chance(c.draft.profile.faulty * 2):
+        whole: core.Expr = expression(c, ListType(type_), depth)
+    else:
+        items = tuple(expression(c, type_, depth - 1) for _ in range(c.draft.random.randint(1, 3)))
+        whole = core.MakeList(items, ListType(type_), span=c.draft.span())
+    return core.Builtin(op, (whole,), type_, span=c.draft.span())
+
+
+# --- calls --------------------------------------------------------------------------------------
+
+
+def _call(c: Context, type_: Type, depth: int) -> core.Expr | None:
+    limit = c.calls
+    if limit is None:
+        return None
+    suitable = [f for reach, f in c.draft.functions if f.result == type_ and reach <= limit]
+    if not suitable:
+        return None
+    function = c.draft.pick(suitable)
+    arguments = tuple(expression(c, p.type, depth) for p in function.parameters)
+    return core.Call(function.name, arguments, type_, c.draft.site(), span=c.draft.span())
+
+
+def _external(c: Context, type_: Type, depth: int) -> core.Expr | None:
+    suitable = [f for f in c.draft.externals if f.result.type == type_] if c.externals else []
+    if not suitable:
+        return None
+    function = c.draft.pick(suitable)
+    arguments = tuple(expression(c, p.type, depth) for p in function.parameters)
+    return core.ExternalCall(function.name, arguments, type_, c.draft.site(), span=c.draft.span())
+
+
+def _select(c: Context, type_: Type, depth: int) -> core.Expr | None:
+    """A part of a computed value."""
+    draft = c.draft
+    records = [
+        (record, position)
+        for record in draft.palette.all
+        if isinstance(record, RecordType)
+        for position, (_, field) in enumerate(record.fields)
+        if field == type_
+    ]
+    if records and draft.chance(0.6):
+        record, position = draft.pick(records)
+        name = record.fields[position][0]
+        step: core.Step = core.FieldStep(position, name, type_, span=draft.span())
+        return core.Select(expression(c, record, depth), step, span=draft.span())
+    if not draft.chance(draft.profile.faulty * 4):
+        return None
+    whole = ListType(type_)
+    step = core.IndexStep(places.index(c, whole, depth), type_, span=draft.span())
+    return core.Select(expression(c, whole, depth), step, span=draft.span())

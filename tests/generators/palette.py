@@ -1,0 +1,123 @@
+"""The types of a generated program, and the paths from a variable to its parts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from random import Random
+
+from koord.syntax.types import (
+    BOOL,
+    FLOAT,
+    INT,
+    POS,
+    STRING,
+    ArrayType,
+    BoolType,
+    EnumType,
+    FloatType,
+    IntType,
+    ListType,
+    MapType,
+    QueueType,
+    RecordType,
+    StreamType,
+    StringType,
+    Type,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Palette:
+    """Types to choose from: ``scalars`` for keys and leaves, ``all`` for variables."""
+
+    scalars: tuple[Type, ...]
+    all: tuple[Type, ...]
+
+
+def palette(random: Random, *, finite: bool) -> Palette:
+    """A few named types, and containers of them."""
+    colour = EnumType("Colour", ("red", "green", "blue")[: random.randint(2, 3)])
+    scalars: list[Type] = [INT, BOOL, colour]
+    if not finite:
+        scalars += [INT, FLOAT, FLOAT, STRING]
+    elif random.random() < 0.3:
+        scalars += [FLOAT, STRING]
+    pair = RecordType("Pair", (("a", random.choice(scalars)), ("b", random.choice(scalars))))
+    nested = RecordType("Nested", (("pair", pair), ("c", random.choice(scalars))))
+    task = RecordType("Item", (("done", BOOL), ("owner", INT)))
+    whole: list[Type] = [*scalars, *scalars, pair, nested, task]
+    if not finite:
+        whole.append(POS)
+    keys: list[Type] = [colour, INT, BOOL]
+    element = random.choice([*scalars, pair, task])
+    whole += [
+        ArrayType(element, random.randint(1, 3)),
+        ArrayType(ArrayType(random.choice(scalars), 2), 2),
+        ListType(random.choice([*scalars, pair, task])),
+        ListType(ListType(random.choice(scalars))),
+        QueueType(random.choice([*scalars, pair])),
+        MapType(random.choice(keys), random.choice([*scalars, pair])),
+        RecordType("Holder", (("items", ListType(random.choice(scalars))), ("flag", BOOL))),
+    ]
+    return Palette(tuple(scalars), tuple(whole))
+
+
+class Way(Enum):
+    """How a step leads to a part."""
+
+    FIELD = "field"
+    INDEX = "index"
+    KEY = "key"
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One step of a path: ``above`` is the type it starts from, ``type`` the one it leads to."""
+
+    way: Way
+    above: Type
+    type: Type
+    position: int = 0
+
+
+Path = tuple[Stage, ...]
+
+
+def paths(type_: Type, depth: int = 3) -> Iterator[Path]:
+    """Every path of at most ``depth`` steps into a value of a type, the empty one first."""
+    yield ()
+    if depth == 0:
+        return
+    for stage in _stages(type_):
+        for rest in paths(stage.type, depth - 1):
+            yield (stage, *rest)
+
+
+def end(type_: Type, path: Path) -> Type:
+    """The type that a path leads to."""
+    return path[-1].type if path else type_
+
+
+def _stages(type_: Type) -> Iterator[Stage]:
+    match type_:
+        case RecordType(fields=fields):
+            for position, (_, field) in enumerate(fields):
+                yield Stage(Way.FIELD, type_, field, position)
+        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
+            yield Stage(Way.INDEX, type_, element)
+        case MapType(value=value):
+            yield Stage(Way.KEY, type_, value)
+        case _:
+            return
+
+
+def is_scalar(type_: Type) -> bool:
+    """Whether values of a type have no parts."""
+    return isinstance(type_, IntType | FloatType | BoolType | StringType | StreamType | EnumType)
+
+
+def is_list(type_: Type) -> bool:
+    """Whether values of a type are sequences that may grow."""
+    return isinstance(type_, ListType | QueueType)

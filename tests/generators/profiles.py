@@ -1,0 +1,70 @@
+"""How large generated programs are, and how much in them is left to chance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """Sizes are inclusive ranges; rates are probabilities.
+
+    ``finite`` programs have finitely many reachable configurations: integers stay in a small range,
+    lists do not grow for ever, and whatever is left open has finitely many answers.
+    """
+
+    finite: bool
+    robots: tuple[int, int]
+    agents: tuple[int, int]
+    shared: tuple[int, int]
+    locals: tuple[int, int]
+    modules: tuple[int, int]
+    functions: tuple[int, int]
+    externals: tuple[int, int]
+    events: tuple[int, int]
+    statements: tuple[int, int]
+    depth: int  #: of expressions
+    nesting: int  #: of statements
+    faulty: float  #: indices, divisors and keys that may be wrong
+    unset: float  #: variables without an initial value
+    urgent: float
+    arbitrary: float  #: variables that start arbitrary
+
+
+GENERAL = Profile(
+    finite=False,
+    robots=(1, 3),
+    agents=(1, 2),
+    shared=(1, 3),
+    locals=(1, 3),
+    modules=(0, 2),
+    functions=(0, 2),
+    externals=(0, 2),
+    events=(1, 3),
+    statements=(1, 4),
+    depth=3,
+    nesting=2,
+    faulty=0.12,
+    unset=0.08,
+    urgent=0.2,
+    arbitrary=0.1,
+)
+
+FINITE = Profile(
+    finite=True,
+    robots=(2, 3),
+    agents=(1, 2),
+    shared=(1, 2),
+    locals=(1, 2),
+    modules=(0, 1),
+    functions=(0, 1),
+    externals=(0, 1),
+    events=(1, 2),
+    statements=(1, 3),
+    depth=2,
+    nesting=2,
+    faulty=0.02,
+    unset=0.02,
+    urgent=0.15,
+    arbitrary=0.1,
+)

@@ -1,0 +1,14 @@
+"""Hypothesis strategies: generated systems that shrink with the choices that made them."""
+
+from __future__ import annotations
+
+from hypothesis import strategies as st
+
+from koord.semantics.configurations import System
+from tests.generators.profiles import GENERAL, Profile
+from tests.generators.programs import system
+
+
+def systems(profile: Profile = GENERAL) -> st.SearchStrategy[System]:
+    """Systems of random programs."""
+    return st.randoms(use_true_random=False).map(lambda random: system(random, profile))
