@@ -6,6 +6,7 @@ methods here. Exact rationals and doubles are in this file, Z3 terms in ``koord.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Protocol, TypeVar, assert_never
@@ -111,8 +112,16 @@ def unary_of_numbers(op: UnaryOp, operand: Constant, *, exact: bool) -> Constant
         case UnaryOp.ABS:
             return -operand if operand < 0 else operand
         case UnaryOp.WIDEN:
-            return Fraction(operand) if exact else float(operand)
+            return Fraction(operand) if exact else _double(operand)
     assert_never(op)
+
+
+def _double(number: int | Fraction | float) -> float:
+    """The nearest double; what is too large for one is infinite, as in IEEE arithmetic."""
+    try:
+        return float(number)
+    except OverflowError:
+        return math.inf if number > 0 else -math.inf
 
 
 def binary_of_numbers(op: BinaryOp, left: Constant, right: Constant) -> Constant:

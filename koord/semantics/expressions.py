@@ -18,6 +18,7 @@ from koord.semantics.storage import (
     Tree,
     contents,
     descend,
+    held,
     merge_storage,
     part_of,
 )
@@ -211,8 +212,6 @@ def read(m: Machine[V], place: core.Place) -> Value[V]:
     """The value at a place. [LOOKUP]"""
     storage = root(m, place)
     type_ = place.variable.type
-    if not isinstance(storage, Cell | Tree):
-        return parts(m, storage, place.steps)
     steps = list(place.steps)
     while steps and isinstance(storage, Tree):
         step = steps.pop(0)
@@ -255,14 +254,14 @@ def select(m: Machine[V], e: core.Select) -> Value[V]:
     return parts(m, evaluate(m, e.base), (e.step,))
 
 
-def root(m: Machine[V], place: core.Place) -> Storage[V] | Value[V]:
+def root(m: Machine[V], place: core.Place) -> Storage[V]:
     """What a place's variable holds: from ``M`` in a turn, from the view in a property."""
     variable = place.variable
     if variable.home is Home.BOUND:
-        value = m.memory.bound[variable.slot]
-        if value is None:
+        cell = m.memory.bound[variable.slot]
+        if cell is None:
             return Cell(m.truth(False), default(m.d, variable.type, m.system.robots))
-        return value
+        return cell
     if m.view is not None:
         return viewed(m, place)
     match variable.home:
@@ -350,7 +349,7 @@ def choose(m: Machine[V], e: core.Choose) -> Value[V]:
     between = m.both(m.d.binary(BinaryOp.LE, low, value), m.d.binary(BinaryOp.LE, value, high))
     # An empty range is a fault already; then any value will do.
     empty = m.d.binary(BinaryOp.LT, high, low)
-    m.require(m.either(empty, between), "a chosen value lies in its range", e.span)
+    m.require("CHOOSE", m.either(empty, between), "a chosen value lies in its range", e.span)
     return value
 
 
@@ -363,7 +362,8 @@ def external_call(m: Machine[V], e: core.ExternalCall) -> Value[V]:
         # Summaries that mention external functions speak of them without summaries of their own.
         return answer
     bound = m.memory.bound
-    m.memory.bound = [*arguments, answer, *[None] * (function.bound - len(arguments) - 1)]
+    known = [held(m.d, value) for value in (*arguments, answer)]
+    m.memory.bound = [*known, *[None] * (function.bound - len(known))]
     m.in_summary = True
     m.trail.append(e.site)
     met = m.truth(True)
@@ -373,7 +373,8 @@ def external_call(m: Machine[V], e: core.ExternalCall) -> Value[V]:
         met = m.both(met, holds)
     for promise in function.ensures:
         holds = m.d.binary(BinaryOp.IMPLIES, met, statement(m, promise))
-        m.require(holds, f"the answer of {function.name} meets its summary", promise.span)
+        what = f"the answer of {function.name} meets its summary"
+        m.require("EXTERNAL", holds, what, promise.span)
     m.trail.pop()
     m.in_summary = False
     m.memory.bound = bound
@@ -389,21 +390,21 @@ def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
     if isinstance(e.domain, core.AllValues):
 
         def body(value: Value[V]) -> V:
-            m.memory.bound[slot] = value
+            m.memory.bound[slot] = held(m.d, value)
             return statement(m, e.body)
 
         assert e.quantifier is core.QuantifierKind.FORALL
         return m.oracle.every(e.domain.type, body)
     universal = e.quantifier is core.QuantifierKind.FORALL
     result = m.truth(universal)
-    for number, (here, value) in enumerate(instances(m, e)):
+    for label, here, value in instances(m, e):
         # As with ``and`` and ``or``: what is decided already is not looked at.
         undecided = result if universal else m.negated(result)
         if m.d.known(undecided) is False:
             break
-        m.memory.bound[slot] = value
+        m.memory.bound[slot] = held(m.d, value)
         relevant = m.both(undecided, here)
-        m.trail.append(number)
+        m.trail.append(label)
         holds = scalar(m.within(relevant, lambda: evaluate(m, e.body)))
         m.trail.pop()
         if universal:
@@ -413,13 +414,13 @@ def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
     return result
 
 
-def instances(m: Machine[V], e: core.Quantified) -> Iterator[tuple[V, Value[V]]]:
-    """The values of a bound variable, each with the condition that it is one."""
+def instances(m: Machine[V], e: core.Quantified) -> Iterator[tuple[int, V, Value[V]]]:
+    """The values of a bound variable, each with a number and the condition that it is one."""
     match e.domain:
         case core.RobotRange(agent=agent):
             for robot, kind in enumerate(m.system.kinds):
                 if agent is None or kind == agent:
-                    yield m.truth(True), m.d.const(robot, INT)
+                    yield robot, m.truth(True), m.d.const(robot, INT)
         case core.IntRange(low=low, high=high):
             yield from integers(m, low, high)
         case core.Elements(sequence=over):
@@ -427,13 +428,16 @@ def instances(m: Machine[V], e: core.Quantified) -> Iterator[tuple[V, Value[V]]]
             for k, item in enumerate(items.items):
                 here = inside(m.d, k, items.length)
                 if m.d.known(here) is not False:
-                    yield here, item
+                    yield k, here, item
         case core.AllValues():
             raise AssertionError("handled by the caller")
 
 
-def integers(m: Machine[V], low: core.Expr, high: core.Expr) -> Iterator[tuple[V, V]]:
-    """The integers from ``low`` up to and excluding ``high``, each with its condition."""
+def integers(m: Machine[V], low: core.Expr, high: core.Expr) -> Iterator[tuple[int, V, V]]:
+    """The integers from ``low`` up to and excluding ``high``, each with its condition.
+
+    First as Python's own, which the keys of answers are made of. [RECORDING]
+    """
     start, end = scalar(evaluate(m, low)), scalar(evaluate(m, high))
     first, last = limit(m, low, start, least=True), limit(m, high, end, least=False)
     for k in range(first, last):
@@ -441,7 +445,7 @@ def integers(m: Machine[V], low: core.Expr, high: core.Expr) -> Iterator[tuple[V
         above = m.d.binary(BinaryOp.LE, start, number)
         here = m.both(above, m.d.binary(BinaryOp.LT, number, end))
         if m.d.known(here) is not False:
-            yield here, number
+            yield k, here, number
 
 
 def limit(m: Machine[V], e: core.Expr, value: V, *, least: bool) -> int:

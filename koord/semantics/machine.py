@@ -21,7 +21,7 @@ from koord.semantics.configurations import (
 )
 from koord.semantics.domain import Domain
 from koord.semantics.oracle import Oracle
-from koord.semantics.storage import Mask, Storage, merge_storage
+from koord.semantics.storage import Cell, Mask, Storage, merge_storage
 from koord.semantics.values import Value, merge
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.source import Span
@@ -48,12 +48,12 @@ class Memory(Generic[V]):
     allread: list[Storage[V]]
     allwrite: list[Storage[V]]
     after: list[Storage[V]]
-    bound: list[Value[V] | None]
+    bound: list[Cell[V] | None]
     stop: V
     trystop: V
     broke: V
     returned: V
-    result: Value[V] | None = None
+    result: Cell[V] | None = None
 
     def copied(self) -> Memory[V]:
         """A memory that changes on its own from here."""
@@ -78,10 +78,19 @@ class Memory(Generic[V]):
             pairs = zip(left, right, strict=True)
             return [merge_storage(d, condition, a, b) for a, b in pairs]
 
-        def values(a: Value[V] | None, b: Value[V] | None) -> Value[V] | None:
+        def cells(a: Cell[V] | None, b: Cell[V] | None) -> Cell[V] | None:
+            if a is b:
+                return a
             if a is None or b is None:
-                return b if a is None else a
-            return merge(d, condition, a, b)
+                # Set on one side only: then it depends on the condition whether it is set at all.
+                never = d.const(False, BOOL)
+                some = b if a is None else a
+                assert some is not None
+                is_set = d.ite(
+                    condition, never if a is None else a.is_set, never if b is None else b.is_set
+                )
+                return Cell(is_set, some.value)
+            return Cell(d.ite(condition, a.is_set, b.is_set), merge(d, condition, a.value, b.value))
 
         return Memory(
             storages(self.locals, other.locals),
@@ -89,19 +98,20 @@ class Memory(Generic[V]):
             storages(self.allread, other.allread),
             storages(self.allwrite, other.allwrite),
             storages(self.after, other.after),
-            [values(a, b) for a, b in zip(self.bound, other.bound, strict=True)],
+            [cells(a, b) for a, b in zip(self.bound, other.bound, strict=True)],
             d.ite(condition, self.stop, other.stop),
             d.ite(condition, self.trystop, other.trystop),
             d.ite(condition, self.broke, other.broke),
             d.ite(condition, self.returned, other.returned),
-            values(self.result, other.result),
+            cells(self.result, other.result),
         )
 
 
 @dataclass(frozen=True, slots=True)
 class Legality(Generic[V]):
-    """A condition on recorded answers without which a run is not one of the program's."""
+    """A condition on recorded answers without which a run breaks a rule."""
 
+    rule: str
     condition: V
     what: str
     span: Span
@@ -168,11 +178,15 @@ class Machine(Generic[V]):
         if self.d.known(condition) is not False:
             self.faults.append((condition, Fault(kind, self.robot, span, detail)))
 
-    def require(self, condition: V, what: str, span: Span) -> None:
-        """Log what a recorded answer must satisfy on this path."""
+    def require(self, rule: str, condition: V, what: str, span: Span) -> None:
+        """Log what a recorded answer must satisfy on this path. Behind a fault nothing counts."""
         needed = self.d.binary(BinaryOp.IMPLIES, self.guard, condition)
+        if self.d.known(needed) is True:
+            return
+        for fault, _ in self.faults:
+            needed = self.either(fault, needed)
         if self.d.known(needed) is not True:
-            self.legality.append(Legality(needed, what, span))
+            self.legality.append(Legality(rule, needed, what, span))
 
     # --- Booleans -------------------------------------------------------------------------------
 

@@ -21,6 +21,7 @@ from koord.semantics.rounds import (
     run_event,
     run_skip,
 )
+from koord.semantics.turns import holds_in
 from koord.semantics.values import Value
 from koord.syntax import core
 from koord.syntax.core import Home
@@ -203,10 +204,12 @@ def execute(d: Domain[Constant], system: System, recording: Recording) -> Iterat
     _consistent(system, opening.answers, known)
     _permutation(opening.order, system.robots, whole=True)
     stepped = initialised(d, system, inputs, opening.order)
+    if stepped.configuration.fault is None:
+        _assumed(d, system, stepped.configuration, inputs)
     yield Step("INIT", -1, None, None, stepped)
     for number, round_ in enumerate(recording.rounds):
         if stepped.configuration.fault is not None:
-            return
+            raise IllegalStepError("FAULT", "a faulted configuration has no successors")
         _consistent(system, round_.answers, known)
         _permutation(round_.order, system.robots, whole=not round_.cut)
         inputs = RecordedInputs(readings=round_.readings, answers=round_.answers)
@@ -221,11 +224,32 @@ def execute(d: Domain[Constant], system: System, recording: Recording) -> Iterat
                 name = system.agent(robot).events[position].name
                 yield Step("EVENT-TRANS", number, robot, name, stepped)
             if stepped.configuration.fault is not None:
+                _last(number, recording)
                 return
         if round_.cut:
+            _last(number, recording)
             return
         stepped = evolved(d, system, stepped.configuration, inputs)
         yield Step("ENV-TRANS", number, None, None, stepped)
+
+
+def _assumed(
+    d: Domain[Constant], system: System, first: Configuration[Constant], inputs: RecordedInputs
+) -> None:
+    """The configuration after INIT satisfies the assumptions. [PROP-ASSUME]"""
+    for assumption in system.program.assumptions:
+        holds, legality = holds_in(d, system, first, assumption.condition, assumption.bound, inputs)
+        if holds is not True:
+            raise IllegalStepError("PROP-ASSUME", f"{assumption.name} does not hold after INIT")
+        for needed in legality:
+            if needed.condition is not True:
+                raise IllegalStepError(needed.rule, f"{needed.what} ({needed.span})")
+
+
+def _last(number: int, recording: Recording) -> None:
+    """A run that ends inside a round has no further rounds."""
+    if number + 1 < len(recording.rounds):
+        raise IllegalStepError("RECORDING", f"round {number + 1} ends the run, but others follow")
 
 
 def _permutation(order: tuple[int, ...], robots: int, *, whole: bool) -> None:

@@ -216,7 +216,7 @@ def _check(d: Domain[V], legality: Iterable[Legality[V]]) -> None:
     """Recorded answers must be possible ones. [CHOOSE] [EXTERNAL] [ENV-CONTRACT]"""
     for needed in legality:
         if d.known(needed.condition) is not True:
-            raise IllegalStepError("EXTERNAL", f"{needed.what} ({needed.span})")
+            raise IllegalStepError(needed.rule, f"{needed.what} ({needed.span})")
 
 
 def _shown(d: Domain[V], turned: Turned[V]) -> tuple[Written[V], ...]:

@@ -16,6 +16,7 @@ from koord.semantics.storage import (
     Location,
     Storage,
     Tree,
+    held,
     marked,
     stored,
     write,
@@ -78,7 +79,8 @@ def execute(m: Machine[V], s: core.Stmt) -> None:
         case core.Break():
             m.memory.broke = m.truth(True)
         case core.Return():
-            m.memory.result = evaluate(m, s.value) if s.value is not None else None
+            # [S-RETURN]
+            m.memory.result = held(m.d, evaluate(m, s.value)) if s.value is not None else None
             m.memory.returned = m.truth(True)
         case core.Atomic():
             atomic(m, s)
@@ -109,7 +111,8 @@ def assign(m: Machine[V], place: core.Place, value: Value[V]) -> None:
     variable = place.variable
     locations = [located(m, step) for step in place.steps]
     if variable.home is Home.BOUND:
-        m.memory.bound[variable.slot] = _assigned_value(m, place, locations, value)
+        changed_value = _assigned_value(m, place, locations, value)
+        m.memory.bound[variable.slot] = held(m.d, changed_value)
         return
     storages = _storages(m, variable.home)
     storage = storages[variable.slot]
@@ -178,11 +181,11 @@ def _assigned_value(
     if not locations:
         return value
     old = m.memory.bound[place.variable.slot]
-    is_set = m.truth(old is not None)
+    is_set = m.truth(False) if old is None else old.is_set
     m.fault_unless(is_set, FaultKind.UNSET, place.span, place.variable.name)
     if old is None:
         return default(m.d, place.variable.type, m.system.robots)
-    whole: Cell[V] = Cell(m.truth(True), old)
+    whole = held(m.d, old.value)
     changed, legal = write(m.d, whole, locations, Cell(m.truth(True), value))
     _check_write(m, place, whole, locations, legal)
     assert isinstance(changed, Cell)
@@ -210,12 +213,13 @@ def for_range(m: Machine[V], s: core.ForRange) -> None:
 
     def trip(number: V) -> Callable[[], None]:
         def body() -> None:
-            m.memory.bound[s.variable.slot] = number
+            m.memory.bound[s.variable.slot] = held(m.d, number)
             run(m, s.body)
 
         return body
 
-    _loop(m, ((here, trip(number)) for here, number in list(integers(m, s.low, s.high))))
+    trips = [(k, here, trip(number)) for k, here, number in integers(m, s.low, s.high)]
+    _loop(m, trips)
 
 
 def for_each(m: Machine[V], s: core.ForEach) -> None:
@@ -231,21 +235,21 @@ def for_each(m: Machine[V], s: core.ForEach) -> None:
     def trip(key: Value[V], value: Value[V]) -> Callable[[], None]:
         def body() -> None:
             if s.key is not None:
-                m.memory.bound[s.key.slot] = key
-            m.memory.bound[s.value.slot] = value
+                m.memory.bound[s.key.slot] = held(m.d, key)
+            m.memory.bound[s.value.slot] = held(m.d, value)
             run(m, s.body)
 
         return body
 
     length = over.length
-    _loop(m, ((inside(m.d, k, length), trip(*pair)) for k, pair in enumerate(pairs)))
+    _loop(m, [(k, inside(m.d, k, length), trip(*pair)) for k, pair in enumerate(pairs)])
 
 
-def _loop(m: Machine[V], trips: Iterable[tuple[V, Callable[[], None]]]) -> None:
-    """Run trips, each with the condition that it happens, until one breaks out. [S-BREAK]"""
+def _loop(m: Machine[V], trips: Iterable[tuple[int, V, Callable[[], None]]]) -> None:
+    """Run trips, each with its number and condition, until one breaks out. [S-BREAK]"""
     outer = m.memory.broke
     m.memory.broke = m.truth(False)
-    for number, (here, body) in enumerate(trips):
+    for number, here, body in trips:
         left = m.either(m.memory.broke, m.memory.returned)
         if m.d.known(left) is True:
             break
@@ -265,7 +269,7 @@ def atomic(m: Machine[V], s: core.Atomic) -> None:
 def call(m: Machine[V], e: core.Call) -> Value[V]:
     """A call of a function defined in Koord: its body on bound slots of its own. [E-CALL]"""
     function = m.system.program.function(e.function)
-    arguments = [evaluate(m, argument) for argument in e.arguments]
+    arguments = [held(m.d, evaluate(m, argument)) for argument in e.arguments]
     caller = m.memory
     outer = (caller.bound, caller.broke, caller.returned, caller.result)
     caller.bound = [*arguments, *[None] * (function.bound - len(arguments))]
@@ -276,7 +280,10 @@ def call(m: Machine[V], e: core.Call) -> Value[V]:
     m.trail.pop()
     result = m.memory.result
     m.memory.bound, m.memory.broke, m.memory.returned, m.memory.result = outer
-    return result if result is not None else default(m.d, e.type, m.system.robots)
+    if result is None:
+        result = Cell(m.truth(False), default(m.d, e.type, m.system.robots))
+    m.fault_unless(result.is_set, FaultKind.UNSET, e.span, f"{e.function} returned nothing")
+    return result.value
 
 
 # --- lists --------------------------------------------------------------------------------------

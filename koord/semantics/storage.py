@@ -118,6 +118,11 @@ def stored(d: Domain[V], type_: Type, value: Value[V], robots: int) -> Storage[V
             return Cell(d.const(True, BOOL), value)
 
 
+def held(d: Domain[V], value: Value[V]) -> Cell[V]:
+    """A value in a cell of its own, as bound variables are held."""
+    return Cell(d.const(True, BOOL), value)
+
+
 # --- reading ------------------------------------------------------------------------------------
 
 

@@ -279,7 +279,7 @@ def environment_turn(
             if module.environment is not None:
                 promises.append((kept, contract))
             else:
-                m.require(kept, f"contract {contract.name}", contract.span)
+                m.require("ENV-CONTRACT", kept, f"contract {contract.name}", contract.span)
     return Evolved(tuple(m.memory.after), tuple(m.faults), tuple(m.legality), tuple(promises))
 
 

@@ -204,17 +204,19 @@ class Encoder:
         """One round from a configuration in which every robot is to move."""
         inputs = SymbolicInputs(self.unknowns, label)
         options = self._options(start, inputs, label)
-        ordered = bool(self._racy) or (self._urgent and bool(self.system.program.lock_classes))
-        before = self._order(label) if ordered else {}
+        before = self._order(label) if self._racy else {}
         inside = self._program_turns(start, options, before)
         asked, middle = self._end_of_program_turns(inside)
-        urgency = self._urgency(start, options, before, inputs) if self._urgent else []
+        urgency = self._urgency(start, options, inputs) if self._urgent else []
         end = self._environment(middle.configuration, inputs)
         if not self._urgent and self.d.known(asked) is False:
             return SymbolicRound(options, before, inputs, None, middle, end, urgency)
-        moved = conjunction(self.d, self._acting(options))
-        # Where everyone has moved and asked, nobody sees that they did not all stop.
-        inside.real = self.d.unary(UnaryOp.NOT, self.d.binary(BinaryOp.AND, moved, asked))
+        acting = self._acting(options)
+        # Where everyone has moved and asked, nobody sees that they did not all stop yet; where
+        # nobody has moved, the round before has not been left.
+        ended = self.d.binary(BinaryOp.AND, conjunction(self.d, acting), asked)
+        begun = disjunction(self.d, acting)
+        inside.real = self.d.binary(BinaryOp.AND, begun, self.d.unary(UnaryOp.NOT, ended))
         return SymbolicRound(options, before, inputs, inside, middle, end, urgency)
 
     def _acting(self, options: list[Option]) -> list[Term]:
@@ -450,10 +452,12 @@ class Encoder:
         self,
         start: Configuration[Term],
         options: list[Option],
-        before: dict[tuple[int, int], Term],
         inputs: SymbolicInputs,
     ) -> list[Term]:
-        """Who skips has no urgent event whose lock classes were free at that time. [SKIP]"""
+        """Who skips has no urgent event whose lock classes are free. [SKIP] [T-ONE-WINNER]
+
+        Who skips writes nothing, so it may as well come last, when all classes are taken.
+        """
         d = self.d
         constraints: list[Term] = []
         for i, state in enumerate(start.robots):
@@ -463,18 +467,12 @@ class Encoder:
                 if not event.urgent:
                     continue
                 holds, _ = guard_of(d, self.system, i, state, event, inputs)
-                taken = self._taken_before(i, event, options, before)
+                taken = self._taken_by_others(i, event, options)
                 waits = conjunction(d, [running, holds, d.unary(UnaryOp.NOT, taken)])
                 constraints.append(d.binary(BinaryOp.IMPLIES, waits, acts))
         return constraints
 
-    def _taken_before(
-        self,
-        robot: int,
-        event: core.Event,
-        options: list[Option],
-        before: dict[tuple[int, int], Term],
-    ) -> Term:
+    def _taken_by_others(self, robot: int, event: core.Event, options: list[Option]) -> Term:
         d = self.d
         taken = []
         for o in options:
@@ -482,8 +480,7 @@ class Encoder:
                 for lock_class in event.lock_classes:
                     entered = o.turned.entered.get(lock_class)
                     if entered is not None:
-                        earlier = precedes(d, o.robot, robot, before)
-                        taken.append(conjunction(d, [o.chosen, entered, earlier]))
+                        taken.append(d.binary(BinaryOp.AND, o.chosen, entered))
         return disjunction(d, taken)
 
     # --- the environment ------------------------------------------------------------------------

@@ -101,9 +101,7 @@ def recording_of(
     """The run that a model describes, up to the given phase of its last round."""
     system = reader.system
     order = _order(reader, opening.before)
-    checks = opening.moment.checks if not taken else None
-    answers = reader.answers(opening.inputs)
-    answers += reader.answers(checks) if checks is not None else ()
+    answers = reader.answers(opening.inputs) + reader.answers(opening.moment.checks)
     first = Opening(order, tuple(_start(reader, *s) for s in opening.inputs.starts), answers)
     recorded = []
     for number, symbolic in enumerate(taken):
