@@ -12,6 +12,7 @@ from itertools import count
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
+from koord.semantics.recording import Recording
 from koord.semantics.turns import holds_in
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.verify.claims import Claim, Phase, broken
@@ -19,8 +20,13 @@ from koord.verify.rounds import Encoder, Moment, Opening, SymbolicRound
 from koord.verify.solving import Answer, Deadline, Solver
 from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms
-from koord.verify.verdicts import Engine, Outcome, Verdict
-from koord.verify.witness import NotReplayedError, Reader, recording_of, replayed
+from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
+from koord.verify.witness import NotReplayedError, Reader, recording_of
+
+#: Replays a recording that should break a claim; raises NotReplayedError if it does not.
+Judge = Callable[[Recording, Claim, Phase], Counterexample]
+
+_NOT_REPLAYED = "a candidate violation"
 
 #: Called with the number of the round that is being looked at.
 Progress = Callable[[int], None]
@@ -98,8 +104,9 @@ class Bounded:
     even INIT is known to satisfy them).
     """
 
-    def __init__(self, system: System, seed: int = 0) -> None:
+    def __init__(self, system: System, judge: Judge, seed: int = 0) -> None:
         self._unrolling = Unrolling(system, seed)
+        self._judge = judge
         self._started = time.monotonic()
         self._moments: Iterator[Moment] | None = None
         self._limit = 0
@@ -128,7 +135,9 @@ class Bounded:
             progress(0 if self.completed is None else self.completed + 1)
             moment = self._next()
             self._take_for_granted(moment, proved)
-            found, self.reason = _look(self._unrolling, moment, pending, deadline, self._started)
+            found, self.reason = _look(
+                self._unrolling, moment, pending, deadline, self._started, self._judge
+            )
             verdicts |= found
             pending = [claim for claim in pending if claim not in verdicts]
             if not self.reason and moment.phase in (Phase.INIT, Phase.END):
@@ -173,6 +182,11 @@ class Bounded:
             idle -= {(kinds[o.robot], o.position) for o in pending if model.truth(o.chosen)}
 
     @property
+    def spurious(self) -> bool:
+        """Whether the check ended at a candidate that is no run."""
+        return self.reason.startswith(_NOT_REPLAYED)
+
+    @property
     def seconds(self) -> float:
         """Since the check began."""
         return time.monotonic() - self._started
@@ -200,6 +214,7 @@ def _look(
     claims: Sequence[Claim],
     deadline: Deadline,
     started: float,
+    judge: Judge,
 ) -> tuple[dict[Claim, Verdict], str]:
     """The claims that this configuration can break; and why the look was cut short, if it was."""
     d, solver = unrolling.encoder.d, unrolling.solver
@@ -221,9 +236,9 @@ def _look(
         reader = Reader(model, unrolling.system)
         recording = recording_of(reader, unrolling.opening, unrolling.rounds, moment.phase)
         try:
-            counterexample = replayed(unrolling.system, recording, claim, moment.phase)
+            counterexample = judge(recording, claim, moment.phase)
         except NotReplayedError as error:
-            return verdicts, f"a candidate violation of {claim.name} did not replay: {error}"
+            return verdicts, f"{_NOT_REPLAYED} of {claim.name} did not replay: {error}"
         verdicts[claim] = Verdict(
             claim,
             Outcome.VIOLATED,

@@ -4,17 +4,30 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import partial
 
 from koord.semantics.configurations import System
 from koord.semantics.machine import NotFiniteError
-from koord.verify.bmc import Bounded
-from koord.verify.claims import Claim, ClaimKind, claims_of, liveness_of
+from koord.semantics.recording import Recording
+from koord.verify.abstraction import abstracted
+from koord.verify.bmc import Bounded, Judge
+from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
+from koord.verify.concretion import Concretion
 from koord.verify.exhaustive import exhaust
 from koord.verify.induction import prove
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Vacuity, Verdict
+from koord.verify.verdicts import (
+    Bounds,
+    Counterexample,
+    Engine,
+    Outcome,
+    Report,
+    Vacuity,
+    Verdict,
+)
+from koord.verify.witness import replayed
 
 #: How many rounds an inductive step may span.
 MAX_DEPTH = 3
@@ -36,7 +49,7 @@ class Choice(Enum):
 class _Session:
     """The state of one verification: what is open, and why."""
 
-    system: System
+    subject: _Subject
     bounds: Bounds
     seed: int
     progress: Callable[[str], None]
@@ -46,6 +59,10 @@ class _Session:
     reasons: dict[Claim, str] = field(default_factory=dict)
     bounded: Bounded | None = None
     exhausted: bool = False
+
+    @property
+    def system(self) -> System:
+        return self.subject.system
 
     def open(self) -> list[Claim]:
         return [claim for claim in self.claims if claim not in self.verdicts]
@@ -68,8 +85,76 @@ def verify(
     Claims that are not named still serve as lemmas. Ctrl-C ends it with what is known so far.
     """
     started = time.monotonic()
-    claims = list(claims_of(system))
-    session = _Session(system, bounds, seed, progress, Deadline.after(bounds.timeout_s), claims)
+    deadline = Deadline.after(bounds.timeout_s)
+    ask = partial(_ask, bounds=bounds, choice=choice, seed=seed, progress=progress)
+    subject = _abstract_subject(system) or _plain_subject(system)
+    asked = ask(subject, deadline)
+    if subject.system is not system and asked.spurious and not asked.interrupted:
+        # Opaque values let something happen that real ones do not: look at those.
+        asked = ask(_plain_subject(system), deadline)
+    interrupted, vacuities = asked.interrupted, asked.vacuities
+    verdicts = tuple(
+        replace(verdict, claim=claim)
+        for claim, verdict in zip(claims_of(system), asked.verdicts, strict=True)
+        if not names or claim.name in names
+    )
+    live = tuple(
+        Verdict(_live(p.name), Outcome.UNKNOWN, Engine.NONE, 0.0, reason=_NO_LIVENESS)
+        for p in liveness_of(system)
+        if not names or p.name in names
+    )
+    seconds = time.monotonic() - started
+    return Report(verdicts + live, vacuities, seconds, interrupted)
+
+
+@dataclass(frozen=True, slots=True)
+class _Subject:
+    """What the engines work on, and who replays what they find."""
+
+    system: System
+    judge: Judge
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """The verdicts on a subject's claims, in order."""
+
+    verdicts: tuple[Verdict, ...]
+    vacuities: tuple[Vacuity, ...]
+    interrupted: bool
+    spurious: bool
+
+
+def _plain_subject(system: System) -> _Subject:
+    return _Subject(system, partial(replayed, system))
+
+
+def _abstract_subject(system: System) -> _Subject | None:
+    """The system with values that merely flow made opaque, if there are any."""
+    abstraction = abstracted(system.program)
+    if abstraction is None:
+        return None
+    abstract = replace(system, program=abstraction.program)
+    originals = dict(zip(claims_of(abstract), claims_of(system), strict=True))
+
+    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+        real = Concretion(abstraction, system).recording(recording)
+        return replayed(system, real, originals[claim], phase)
+
+    return _Subject(abstract, judge)
+
+
+def _ask(
+    subject: _Subject,
+    deadline: Deadline,
+    *,
+    bounds: Bounds,
+    choice: Choice,
+    seed: int,
+    progress: Callable[[str], None],
+) -> _Asked:
+    claims = list(claims_of(subject.system))
+    session = _Session(subject, bounds, seed, progress, deadline, claims)
     interrupted = False
     vacuities: tuple[Vacuity, ...] = ()
     try:
@@ -82,14 +167,9 @@ def verify(
         session.reasons |= dict.fromkeys(session.open(), "interrupted")
     for claim in session.open():
         session.verdicts[claim] = _open_verdict(session, claim, choice)
-    verdicts = tuple(session.verdicts[c] for c in claims if not names or c.name in names)
-    live = tuple(
-        Verdict(_live(p.name), Outcome.UNKNOWN, Engine.NONE, 0.0, reason=_NO_LIVENESS)
-        for p in liveness_of(system)
-        if not names or p.name in names
-    )
-    seconds = time.monotonic() - started
-    return Report(verdicts + live, vacuities, seconds, interrupted)
+    spurious = session.bounded is not None and session.bounded.spurious
+    verdicts = tuple(session.verdicts[claim] for claim in claims)
+    return _Asked(verdicts, vacuities, interrupted, spurious)
 
 
 _NO_LIVENESS = "liveness is not decided by the engines of this version"
@@ -111,7 +191,7 @@ def _run(session: _Session, choice: Choice) -> None:
 def _by_unrolling(session: _Session, rounds: int) -> None:
     """Bounded model checking through so many rounds."""
     if session.bounded is None:
-        session.bounded = Bounded(session.system, session.seed)
+        session.bounded = Bounded(session.system, session.subject.judge, session.seed)
     session.verdicts |= session.bounded.check(
         session.open(),
         session.proved(),
@@ -174,7 +254,7 @@ def _vacuities(session: _Session) -> tuple[Vacuity, ...]:
     """Assumptions that contradict each other, and events that can never run within the bound."""
     found: list[Vacuity] = []
     budget = session.deadline.sooner(PROOF_BUDGET_S)
-    bounded = session.bounded or Bounded(session.system, session.seed)
+    bounded = session.bounded or Bounded(session.system, session.subject.judge, session.seed)
     if not bounded.start_possible(budget):
         return (Vacuity("assumptions", "no initial configuration satisfies them all"),)
     session.progress("looking for events that never run")
