@@ -274,7 +274,7 @@ class Increment(Node):
 
 @dataclass(frozen=True, slots=True)
 class If(Node):
-    """``if … elif … else``: each arm is a condition and a block. ``otherwise`` is None if absent."""
+    """``if … elif … else``: each arm has a condition and a block; no ``else``, no ``otherwise``."""
 
     arms: tuple[tuple[Expr, Block], ...]
     otherwise: Block | None

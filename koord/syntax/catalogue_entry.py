@@ -9,7 +9,7 @@ from koord.syntax.diagnostics import Severity
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What ``koord explain CODE`` tells: ``bad`` is a program that yields the code, ``good`` none."""
+    """What ``koord explain CODE`` tells. ``bad`` is a program that yields the code; ``good``: mended."""
 
     code: str
     title: str

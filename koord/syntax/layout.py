@@ -7,30 +7,39 @@ are told and mended here, so that the parser sees a tree in any case.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 
 from koord.syntax.lines import Line, Part, language_lines
 from koord.syntax.report import Report
-from koord.syntax.tokens import Text
+from koord.syntax.tokens import Text, shown, words
 
 #: Blocks may stand inside each other so deep.
 MAX_BLOCKS = 64
 
 #: First words of parts that want a body. If their colon is missing, the deeper lines below are
 #: their body nevertheless.
-_OPENERS = frozenset(
+_OPENERS = words(
     """agent allread allwrite assume atomic contract def eff elif else ensures enum environment
-    eventually for if init invariant local pre requires sensors actuators urgent using""".split()
+    eventually for if init invariant local pre requires sensors actuators urgent using"""
+)
+
+#: First words of lines that stand no deeper than the head of a block of statements.
+_OUTER = words(
+    """AGENT ALLREAD ALLWRITE ASSUME DEF EFF ELIF ELSE ENUM EVENTUALLY INIT INVARIANT LOCAL PARAM
+    PRE URGENT USING"""
 )
 
 
 @dataclass(slots=True)
 class _Level:
-    """An open block, or a wrong indentation that stands for one."""
+    """An open block."""
 
     column: int
     body: list[Part]
     depth: int
+    #: Columns of lines that were told to be wrongly indented and belong here.
+    mistaken: set[int] = field(default_factory=set)
 
 
 def lay_out(text: Text, report: Report) -> list[Part]:
@@ -74,33 +83,34 @@ class _Layout:
     def _level(self, line: Line) -> _Level:
         column = line.indent
         top = self.levels[-1]
-        if column > top.column:
+        if column > top.column and column not in top.mistaken:
             found = self._continued(line)
-            if found is None:
-                self._mistake(
-                    "K110",
-                    line,
-                    "this line is indented deeper than the one before it, which opens no block",
-                    _cure(top.column),
-                )
-                self.levels.append(_Level(column, top.body, top.depth))
-            else:
+            if found:
                 self.levels.append(_Level(column, found[0], top.depth + found[1]))
-            return self.levels[-1]
-        popped = top
-        while self.levels[-1].column > column:
-            popped = self.levels.pop()
-        top = self.levels[-1]
-        if top.column < column:
+                return self.levels[-1]
             self._mistake(
-                "K111",
+                "K110",
                 line,
-                "the indentation of this line is that of no open block",
-                f"{_cure(top.column)} or {popped.column}",
+                "this line is indented deeper than the one before it, which opens no block",
+                _cure(top.column),
             )
-            nearest = popped if popped.column - column < column - top.column else top
-            self.levels.append(_Level(column, nearest.body, nearest.depth))
-        return self.levels[-1]
+            top.mistaken.add(column)
+        while top.column > column and column not in top.mistaken:
+            outer = self.levels[-2]
+            if outer.column < column and column not in outer.mistaken:
+                self._mistake(
+                    "K111",
+                    line,
+                    "the indentation of this line is that of no open block",
+                    f"{_cure(outer.column)}, or with {top.column}",
+                )
+                if _is_statement(line.roots[0]):
+                    top.mistaken.add(column)
+                    break
+                outer.mistaken.add(column)
+            self.levels.pop()
+            top = outer
+        return top
 
     def _mistake(self, code: str, line: Line, message: str, cure: str) -> None:
         if not self.tabs:
@@ -122,15 +132,18 @@ class _Layout:
         # the part that opens a body on the line, and the column where that body begins
         opened = [
             (outer, inner, inner.tokens[0].column - 1 if inner.tokens else line.indent)
-            for outer, inner in zip(chain, chain[1:], strict=False)
+            for outer, inner in pairwise(chain)
         ]
-        if line.roots[0].first in ("ELSE", "ELIF"):
+        first = line.roots[0].first
+        if first not in ("PRE", "EFF"):  # nothing else goes on with an event
+            opened = [c for c in opened if c[1].first not in ("PRE", "EFF")] or opened
+        if first in ("ELSE", "ELIF"):
             opened = [candidate for candidate in opened if candidate[1].first in ("IF", "ELIF")]
             opened = [c for c in opened if c[2] == line.indent] or opened
         else:
             opened = [c for c in opened if c[2] <= line.indent][-1:] or opened
         if len(opened) > 1:
-            outer, inner = (f"`{part.tokens[0].text}`" for part in (opened[0][0], opened[-1][0]))
+            outer, inner = (_head(part) for part in (opened[0][0], opened[-1][0]))
             self._mistake(
                 "K112",
                 line,
@@ -149,6 +162,15 @@ def _opens(part: Part, *, alone: bool) -> bool:
     return part.tokens[0].text in _OPENERS or (
         alone and len(part.tokens) == 1 and part.first == "NAME"
     )
+
+
+def _is_statement(part: Part) -> bool:
+    """Whether a line can go on with a block of statements, whatever its indentation means."""
+    return part.first not in _OUTER and not (part.first == "NAME" and part.colon)
+
+
+def _head(part: Part) -> str:
+    return f"`{shown(part.tokens[0].text)}`" if part.tokens else "`:`"
 
 
 def _cure(column: int) -> str:

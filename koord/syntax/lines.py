@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from koord.syntax.diagnostics import Note
 from koord.syntax.report import Report
 from koord.syntax.source import Span
-from koord.syntax.tokens import KEYWORDS, TextLine, Token
+from koord.syntax.tokens import KEYWORDS, TextLine, Token, words
 
 #: Brackets may stand inside each other so deep.
 MAX_BRACKETS = 100
@@ -23,13 +23,13 @@ _SPECIAL = frozenset(_CLOSER) | _CLOSING
 _SPECIAL |= frozenset(["COLON", "SEMICOLON", "FORALL", "EXISTS", "ELSE", "ELIF"])
 
 #: Keywords that begin a statement or a section: none of them stands inside brackets.
-_OUTSIDE = frozenset(word.upper() for word in KEYWORDS) - frozenset(
-    "AND EXISTS FALSE FORALL IMPLIES IN LEADSTO NOT OR TRUE".split()
+_OUTSIDE = frozenset(word.upper() for word in KEYWORDS) - words(
+    "AND EXISTS FALSE FORALL IMPLIES IN LEADSTO NOT OR TRUE"
 )
 
 #: A line that ends, or a deeper-indented one that begins, with one of these goes on.
-_LEADING = frozenset("OPERATOR MINUS LESS GREATER OUTPUT DOT IN LEADSTO".split())
-_DANGLING = _LEADING | frozenset("NOT COMMA ASSIGN COLON FORALL EXISTS".split())
+_LEADING = words("OPERATOR MINUS LESS GREATER OUTPUT DOT IN LEADSTO")
+_DANGLING = _LEADING | words("NOT COMMA ASSIGN COLON FORALL EXISTS")
 
 
 @dataclass(slots=True)
@@ -174,7 +174,7 @@ class _Cutter:
         elif kind in _CLOSING:
             if not self._closes(line, token):
                 return
-        elif kind == "SEMICOLON":
+        elif kind == "SEMICOLON" and not line.brackets:
             self._semicolon(line, token)
             return
         elif kind == "FORALL" or kind == "EXISTS":
@@ -287,9 +287,8 @@ class _Cutter:
         self.report.error(
             "K133", token.span, "`;` is not part of the language", "one statement per line, no `;`"
         )
-        if not line.brackets:
-            line.sink = None
-            line.chain.pop()
+        line.sink = None
+        line.chain.pop()
 
     def _else(self, line: Line, token: Token) -> list[Token]:
         """Begin the ``else`` of an ``if`` on the same line."""

@@ -10,17 +10,18 @@ from koord.syntax.parser_lines import Form, type_end
 from koord.syntax.parser_nodes import LoopEach, LoopRange
 from koord.syntax.parser_reader import Reader
 from koord.syntax.source import Span
-from koord.syntax.tokens import shown
+from koord.syntax.tokens import KEYWORDS, Token, shown, words
 
 #: What stands for a condition that could not be read.
 _UNKNOWN = ast.BoolLit(True)
 
 #: Sections and their pieces: none of them stands among statements.
-_SECTIONS = frozenset(
+_SECTIONS = words(
     """AGENT ALLREAD ALLWRITE ASSUME DEF EFF ENUM EVENTUALLY INIT INVARIANT LOCAL PARAM PRE URGENT
-    USING""".split()
+    USING"""
 )
-_OTHER_BLOCKS = frozenset("while loop repeat do switch case match try with until when".split())
+_ELIF = frozenset(["elseif", "elsif"])
+_OTHER_BLOCKS = words("while loop repeat do switch case match try with until when")
 
 
 def block(reader: Reader, parts: list[Part]) -> ast.Block:
@@ -65,7 +66,7 @@ def _continues(reader: Reader, before: Part, part: Part) -> bool:
     word = part.tokens[0] if part.tokens else None
     if word is None:
         return False
-    if part.colon and word.text in ("elseif", "elsif"):
+    if part.colon and word.text in _ELIF:
         count = 1
     elif word.type == "ELSE" and len(part.tokens) > 1 and part.tokens[1].type == "IF":
         count = 2
@@ -107,12 +108,26 @@ def _for(reader: Reader, part: Part) -> ast.Block:
 
 
 def _simple(reader: Reader, part: Part) -> list[ast.Stmt]:
-    end = type_end(part.tokens, 0) if len(part.tokens) > 1 and part.first == "NAME" else None
-    if end is not None and end < len(part.tokens) and part.tokens[end].type == "NAME":
+    if _declares(part.tokens):
         decls = reader.declaration(part)
         return [ast.LocalDecl(decl, span=decl.span) for decl in decls]
     statement = cast("ast.Stmt | None", reader.line(Form.STATEMENT, part))
     return [statement] if statement else []
+
+
+def _declares(tokens: list[Token]) -> bool:
+    """Whether a line begins with a type and a name, or a keyword used as a name."""
+    if len(tokens) < 2 or tokens[0].type != "NAME":
+        return False
+    at = type_end(tokens, 0)
+    if at is None or at >= len(tokens):
+        return False
+    if tokens[at].type == "NAME":
+        return True
+    return tokens[at].text in KEYWORDS and [t.type for t in tokens[at + 1 : at + 2]] in (
+        [],
+        ["ASSIGN"],
+    )
 
 
 def _misplaced(reader: Reader, part: Part) -> ast.Block:
@@ -120,7 +135,7 @@ def _misplaced(reader: Reader, part: Part) -> ast.Block:
     first = part.first
     word = shown(part.tokens[0].text) if part.tokens else ":"
     place = part.tokens[0].span if part.tokens else part.span
-    if first in ("ELSE", "ELIF"):
+    if first in ("ELSE", "ELIF") or word in _ELIF:
         reader.complain(
             part,
             "K116",

@@ -15,7 +15,7 @@ from lark.exceptions import UnexpectedToken
 from lark.lexer import Lexer
 
 from koord.syntax.parser_nodes import Builder
-from koord.syntax.parser_operands import Misplaced
+from koord.syntax.parser_operands import MisplacedError
 from koord.syntax.source import Span
 from koord.syntax.tokens import Token
 
@@ -37,7 +37,7 @@ class Form(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Unexpected(Exception):
+class UnexpectedError(Exception):
     """The token that no form of line allows where it stands."""
 
     position: int  #: of the token in the line; the length of the line if it is too short
@@ -70,15 +70,13 @@ _END = LarkToken("$END", "")
 
 
 def parse_line(form: Form, tokens: list[Token], *, quantified: bool) -> Any:
-    """The node that the tokens of a line make. Raises Unexpected or Misplaced.
+    """The node that the tokens of a line make. Raises UnexpectedError or MisplacedError.
 
     ``quantified`` tells whether there are quantifiers among them.
     """
     if quantified:
         _mark_types(tokens)
-    parser = _lark().parse_interactive(None, form.value)
-    feed = cast(Callable[..., Any], parser.parser_state.feed_token)
-    possible = cast(Callable[[], set[str]], parser.accepts)
+    feed = _feeder(form)[0]
     position = 0
     try:
         for token in tokens:
@@ -86,15 +84,32 @@ def parse_line(form: Form, tokens: list[Token], *, quantified: bool) -> Any:
             position += 1
         node = feed(_END, True)
     except UnexpectedToken:
-        raise Unexpected(position, frozenset(possible())) from None
+        raise UnexpectedError(position, _possible(form, tokens[:position])) from None
     if len(tokens) > MAX_DEPTH and _depth(node) > MAX_DEPTH:
-        raise Misplaced(
+        raise MisplacedError(
             "K109",
             tokens[0].span.to(tokens[-1].span),
             f"this expression is more than {MAX_DEPTH} operators or brackets deep",
             "give pieces of it names of their own",
         )
     return node
+
+
+def _feeder(form: Form) -> tuple[Callable[..., Any], Callable[[], set[str]]]:
+    """What takes tokens, and what tells which terminals it would take next."""
+    parser = _lark().parse_interactive(None, form.value)
+    return parser.parser_state.feed_token, cast(Callable[[], set[str]], parser.accepts)
+
+
+def _possible(form: Form, tokens: list[Token]) -> frozenset[str]:
+    """The terminals that can stand behind tokens that are the beginning of a line.
+
+    They are fed again: the token that was refused may have changed the state of the parser.
+    """
+    feed, possible = _feeder(form)
+    for token in tokens:
+        feed(token)
+    return frozenset(possible())
 
 
 def _mark_types(tokens: list[Token]) -> None:

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from koord.syntax.parser_lines import Form, Unexpected
-from koord.syntax.tokens import KEYWORDS, Token, shown
+from koord.syntax.parser_lines import Form, UnexpectedError
+from koord.syntax.source import Span
+from koord.syntax.tokens import KEYWORDS, Token, shown, words
 
 _WORDS = {word.upper() for word in KEYWORDS}
 _ENDS = frozenset(["$END"])
 _VALUE = frozenset(["NAME", "INT", "LPAR"])
 #: Terminals that a value begins with, and those that go on with one: too many to list.
-_BEGINS_VALUE = _VALUE | frozenset(
-    "FLOAT STRING TRUE FALSE MINUS NOT LSQB LBRACE FORALL EXISTS".split()
-)
-_GOES_ON = frozenset("OPERATOR MINUS LESS GREATER DOT LSQB LPAR PRIME AT".split())
+_BEGINS_VALUE = _VALUE | words("FLOAT STRING TRUE FALSE MINUS NOT LSQB LBRACE FORALL EXISTS")
+_GOES_ON = words("OPERATOR MINUS LESS GREATER DOT LSQB LPAR PRIME AT")
 _SIGNS = {
     "RPAR": "`)`",
     "RSQB": "`]`",
@@ -42,6 +41,13 @@ class Complaint:
     message: str
     hint: str | None = None
     repaired: list[Token] | None = None
+    #: The last token of what is wrong, if it is not only ``token``.
+    last: Token | None = None
+
+    @property
+    def span(self) -> Span:
+        """Where the mistake is."""
+        return self.token.span.to(self.last.span) if self.last else self.token.span
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +84,7 @@ class Mistake:
         return self.expected >= _ENDS
 
 
-def explain(form: Form, tokens: list[Token], error: Unexpected, end: Token) -> Complaint:
+def explain(form: Form, tokens: list[Token], error: UnexpectedError, end: Token) -> Complaint:
     """What is wrong with the line."""
     mistake = Mistake(form, tokens, error.position, error.expected, end)
     for rule in _RULES:
@@ -263,9 +269,12 @@ def _no_type(m: Mistake) -> Complaint | None:
     before = m.at(m.position - 1)
     if before.type != "NAME" or "NAME" not in m.expected or m.wants_value:
         return None
-    if m.token.type in ("ASSIGN", "COMMA", "RPAR", "END", "COLON"):
-        message = f"the type or the name is missing beside `{shown(before.text)}`"
-        return Complaint("K139", before, message, f"write `int {shown(before.text)}`, for example")
+    name = shown(before.text)
+    if m.token.type in ("ASSIGN", "COMMA", "RPAR"):
+        return Complaint("K139", before, f"the type of `{name}` is missing", f"write `int {name}`")
+    if m.position == len(m.tokens):
+        message = "a declaration has a type and a name"
+        return Complaint("K139", before, message, "write `int x`, for example")
     return None
 
 
@@ -302,10 +311,9 @@ def _value_as_statement(m: Mistake) -> Complaint | None:
         return None
     if m.token.type not in ("OPERATOR", "MINUS", "LESS", "GREATER"):
         return None
-    whole = Token("VALUE", *_rest(m.tokens[0]))
-    return Complaint(
-        "K136", whole, "this is a value, not a statement", "assign it with `=`, or call something"
-    )
+    message = "this is a value, not a statement"
+    hint = "assign it with `=`, or call something"
+    return Complaint("K136", m.tokens[0], message, hint, last=m.tokens[-1])
 
 
 def _two_in_one(m: Mistake) -> Complaint | None:

@@ -9,7 +9,7 @@ from typing import Any
 from koord.syntax import ast
 from koord.syntax.parser_operands import (
     Bound,
-    Misplaced,
+    MisplacedError,
     RangeBound,
     TypedBound,
     across,
@@ -267,7 +267,7 @@ class Builder:
 
     def call_statement(self, c: Children) -> Any:
         if not isinstance(c[0], ast.Call | ast.MethodCall):
-            raise Misplaced(
+            raise MisplacedError(
                 "K136",
                 c[0].span,
                 "this is a value, not a statement",

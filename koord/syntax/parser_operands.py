@@ -11,7 +11,7 @@ from koord.syntax.tokens import Token
 
 
 @dataclass(frozen=True, slots=True)
-class Misplaced(Exception):
+class MisplacedError(Exception):
     """Something that the grammar lets through but the language does not have."""
 
     code: str
@@ -82,7 +82,7 @@ def combine(items: list[ast.Expr | Token]) -> ast.Expr:
                 if waiting[-1][0] == binds == IMPLIES:
                     break
                 if waiting[-1][0] == binds == COMPARISON:
-                    raise Misplaced(
+                    raise MisplacedError(
                         "K134",
                         item.span,
                         "comparisons do not chain",
@@ -105,7 +105,7 @@ def place(target: ast.Expr) -> ast.Expr:
     while isinstance(base, ast.Index | ast.Attribute):
         base = base.base
     if not isinstance(base, ast.Name):
-        raise Misplaced(
+        raise MisplacedError(
             "K136",
             target.span,
             "nothing can be assigned to this",
@@ -160,7 +160,7 @@ def binders(pieces: list[Bound | TypedBound | RangeBound]) -> tuple[ast.Binder, 
 def _bound_name(expression: ast.Expr) -> ast.Ident:
     if isinstance(expression, ast.Name):
         return ast.Ident(expression.name, span=expression.span)
-    raise Misplaced(
+    raise MisplacedError(
         "K138",
         expression.span,
         "a name for what is quantified over is expected here",

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, cast
 
 from koord.syntax import ast
 from koord.syntax.lines import Part
-from koord.syntax.parser_lines import Form, Unexpected, parse_line
+from koord.syntax.parser_lines import Form, UnexpectedError, parse_line
 from koord.syntax.parser_messages import explain
-from koord.syntax.parser_operands import Misplaced
+from koord.syntax.parser_operands import MisplacedError
 from koord.syntax.report import Report
 from koord.syntax.source import Span
-from koord.syntax.tokens import KEYWORDS, Token, shown
+from koord.syntax.tokens import KEYWORDS, Token, shown, words
 
 #: A line is mended and read again so often.
 _MAX_REPAIRS = 10
@@ -19,11 +20,11 @@ _MAX_REPAIRS = 10
 #: Forms that may go on over several lines without brackets: the expressions of properties.
 _OVER_LINES = frozenset([Form.EXPRESSION, Form.GOAL, Form.MEMBERS])
 #: In a body of expressions a line that begins so goes on with the one before …
-_GOES_ON = frozenset("OPERATOR LESS GREATER DOT LEADSTO IN".split())
+_GOES_ON = words("OPERATOR LESS GREATER DOT LEADSTO IN")
 #: … and one that ends so goes on with the next.
-_UNFINISHED = _GOES_ON | frozenset("MINUS NOT COMMA COLON FORALL EXISTS".split())
+_UNFINISHED = _GOES_ON | words("MINUS NOT COMMA COLON FORALL EXISTS")
 #: First words of statements that have a body.
-_BLOCKS = frozenset("IF FOR ATOMIC".split())
+_BLOCKS = words("IF FOR ATOMIC")
 #: Complaints that may as well mean a missing colon.
 _NO_COLON = frozenset(["K130", "K131", "K135"])
 
@@ -59,18 +60,17 @@ class Reader:
         for _ in range(_MAX_REPAIRS):
             try:
                 return parse_line(form, tokens, quantified=part.quantified)
-            except Misplaced as error:
+            except MisplacedError as error:
                 self.complain(part, error.code, error.span, error.message, error.hint)
                 part.broken = True
                 return None
-            except Unexpected as error:
+            except UnexpectedError as error:
                 complaint = explain(form, tokens, error, part.end)
                 at = start + error.position
                 if opens and complaint.code in _NO_COLON and self._splits(part, at):
                     tokens = part.tokens[start:]
                     continue
-            token = complaint.token
-            self.complain(part, complaint.code, token.span, complaint.message, complaint.hint)
+            self.complain(part, complaint.code, complaint.span, complaint.message, complaint.hint)
             if complaint.repaired is None:
                 break
             tokens = complaint.repaired
@@ -251,7 +251,7 @@ def _others(decl: ast.VarDecl, tokens: list[Token]) -> list[ast.VarDecl]:
     """The further names of a declaration that has several."""
     found = []
     depth = 0
-    for token, following in zip(tokens, tokens[1:], strict=False):
+    for token, following in pairwise(tokens):
         depth += token.type in ("LPAR", "LSQB", "LBRACE", "LESS")
         depth -= token.type in ("RPAR", "RSQB", "RBRACE", "GREATER")
         if token.type == "COMMA" and following.type == "NAME" and not depth:

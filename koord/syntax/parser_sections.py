@@ -8,14 +8,14 @@ from koord.syntax.parser_blocks import block, reach
 from koord.syntax.parser_lines import Form
 from koord.syntax.parser_nodes import LeadsTo, Signature
 from koord.syntax.parser_reader import Reader
-from koord.syntax.parser_strays import Strays, stray_section
+from koord.syntax.parser_strays import PIECES, Strays, adopted, stray_section
 
 
 def sections(reader: Reader, parts: list[Part], *, agent: bool = False) -> tuple[ast.Section, ...]:
     """The sections of a file or of an ``agent``."""
     found: list[ast.Section] = []
     strays = Strays(reader)
-    for part in parts:
+    for part in adopted(reader, parts):
         if agent and part.first == "AGENT":
             strays.add(part, "`agent` cannot stand inside `agent`", None)
             continue
@@ -53,6 +53,7 @@ def _section(reader: Reader, part: Part) -> tuple[ast.Section, ...] | None:
             return (ast.Init(block(reader, reader.body(part)), span=reach(part)),)
         case "ASSUME":
             given = _property_name(reader, part)
+            reader.heads.append(ast.Ident("assume", span=part.tokens[0].span))
             return tuple(ast.Assume(given, e, span=e.span) for e in reader.expressions(part))
         case "INVARIANT":
             return _invariant(reader, part)
@@ -70,18 +71,11 @@ def _section(reader: Reader, part: Part) -> tuple[ast.Section, ...] | None:
 
 
 def _is_event(part: Part) -> bool:
-    return (
-        bool(part.colon or part.body)
-        and len(part.tokens) == 1
-        and part.tokens[0].text
-        not in (
-            "sensors",
-            "actuators",
-            "environment",
-            "requires",
-            "ensures",
-        )
-    )
+    if not (part.colon or part.body) or len(part.tokens) != 1:
+        return False
+    if part.tokens[0].text not in PIECES:
+        return True
+    return any(line.first in ("PRE", "EFF") for line in part.body)
 
 
 def _event(reader: Reader, part: Part, *, urgent: bool) -> ast.Event:
@@ -236,10 +230,13 @@ def _enum(reader: Reader, part: Part) -> ast.EnumDef:
     for line in reader.joined(reader.body(part)):
         reader.no_block(line)
         found = reader.line(Form.MEMBERS, line)
-        members.extend(found or ())
-        if not found:
-            reader.lost.update(token.text for token in line.tokens)
+        members.extend(found or _names(line))
     return ast.EnumDef(name, tuple(members), span=reach(part))
+
+
+def _names(part: Part) -> list[ast.Ident]:
+    tokens = (token for token in part.tokens if token.type == "NAME")
+    return [ast.Ident(token.text, span=token.span) for token in tokens]
 
 
 # --- properties ---------------------------------------------------------------------------------

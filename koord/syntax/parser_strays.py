@@ -5,10 +5,12 @@ from __future__ import annotations
 from koord.syntax.lines import Part
 from koord.syntax.parser_lines import type_end
 from koord.syntax.parser_reader import Reader
-from koord.syntax.tokens import shown
+from koord.syntax.tokens import shown, words
 
-_PIECES_OF_MODULES = frozenset(["sensors", "actuators", "environment", "contract"])
-_STATEMENTS = frozenset("IF FOR ATOMIC BREAK RETURN STOP TRYSTOP PASS ELSE ELIF".split())
+_OF_MODULES = frozenset(["sensors", "actuators", "environment", "contract"])
+#: Words that begin a piece of a module or of a contract.
+PIECES = _OF_MODULES | frozenset(["requires", "ensures"])
+_STATEMENTS = words("IF FOR ATOMIC BREAK RETURN STOP TRYSTOP PASS ELSE ELIF")
 #: What other languages call the sections.
 _OTHER_SECTIONS = {
     "event": "an event is written `NAME:`, with `pre:` and `eff:` below",
@@ -60,14 +62,15 @@ def stray_section(part: Part) -> tuple[str, str | None]:
     expected = "a section or an event is expected here"
     if part.first in ("PRE", "EFF"):
         return f"`{word}:` stands outside of an event", "indent it below the name of its event"
-    if word in _PIECES_OF_MODULES:
+    if word in _OF_MODULES:
         return f"`{word}` stands outside of a module", "indent it below `using NAME:`"
     if word in ("requires", "ensures"):
         return f"`{word}:` stands outside of a contract", "indent it below `contract NAME:`"
     if word in _OTHER_SECTIONS and len(part.tokens) > 1:
         return expected, _OTHER_SECTIONS[word]
-    end = type_end(part.tokens, 0)
-    if end is not None and end < len(part.tokens) and part.tokens[end].type == "NAME":
+    if part.first in ("FORALL", "EXISTS"):
+        return expected, "a property is written `invariant NAME: …`"
+    if _is_declaration(part):
         return (
             "a declaration stands outside of a section",
             "indent it below `local:`, `allread:` or `allwrite:`",
@@ -78,3 +81,39 @@ def stray_section(part: Part) -> tuple[str, str | None]:
             "indent it below the `eff:` of an event, or below `init:`",
         )
     return expected, "such as `local:`, `init:`, `invariant NAME:` or `Event:`"
+
+
+def adopted(reader: Reader, parts: list[Part]) -> list[Part]:
+    """The parts; what stands at the level of its head is put below it."""
+    kept: list[Part] = []
+    adopting: Part | None = None
+    for part in parts:
+        head = kept[-1] if kept else None
+        if not (head and head.colon and _fits(head, part) and (head is adopting or not head.body)):
+            kept.append(part)
+            continue
+        if head is not adopting:
+            word = shown(" ".join(token.text for token in head.tokens))
+            message = f"this belongs to `{word}` and stands at its level"
+            reader.complain(part, "K113", part.span, message, "indent it deeper")
+            adopting = head
+        head.body.append(part)
+    return kept
+
+
+def _fits(head: Part, part: Part) -> bool:
+    """Whether a part is likely to be in the body of ``head``."""
+    match head.first:
+        case "NAME" | "URGENT":
+            return part.first in ("PRE", "EFF")
+        case "LOCAL" | "ALLREAD" | "ALLWRITE":
+            return not part.colon and _is_declaration(part)
+        case "USING":
+            return bool(part.colon and part.tokens and part.tokens[0].text in _OF_MODULES)
+        case _:
+            return False
+
+
+def _is_declaration(part: Part) -> bool:
+    end = type_end(part.tokens, 0)
+    return end is not None and end < len(part.tokens) and part.tokens[end].type == "NAME"

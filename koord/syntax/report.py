@@ -35,7 +35,7 @@ class Report:
             return
         self._places.add(place)
         self.diagnostics.append(Diagnostic(code, Severity.ERROR, span, message, hint, notes))
-        if self.full:
+        if len(self.diagnostics) == MAX_ERRORS:
             self.diagnostics.append(
                 Diagnostic(
                     "K107",

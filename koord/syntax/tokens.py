@@ -15,11 +15,17 @@ from koord.syntax.operators import SPELLINGS
 from koord.syntax.report import Report
 from koord.syntax.source import Source, Span
 
+
+def words(text: str) -> frozenset[str]:
+    """The words of a text, as a set."""
+    return frozenset(text.split())
+
+
 #: Words that no program may use as names.
-KEYWORDS = frozenset(
-    "agent allread allwrite and assume atomic break def eff elif else enum eventually exists false "
-    "False for forall if implies in init invariant leadsto local not or param pass pre return stop "
-    "true True trystop urgent using".split()
+KEYWORDS = words(
+    """agent allread allwrite and assume atomic break def eff elif else enum eventually exists false
+    False for forall if implies in init invariant leadsto local not or param pass pre return stop
+    true True trystop urgent using"""
 )
 
 _TYPES = {word: word.upper() for word in KEYWORDS}
@@ -271,9 +277,7 @@ def _bad(token: Token, report: Report) -> list[Token]:
 
 
 def _unprintable(character: str) -> bool:
-    return (
-        ord(character) < 0x20 or 0x7F <= ord(character) < 0xA0 or 0xD800 <= ord(character) < 0xE000
-    )
+    return unicodedata.category(character) in ("Cc", "Cs")
 
 
 def _refuse_tabs(tabs: list[Span], report: Report) -> None:
