@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from enum import IntEnum
 
+from koord.semantics.configurations import Status
 from koord.syntax import core
 from koord.syntax.core import Direction, Home
 from koord.syntax.types import ListType, QueueType
@@ -46,6 +47,41 @@ def footprint(program: core.Program) -> Footprint:
     return found
 
 
+def statuses(program: core.Program) -> tuple[frozenset[Status], ...]:
+    """The statuses that robots of each kind may have between rounds. [STOP]"""
+    asking = any(_has(agent, core.TryStop) for agent in program.agents)
+    found = []
+    for agent in program.agents:
+        possible = {Status.RUNNING}
+        if asking or _has(agent, core.Stop):
+            possible.add(Status.STOPPED)
+        if _has(agent, core.TryStop):
+            possible.add(Status.ASKED)
+        found.append(frozenset(possible))
+    return tuple(found)
+
+
+def _has(agent: core.Agent, kind: type[core.Stop] | type[core.TryStop]) -> bool:
+    return any(
+        isinstance(statement, kind)
+        for block in (agent.init, *(event.effect for event in agent.events))
+        for statement in _statements(block)
+    )
+
+
+def _statements(block: core.Block) -> Iterator[core.Stmt]:
+    for statement in block:
+        yield statement
+        match statement:
+            case core.If(then=then, otherwise=otherwise):
+                yield from _statements(then)
+                yield from _statements(otherwise)
+            case core.ForRange(body=body) | core.ForEach(body=body) | core.Atomic(body=body):
+                yield from _statements(body)
+            case _:
+                pass
+
+
 def _note(found: Footprint, kind: int, place: core.Place) -> None:
     variable = place.variable
     own = variable.home in (Home.LOCAL, Home.PORT)
@@ -70,7 +106,7 @@ def _inside_list(place: core.Place) -> bool:
 
 
 def _written(block: core.Block) -> Iterator[core.Place]:
-    for statement in block:
+    for statement in _statements(block):
         match statement:
             case core.Assign(place=place):
                 yield place
@@ -81,10 +117,5 @@ def _written(block: core.Block) -> Iterator[core.Place]:
                 yield core.Place(place.variable)
                 if into is not None:
                     yield into
-            case core.If(then=then, otherwise=otherwise):
-                yield from _written(then)
-                yield from _written(otherwise)
-            case core.ForRange(body=body) | core.ForEach(body=body) | core.Atomic(body=body):
-                yield from _written(body)
             case _:
                 pass

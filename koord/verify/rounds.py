@@ -36,7 +36,7 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.types import BOOL, INT
 from koord.verify.claims import Findings, Phase
-from koord.verify.footprint import Written, footprint
+from koord.verify.footprint import Written, footprint, statuses
 from koord.verify.races import is_flat, precedes, racy_variables, winning
 from koord.verify.symbols import SymbolicInputs, Unknowns
 from koord.verify.terms import Term
@@ -109,6 +109,7 @@ class Encoder:
         self._urgent = any(e.urgent for a in system.program.agents for e in a.events)
         self._updates = rewritten(system.program)
         self._footprint = footprint(system.program)
+        self._statuses = statuses(system.program)
 
     # --- configurations to start from -----------------------------------------------------------
 
@@ -175,7 +176,11 @@ class Encoder:
         status = d.fresh(f"status@{robot}", INT)
         ran = d.fresh(f"ran@{robot}", INT)
         possible = disjunction(
-            d, [d.binary(BinaryOp.EQ, status, d.const(int(s), INT)) for s in Status]
+            d,
+            [
+                d.binary(BinaryOp.EQ, status, d.const(int(s), INT))
+                for s in sorted(self._statuses[state.kind])
+            ],
         )
         inside = [
             d.binary(BinaryOp.LE, d.const(NO_EVENT, INT), ran),
