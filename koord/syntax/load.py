@@ -47,13 +47,15 @@ def load(
         diagnostics += findings.in_order()
     program = ast.Program(tuple(sections), parsed.program.comments, span=parsed.program.span)
     elaborated = elaborate(program, settings)
-    lost = {file.name: lost_words(file, diagnostics) for file in (source, *properties)}
+    texts = {file.name: file for file in (source, *properties)}
+    lost = {name: lost_words(file, diagnostics) for name, file in texts.items()}
     independent = [
         found
         for found in elaborated.diagnostics
-        if not follows(found, lost.get(found.span.file, frozenset()), source)
+        if found.span.file not in texts
+        or not follows(found, lost[found.span.file], texts[found.span.file])
     ]
-    files = {name.name: number for number, name in enumerate((source, *properties))}
+    files = {name: number for number, name in enumerate(texts)}
     together = sorted(
         (*diagnostics, *independent),
         key=lambda d: (files.get(d.span.file, -1), d.span.line, d.span.column),
@@ -66,6 +68,8 @@ def load(
 _FOLLOWING = frozenset({"K201", "K202", "K203", "K205", "K206", "K207", "K304", "K403"})
 #: Errors of indentation, which are mended: nothing is lost.
 _MENDED = frozenset({"K110", "K111"})
+#: So many lines of a block that could not be read are looked at.
+_BLOCK = 200
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -78,18 +82,18 @@ def lost_words(source: Source, diagnostics: Iterable[Diagnostic]) -> frozenset[s
         line = diagnostic.span.line
         text = source.line_text(line)
         indent = len(text) - len(text.lstrip())
-        while text.strip():
+        for _ in range(_BLOCK):
             words.update(_WORD.findall(text))
             line += 1
             text = source.line_text(line)
-            if len(text) - len(text.lstrip()) <= indent:
+            if not text.strip() or len(text) - len(text.lstrip()) <= indent:
                 break
     return frozenset(words)
 
 
 def follows(found: Diagnostic, lost: frozenset[str], source: Source) -> bool:
     """Whether what was found may be a mere consequence of lines that could not be read."""
-    if not lost or found.code not in _FOLLOWING or found.span.file != source.name:
+    if not lost or found.code not in _FOLLOWING:
         return False
     text = source.line_text(found.span.line)[found.span.column - 1 :]
     word = _WORD.match(text)

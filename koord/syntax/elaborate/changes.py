@@ -8,7 +8,8 @@ from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body
 from koord.syntax.elaborate.calls import METHODS, as_call
 from koord.syntax.elaborate.coercion import fit
-from koord.syntax.elaborate.places import field_position
+from koord.syntax.elaborate.names import Meaning
+from koord.syntax.elaborate.places import field_position, meaning
 from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.targets import target
 from koord.syntax.types import BOOL, INT, ListType, MapType, QueueType, RecordType, Type, show
@@ -137,26 +138,22 @@ def pop_into(body: Body, s: ast.Assign) -> core.Block:
 def _assign(body: Body, call: ast.Call) -> core.Block:
     """``assign(task, robot)`` marks the task as the robot's."""
     place = _changed(body, call, 2)
-    who = call.arguments[1].value if len(call.arguments) == 2 else None
-    if place is None or who is None:
+    if place is None:
         return ()
+    task, who = (argument.value for argument in call.arguments)
     robot = fit(body, body.expr(who, INT), INT, who.span, "the robot that gets the task")
     if robot is None:
         return ()
-    values = {
-        "assigned": core.Const(True, BOOL, span=call.span),
-        "assignedTo": robot,
-    }
-    record = place.type
     made: list[core.Stmt] = []
-    if isinstance(record, RecordType):
-        for name, value in values.items():
-            position = field_position(record, name)
-            if position is not None and record.fields[position][1] == value.type:
-                field, type_ = record.fields[position]
-                step = core.FieldStep(position, field, type_, span=place.span)
-                part = core.Place(place.variable, (*place.steps, step), span=place.span)
-                made.append(core.Assign(part, value, span=call.span))
+    for name, value in (
+        ("assigned", core.Const(True, BOOL, span=call.span)),
+        ("assignedTo", robot),
+    ):
+        # elaborated anew for each, so that no call in an index stands twice
+        whole = meaning(body, task) if made else place
+        part = _task_field(whole, name, value.type)
+        if part is not None:
+            made.append(core.Assign(part, value, span=call.span))
     if not made:
         body.error(
             "K229",
@@ -165,6 +162,17 @@ def _assign(body: Body, call: ast.Call) -> core.Block:
             "it sets the fields `bool assigned` and `int assignedTo`",
         )
     return tuple(made)
+
+
+def _task_field(place: Meaning, name: str, wanted: Type) -> core.Place | None:
+    if not isinstance(place, core.Place) or not isinstance(place.type, RecordType):
+        return None
+    position = field_position(place.type, name)
+    if position is None or place.type.fields[position][1] != wanted:
+        return None
+    field, type_ = place.type.fields[position]
+    step = core.FieldStep(position, field, type_, span=place.span)
+    return core.Place(place.variable, (*place.steps, step), span=place.span)
 
 
 _CHANGES: dict[str, Callable[[Body, ast.Call], core.Block]] = {

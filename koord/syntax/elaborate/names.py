@@ -19,6 +19,7 @@ from koord.syntax.elaborate.symbols import (
     MemberSymbol,
     Named,
     ParamSymbol,
+    Pending,
     Poisoned,
     PortNamed,
     PortSymbol,
@@ -74,6 +75,17 @@ def _symbol(body: Body, e: ast.Name, found: Named, agent: AgentScope | None) -> 
     body.session.mark_used(found.declared)
     match found:
         case Poisoned():
+            return None
+        case Pending(is_param=True):
+            body.error(
+                "K226",
+                e.span,
+                f"the param `{e.name}` has no value yet here",
+                "declare it above what uses it",
+            )
+            return None
+        case Pending():
+            _out_of_reach(body, e, f"the variable `{e.name}`")
             return None
         case ParamSymbol(value=value):
             return None if value is None else _placed(value, e.span)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import PurePath
 
@@ -27,7 +28,7 @@ from koord.syntax.elaborate.session import Session
 from koord.syntax.elaborate.settings import Elaborated, Settings
 from koord.syntax.elaborate.statements import block
 from koord.syntax.elaborate.survey import mentioned
-from koord.syntax.elaborate.symbols import AgentScope, VariableSymbol
+from koord.syntax.elaborate.symbols import AgentScope, Named, VariableSymbol
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import ArrayType
 
@@ -93,6 +94,7 @@ def _declare(
 ) -> None:
     """Enter every name."""
     declared_types.declare_types(session, sections.enums, sections.records)
+    variables.enter_names(session, _entries(session, sections, robots))
     session.parameters = variables.declare_params(session, sections.params)
     variables.declare_shared(session, sections.allread, sections.allwrite)
     variables.declare_locals(session, [(each.scope, each.kind.locals) for each in robots])
@@ -109,6 +111,22 @@ def _declare(
     declared_types.check_defaults(session, sections.records)
     for each in robots:
         events.name_events(session, each.scope, each.kind.events)
+
+
+def _entries(
+    session: Session, sections: Sections, robots: list[_Robots]
+) -> Iterator[variables.Entry]:
+    """Every declaration of a variable or param."""
+    for decl in sections.params:
+        yield variables.Entry(decl, (session.shared,), is_param=True)
+    for decl in (*sections.allread, *sections.allwrite):
+        yield variables.Entry(decl, (session.shared,))
+    scopes: dict[int, tuple[ast.VarDecl, list[dict[str, Named]]]] = {}
+    for each in robots:
+        for decl in each.kind.locals:
+            scopes.setdefault(id(decl), (decl, []))[1].append(each.scope.variables)
+    for decl, found in scopes.values():
+        yield variables.Entry(decl, tuple(found))
 
 
 def _define(

@@ -89,7 +89,15 @@ class Poisoned:
     declared: ast.Ident
 
 
-Named = VariableSymbol | ParamSymbol | MemberSymbol | Poisoned
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """A name whose declaration is still to be read: it has no meaning in other declarations yet."""
+
+    declared: ast.Ident
+    is_param: bool
+
+
+Named = VariableSymbol | ParamSymbol | MemberSymbol | Poisoned | Pending
 PortNamed = PortSymbol | StreamSymbol | Poisoned
 
 

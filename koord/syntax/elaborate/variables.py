@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
@@ -16,6 +17,7 @@ from koord.syntax.elaborate.symbols import (
     AgentScope,
     Named,
     ParamSymbol,
+    Pending,
     Poisoned,
     VariableSymbol,
 )
@@ -23,27 +25,59 @@ from koord.syntax.source import Span
 from koord.syntax.types import STREAM, ArrayType, ListType, Robots, Type, show
 
 
-def is_new(session: Session, name: ast.Ident, *scopes: dict[str, Named]) -> bool:
-    """Whether the name may be declared; told if not."""
-    if name.name == "?":
-        return False
-    if name.name in RESERVED:
-        session.findings.error(
-            "K209",
-            name.span,
-            f"`{name.name}` is the language's own name, and has a meaning everywhere",
-            "choose another name",
-        )
-        return False
-    for scope in (session.shared, *scopes):
-        if name.name in scope:
-            declared_twice(session, name, scope[name.name].declared)
-            return False
-    members = session.member(name.name)
-    if members:
-        declared_twice(session, name, members[0].declared)
-        return False
-    return True
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A declaration, and the scopes that it enters: those of some kinds of robot, or all."""
+
+    decl: ast.VarDecl
+    scopes: tuple[dict[str, Named], ...]
+    is_param: bool = False
+
+
+def enter_names(session: Session, entries: Iterable[Entry]) -> None:
+    """Enter all names in the order of the text. One that is declared twice is poisoned."""
+    for entry in sorted(entries, key=lambda entry: _place(entry.decl.name)):
+        name = entry.decl.name
+        if name.name == "?":
+            continue
+        first = _known(session, entry)
+        if name.name in RESERVED:
+            session.findings.error(
+                "K209",
+                name.span,
+                f"`{name.name}` is the language's own name, and has a meaning everywhere",
+                "choose another name",
+            )
+        elif first is not None:
+            declared_twice(session, name, first)
+        for scope in entry.scopes:
+            if name.name in RESERVED or first is not None:
+                scope[name.name] = Poisoned(name)
+            else:
+                scope[name.name] = Pending(name, entry.is_param)
+        if first is not None and name.name in session.shared:
+            session.shared[name.name] = Poisoned(name)
+
+
+def _place(name: ast.Ident) -> tuple[str, int, int]:
+    return name.span.file, name.span.line, name.span.column
+
+
+def _known(session: Session, entry: Entry) -> ast.Ident | None:
+    name = entry.decl.name.name
+    everywhere = any(scope is session.shared for scope in entry.scopes)
+    inner = [agent.variables for agent in session.agents] if everywhere else list(entry.scopes)
+    for scope in (session.shared, *inner):
+        if name in scope:
+            return scope[name].declared
+    members = session.member(name)
+    return members[0].declared if members else None
+
+
+def is_pending(scope: dict[str, Named], decl: ast.VarDecl) -> bool:
+    """Whether the name is this declaration's, and still without a meaning."""
+    found = scope.get(decl.name.name)
+    return isinstance(found, Pending) and found.declared is decl.name
 
 
 def declared_twice(session: Session, name: ast.Ident, first: ast.Ident) -> None:
@@ -61,7 +95,7 @@ def declare_params(session: Session, decls: list[ast.VarDecl]) -> tuple[tuple[st
     """Enter the constants of the run, with the values that the settings give them."""
     used: list[tuple[str, object]] = []
     for decl in decls:
-        if not is_new(session, decl.name):
+        if not is_pending(session.shared, decl):
             continue
         value = param_value(session, decl)
         session.shared[decl.name.name] = ParamSymbol(value, decl.name)
@@ -119,7 +153,7 @@ def declare_shared(
 def _declare(session: Session, home: core.Home, decls: Iterable[ast.VarDecl]) -> None:
     slot = 0
     for decl in decls:
-        if not is_new(session, decl.name):
+        if not is_pending(session.shared, decl):
             continue
         type_ = variable_type(session, decl)
         if home is core.Home.ALLREAD and type_ is not None:
@@ -160,14 +194,15 @@ def declare_locals(session: Session, scopes: list[tuple[AgentScope, list[ast.Var
     for scope, decls in scopes:
         found: dict[str, tuple[ast.VarDecl, Type]] = {}
         for decl in decls:
-            if not is_new(session, decl.name, scope.variables):
+            if not is_pending(scope.variables, decl):
                 continue
             if id(decl) not in types:
                 types[id(decl)] = variable_type(session, decl)
             type_ = types[id(decl)]
-            scope.variables[decl.name.name] = Poisoned(decl.name)
             if type_ is not None:
                 found[decl.name.name] = (decl, type_)
+            else:
+                scope.variables[decl.name.name] = Poisoned(decl.name)
         per_scope.append(found)
     shared = common_names([{n: t for n, (_, t) in found.items()} for found in per_scope])
     for (scope, _), found in zip(scopes, per_scope, strict=True):

@@ -1,0 +1,86 @@
+"""Each code has a story, and each story's examples are true."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import koord
+from koord.syntax.catalogue import CATALOGUE, explain
+from koord.syntax.catalogue_entry import Entry
+from koord.syntax.diagnostics import Severity
+from koord.syntax.elaborate import Elaborated, Settings
+from koord.syntax.load import load
+from koord.syntax.source import Source
+
+_CODE = re.compile(r'"(K[1-4][0-9]{2})"')
+_SET = re.compile(r"--set (\w+)=(\w+)")
+
+ENTRIES = sorted(CATALOGUE.values(), key=lambda entry: entry.code)
+
+
+def codes_in_the_source() -> set[str]:
+    found: set[str] = set()
+    for path in Path(koord.__file__).parent.rglob("*.py"):
+        if not path.name.startswith("catalogue"):
+            found.update(_CODE.findall(path.read_text(encoding="utf-8")))
+    return found
+
+
+def loaded(text: str) -> Elaborated:
+    """The example, used as its first line says."""
+    chosen = _SET.search(text.partition("\n")[0])
+    params: dict[str, int | str] = {}
+    if chosen:
+        name, value = chosen.groups()
+        params[name] = int(value) if value.isdigit() else value
+    example = Source("example.krd", text)
+    if "--with" in text.partition("\n")[0]:
+        app = Source("app.krd", "Go:\n  eff: stop\n")
+        return load(app, Settings(params), (example,))
+    return load(example, Settings(params))
+
+
+def test_each_code_has_a_story() -> None:
+    assert codes_in_the_source() - CATALOGUE.keys() == set()
+
+
+def test_each_story_is_of_a_code_that_can_come() -> None:
+    assert CATALOGUE.keys() - codes_in_the_source() == set()
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.code)
+def test_the_bad_example_yields_its_code(entry: Entry) -> None:
+    found = {d.code: d.severity for d in loaded(entry.bad).diagnostics}
+    assert found.get(entry.code) is entry.severity, found
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.code)
+def test_the_bad_example_shows_one_mistake(entry: Entry) -> None:
+    errors = {d.code for d in loaded(entry.bad).diagnostics if d.severity is Severity.ERROR}
+    assert errors <= {entry.code}
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.code)
+def test_the_good_example_is_right(entry: Entry) -> None:
+    elaborated = loaded(entry.good)
+    assert [d for d in elaborated.diagnostics if d.severity is Severity.ERROR] == []
+    assert entry.code not in {d.code for d in elaborated.diagnostics}
+    assert elaborated.program is not None
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.code)
+def test_stories_are_told_properly(entry: Entry) -> None:
+    assert CATALOGUE[entry.code].code == entry.code
+    assert entry.title == entry.title.strip()
+    assert not entry.title.endswith(".")
+    assert len(entry.title) <= 80
+    assert entry.story.strip().endswith((".", ")"))
+    assert entry.severity is (Severity.WARNING if entry.code[1] == "4" else Severity.ERROR)
+
+
+def test_explain_finds_codes_in_any_spelling() -> None:
+    assert explain(" k204 ") is CATALOGUE["K204"]
+    assert explain("K999") is None
