@@ -43,6 +43,8 @@ from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.types import Type, show
 
+_ROUND = ("order", "events", "readings", "answers", "cut", "output", "after")
+
 _STATUS = tuple(status.name.lower() for status in sorted(Status))
 
 
@@ -84,6 +86,7 @@ def encode_run(trace: Trace) -> Json:
                     for reading in round_.readings
                 ],
                 "answers": [_encode_answer(names, answer) for answer in round_.answers],
+                "cut": round_.cut,
                 "output": written.get(number, []),
                 "after": encode_configuration(names, configuration),
             }
@@ -245,7 +248,7 @@ class _Decoding:
         configurations = [self.configuration(parts["initial"])]
         rounds = []
         for number, item in enumerate(parts["rounds"].items()):
-            of_round = item.fields(("order", "events", "readings", "answers", "output", "after"))
+            of_round = item.fields(_ROUND)
             rounds.append(self.round(of_round))
             outputs += self.outputs(of_round["output"], number)
             configurations.append(self.configuration(of_round["after"]))
@@ -278,6 +281,7 @@ class _Decoding:
             ),
             tuple(self.reading(item) for item in parts["readings"].items()),
             self.answers(parts["answers"]),
+            parts["cut"].boolean(),
         )
 
     def robot(self, reader: Reader) -> int:

@@ -1,0 +1,232 @@
+"""Host implementations of the library's external functions, for runs on numbers. [EXTERNAL]
+
+Each gives one answer that its summary allows (whoever asks checks it all the same). They work on
+exact rationals; answers that the summary leaves open are rounded to a grid, so that numbers stay
+short over thousands of rounds. They are stand-ins: the straight line for a planner, a grid of
+metres for a map of the world.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from itertools import pairwise
+from typing import TypeAlias
+
+from koord.semantics.domain import Constant
+from koord.semantics.values import Rec, Seq, Table, Value
+from koord.syntax import core
+from koord.syntax.types import BOOL, FLOAT, INT, POS, ListType, MapType, RecordType, Type
+
+Concrete: TypeAlias = "Value[Constant]"
+Point: TypeAlias = tuple[Fraction, Fraction, Fraction]
+Host: TypeAlias = "Callable[..., Concrete]"
+
+#: Robots on two paths that come no closer than this are clear of each other.
+CLEARANCE_M = Fraction(1, 2)
+
+#: Roots that are not exact are right to so many bits; the summary asks for 40.
+_ROOT_BITS = 56
+
+#: A map of the world has cells of a metre, this many in a row, with the origin in the middle.
+_CELLS = 1024
+
+_PATH = ListType(POS)
+_MAP = MapType(INT, BOOL)
+
+#: What elaboration makes of names that the program has taken, and of overloaded ones.
+_DECORATION = re.compile(r"(?:library_)*(\w+?)(?:_[0-9]+)?\Z")
+
+
+def host(function: core.External) -> Host | None:
+    """The implementation of a library function; None for a function of the user's."""
+    found = _DECORATION.match(function.name)
+    if found is None:
+        return None
+    name, parameters = found[1], tuple(_erased(p.type) for p in function.parameters)
+    return _HOSTS.get((name, parameters, _erased(function.result.type)))
+
+
+def _erased(type_: Type) -> Type | str:
+    """The type, tasks by their name alone: a program may define its own, if they begin alike."""
+    if isinstance(type_, RecordType) and type_.fields and type_.fields[0] == ("loc", POS):
+        return type_.name
+    return type_
+
+
+# --- roots --------------------------------------------------------------------------------------
+
+
+def square_root(x: Fraction) -> Fraction:
+    """The root of a number that is not negative: exact if it is rational, else to 56 bits."""
+    top, bottom = math.isqrt(x.numerator), math.isqrt(x.denominator)
+    if top * top == x.numerator and bottom * bottom == x.denominator:
+        return Fraction(top, bottom)
+    # √x = √(x · 4ˢ) / 2ˢ with s such that the integer root has enough bits.
+    size = x.numerator.bit_length() - x.denominator.bit_length()
+    shift = _ROOT_BITS - size // 2
+    scaled = x * Fraction(4) ** shift
+    return Fraction(math.isqrt(round(scaled))) / Fraction(2) ** shift
+
+
+# --- geometry -----------------------------------------------------------------------------------
+
+
+def point(value: Concrete) -> Point:
+    assert isinstance(value, Rec)
+    x, y, z = (Fraction(c) for c in value.fields if isinstance(c, int | float | Fraction))
+    return x, y, z
+
+
+def points(value: Concrete) -> list[Point]:
+    assert isinstance(value, Seq)
+    return [point(item) for item in value.items]
+
+
+def as_value(p: Point) -> Concrete:
+    return Rec(p)
+
+
+def listed(items: Sequence[Concrete]) -> Concrete:
+    return Seq(len(items), tuple(items))
+
+
+def segments_apart(a: Point, b: Point, c: Point, d: Point) -> Fraction:
+    """The square of the least distance between the segments a–b and c–d, exactly.
+
+    The least distance of two lines' points p(s), q(t) is where its gradient vanishes, clamped to
+    the segments; the clamping follows Ericson, *Real-Time Collision Detection*, 5.1.9.
+    """
+    u, v, w = _minus(b, a), _minus(d, c), _minus(a, c)
+    uu, vv, uv, uw, vw = _dot(u, u), _dot(v, v), _dot(u, v), _dot(u, w), _dot(v, w)
+    if not uu or not vv:
+        s = Fraction(0) if not uu else _unit(-uw / uu)
+        t = Fraction(0) if not vv else _unit(vw / vv)
+    else:
+        determinant = uu * vv - uv * uv
+        s = _unit((uv * vw - vv * uw) / determinant) if determinant else Fraction(0)
+        t = (uv * s + vw) / vv
+        if not 0 <= t <= 1:
+            t = _unit(t)
+            s = _unit((uv * t - uw) / uu)
+    apart = _minus(_along(a, u, s), _along(c, v, t))
+    return _dot(apart, apart)
+
+
+def _unit(x: Fraction) -> Fraction:
+    return min(max(x, Fraction(0)), Fraction(1))
+
+
+def _minus(a: Point, b: Point) -> Point:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _along(a: Point, u: Point, s: Fraction) -> Point:
+    return a[0] + u[0] * s, a[1] + u[1] * s, a[2] + u[2] * s
+
+
+def _dot(a: Point, b: Point) -> Fraction:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def paths_clear(first: Sequence[Point], second: Sequence[Point]) -> bool:
+    """Whether two paths keep the clearance everywhere; one without points is clear of any."""
+    if not first or not second:
+        return True
+    ones = list(pairwise(first)) or [(first[0], first[0])]
+    others = list(pairwise(second)) or [(second[0], second[0])]
+    least = CLEARANCE_M * CLEARANCE_M
+    return all(segments_apart(a, b, c, d) > least for a, b in ones for c, d in others)
+
+
+def moved(here: Point, there: Point, step: Fraction) -> Point:
+    """The point ``step`` further on the straight way, rounded to a grid; at most ``there``."""
+    way = _minus(there, here)
+    if _dot(way, way) <= step * step:
+        return there
+    share = step / square_root(_dot(way, way))
+    x, y, z = (Fraction(round(c * 1024), 1024) for c in _along(here, way, share))
+    return x, y, z
+
+
+# --- the functions ------------------------------------------------------------------------------
+
+
+def _sqrt(x: Concrete) -> Concrete:
+    if isinstance(x, float):
+        return math.sqrt(x) if x >= 0 else 0.0
+    assert isinstance(x, int | Fraction)
+    return square_root(Fraction(x)) if x >= 0 else Fraction(0)
+
+
+def _find_path(start: Concrete, goal: Concrete, *_: Concrete) -> Concrete:
+    return listed([start, goal])
+
+
+def _path_to_task(task: Concrete) -> Concrete:
+    assert isinstance(task, Rec)
+    return listed([task.fields[0]])
+
+
+def _path_from_to_task(start: Concrete, task: Concrete) -> Concrete:
+    assert isinstance(task, Rec)
+    return listed([start, task.fields[0]])
+
+
+def _paths_clear(first: Concrete, second: Concrete) -> Concrete:
+    return paths_clear(points(first), points(second))
+
+
+def _will_not_collide(task: Concrete) -> Concrete:
+    return False
+
+
+def _cell(p: Point) -> int:
+    x, y = (math.floor(c) + _CELLS // 2 for c in p[:2])
+    return x * _CELLS + y
+
+
+def _centre(cell: int) -> Point:
+    x, y = divmod(cell, _CELLS)
+    half = Fraction(_CELLS - 1, 2)
+    return x - half, y - half, Fraction(0)
+
+
+def _scan_to_map(scan: Concrete) -> Concrete:
+    cells = {_cell(p): True for p in points(scan)}
+    return Table(len(cells), tuple(cells.items()))
+
+
+def _frontier(known: Concrete, near: Concrete) -> Concrete:
+    """The middle of a cell beside a known one, nearest to a point; that point if none is known."""
+    assert isinstance(known, Table)
+    cells = {cell for cell, _ in known.entries if isinstance(cell, int)}
+    beside = sorted({c + way for c in cells for way in (-_CELLS, -1, 1, _CELLS)} - cells)
+    here = point(near)
+    away = [_minus(_centre(cell), here) for cell in beside]
+    if not beside:
+        return near
+    nearest = min(range(len(beside)), key=lambda k: _dot(away[k], away[k]))
+    return as_value(_centre(beside[nearest]))
+
+
+def _obstacles(known: Concrete) -> Concrete:
+    assert isinstance(known, Table)
+    occupied = [cell for cell, there in known.entries if there and isinstance(cell, int)]
+    return listed([as_value(_centre(cell)) for cell in occupied])
+
+
+_HOSTS: dict[tuple[str, tuple[Type | str, ...], Type | str], Host] = {
+    ("sqrt", (FLOAT,), FLOAT): _sqrt,
+    ("findPath", (POS, POS), _PATH): _find_path,
+    ("findPath", (POS, POS, _PATH), _PATH): _find_path,
+    ("getPathFromTask", ("Task",), _PATH): _path_to_task,
+    ("getPathFromTask", (POS, "Task"), _PATH): _path_from_to_task,
+    ("pathsClear", (_PATH, _PATH), BOOL): _paths_clear,
+    ("willCollide", ("Task",), BOOL): _will_not_collide,
+    ("scanToMap", (_PATH,), _MAP): _scan_to_map,
+    ("pickFrontierPos", (_MAP, POS), POS): _frontier,
+    ("findObs", (_MAP,), _PATH): _obstacles,
+}

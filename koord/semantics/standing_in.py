@@ -1,0 +1,101 @@
+"""Stand-ins for vehicles: what the library's sensors read where no model says.
+
+Any reading is allowed by the rules [ENV-FREE]; these are the ones that a robot would make that
+follows its path in a straight line, so that a run looks like one.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from koord.semantics.configurations import Robot
+from koord.semantics.domain import Constant
+from koord.semantics.library import Point, as_value, moved, point
+from koord.semantics.recording import Concrete
+from koord.semantics.sampling import Sampler
+from koord.semantics.storage import contents
+from koord.semantics.values import Rec, Seq
+from koord.syntax import core
+from koord.syntax.types import BOOL, POS, ListType
+
+#: How far a vehicle comes in a round.
+STEP_M = Fraction(1)
+
+_MOTION = frozenset({"Motion", "MotionWithScan"})
+
+#: Actuators that say where to go, the most telling first.
+_GOALS = ("path", "route", "target")
+
+
+def driven(
+    sampler: Sampler, agent: core.Agent, module: core.Module, state: Robot[Constant]
+) -> dict[int, Concrete]:
+    """Readings of a module's sensors by slot; none for modules that nothing is known about."""
+    if module.name not in _MOTION:
+        return {}
+    slots = {
+        agent.ports[position].declaration.variable.name: agent.ports[position].declaration.variable
+        for position in module.ports
+    }
+    psn = slots.get("psn")
+    if psn is None or psn.type != POS:
+        return {}
+    here = _held(sampler, state, psn)
+    if here is None:
+        return {}
+    readings = dict[int, Concrete]()
+    try:
+        place = point(here)
+        goal = _goal(sampler, state, slots)
+    except (ValueError, OverflowError):  # a double that is no number
+        return {}
+    there = place if goal is None else moved(place, goal, STEP_M)
+    readings[psn.slot] = Rec(tuple(sampler.real(c) for c in there))
+    reached = slots.get("reached")
+    if reached is not None and reached.type == BOOL:
+        readings[reached.slot] = goal is None or there == goal
+    planner = slots.get("planner")
+    if planner is not None:
+        kept = _held(sampler, state, planner)
+        if kept is not None:
+            readings[planner.slot] = kept
+    scan = slots.get("pscan")
+    if scan is not None and scan.type == ListType(POS):
+        seen = [as_value(_beside(sampler, there)) for _ in range(sampler.rng.randint(0, 3))]
+        readings[scan.slot] = Seq(len(seen), tuple(_reals(sampler, value) for value in seen))
+    return readings
+
+
+def _goal(
+    sampler: Sampler, state: Robot[Constant], slots: dict[str, core.Variable]
+) -> Point | None:
+    """Where the robot was told to go: the end of its path, or its target."""
+    for name in _GOALS:
+        variable = slots.get(name)
+        if variable is None or variable.type not in (POS, ListType(POS)):
+            continue
+        value = _held(sampler, state, variable)
+        match value:
+            case Seq(items=(*_, last)):
+                return point(last)
+            case Rec():
+                return point(value)
+            case _:
+                pass
+    return None
+
+
+def _held(sampler: Sampler, state: Robot[Constant], variable: core.Variable) -> Concrete | None:
+    d = sampler.numbers.domain
+    value, is_set = contents(d, state.ports[variable.slot], variable.type)
+    return value if is_set else None
+
+
+def _beside(sampler: Sampler, here: Point) -> Point:
+    x, y, z = here
+    return x + sampler.rng.randint(-3, 3), y + sampler.rng.randint(-3, 3), z
+
+
+def _reals(sampler: Sampler, value: Concrete) -> Concrete:
+    assert isinstance(value, Rec)
+    return Rec(tuple(sampler.real(c) for c in value.fields if isinstance(c, Fraction)))
