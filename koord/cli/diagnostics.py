@@ -69,9 +69,10 @@ class Report:
             stream.write(summary(self.errors, self.warnings) + "\n")
 
 
-def report_error(error: KoordError, *, as_json: bool) -> None:
+def report_error(error: KoordError, *, as_json: bool, sources: Iterable[Source] = ()) -> None:
     """Show what stopped a command: JSON where the answer was to go, text to standard error."""
     report = Report()
+    report.add((), *sources)
     report.add(error.diagnostics)
     report.print(sys.stdout if as_json else sys.stderr, as_json=as_json)
 

@@ -70,7 +70,6 @@ def _task(check: bool, diff: bool) -> Task:
 
 
 def _format(path: str, task: Task, report: Report) -> Exit:
-    before = report.errors
     try:
         laid_out = _lay_out(path, report)
         if laid_out is None:
@@ -78,15 +77,15 @@ def _format(path: str, task: Task, report: Report) -> Exit:
         return _carry_out(task, laid_out)
     except KoordError as error:
         report.add(error.diagnostics)
-        assert report.errors > before
         return Exit.BAD_INPUT
 
 
 def _lay_out(path: str, report: Report) -> LaidOut | None:
+    before = report.errors
     file = read_program(path)
     formatted = format_source(file.source)
     report.add(formatted.diagnostics, file.source)
-    return None if formatted.text is None else LaidOut(file, formatted.text)
+    return None if report.errors > before else LaidOut(file, formatted.text)
 
 
 def _carry_out(task: Task, laid_out: LaidOut) -> Exit:

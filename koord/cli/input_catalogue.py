@@ -1,4 +1,6 @@
-"""The stories of the codes that have no place in a program: files that cannot be used."""
+"""The stories of the codes that no text of a program yields by itself: files that cannot be used,
+traces, and runs that cannot be started. They have no examples in Koord.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +46,81 @@ INPUT_CATALOGUE = dict(
             "A file of invariants and assumptions is accepted by `koord check`, but there is "
             "nothing in it to run or verify. Name the program, and this file with `--with`: "
             "`koord verify app.krd --with props.krd`.",
+        ),
+        _entry(
+            "K910",
+            "a trace is not JSON",
+            "A trace is one JSON document in UTF-8. This file is another kind of file, or it is "
+            "cut off: the message says how far it could be read.\n\n"
+            "koord writes traces whole or not at all, so a trace that is cut off was cut off "
+            "elsewhere. Write it anew with `koord run --trace` or `koord verify --trace`.",
+        ),
+        _entry(
+            "K911",
+            "a JSON file is not a trace of koord",
+            "The file is JSON, but it lacks the mark that koord gives its traces (the field "
+            "`format`). Perhaps it is what `--json` printed, which is a verdict, not a trace.",
+        ),
+        _entry(
+            "K912",
+            "a trace is of another version",
+            "The form of traces has a version of its own, which is raised whenever older programs "
+            "could no longer read them. This trace is newer than this koord.",
+        ),
+        _entry(
+            "K913",
+            "a trace is damaged",
+            "A field is missing, is there twice, or has another type than it should. The message "
+            "begins with the place in the document: `$.rounds[3].order` is the field `order` of "
+            "the fourth element of `rounds`.\n\n"
+            "Traces are meant to be written by koord; if this one was edited, the place named is "
+            "where to look.",
+        ),
+        _entry(
+            "K914",
+            "a trace does not fit its program",
+            "The trace names an event, a variable, a function or a value that its program does not "
+            "have. The trace was edited, or it is replayed with another program behind "
+            "`--program`.",
+        ),
+        _entry(
+            "K915",
+            "the program in a trace was changed",
+            "A trace holds the text of its program and a digest of it. They differ here, so what "
+            "the trace says may be about another text. Undo the change, or name the program to be "
+            "used with `--program`.",
+        ),
+        _entry(
+            "K916",
+            "the program in a trace has errors",
+            "The program that the trace holds is no longer accepted: its errors follow. A newer "
+            "koord may refuse what an older one let pass. Mend the program and name it with "
+            "`--program`, or write the trace anew.",
+        ),
+        _entry(
+            "K920",
+            "no start of a run meets the assumptions",
+            "A run begins in a configuration that meets every `assume:`. Variables without "
+            "initial values were tried with many values, and none met this one.\n\n"
+            "Either the assumptions contradict each other or the initial values, which `koord "
+            "verify` tells, or the values are hard to find by trying: then give the variables "
+            "initial values.",
+        ),
+        _entry(
+            "K921",
+            "no answer of an external function meets its summary",
+            "A run has to invent what an external function answers, and nothing that was tried "
+            "met the `ensures` of its summary.\n\n"
+            "Either the summary is contradictory for these arguments, or an answer is hard to find "
+            "by trying: then write the function in Koord, with a body.",
+        ),
+        _entry(
+            "K922",
+            "no reading of the sensors keeps the contracts",
+            "A run has to invent what sensors read where a module has no `environment:` block, and "
+            "nothing that was tried kept the `ensures` of its contracts.\n\n"
+            "Either the contracts contradict each other, which `koord verify` tells, or a reading "
+            "is hard to find by trying: then give the module an `environment:` block.",
         ),
     ]
 )

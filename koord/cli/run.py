@@ -9,10 +9,11 @@ from enum import Enum
 from fractions import Fraction
 
 from koord.cli.arguments import Fleet, add_bounds, add_files, add_settings, add_trace, check_files
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
+from koord.syntax.diagnostics import KoordError
 
 
 class Policy(Enum):
@@ -72,7 +73,11 @@ def main(arguments: argparse.Namespace) -> int:
     report.print(sys.stderr, as_json=False)
     if report.errors:
         return Exit.BAD_INPUT
-    return _run(programs[0], request)
+    try:
+        return _run(programs[0], request)
+    except KoordError as error:  # of the program, met on the way
+        report_error(error, as_json=False, sources=report.sources.values())
+        return Exit.BAD_INPUT
 
 
 def _run(program: LoadedProgram, request: Request) -> Exit:

@@ -20,13 +20,14 @@ from koord.cli.arguments import (
     name,
     seconds,
 )
-from koord.cli.diagnostics import Report
+from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit, gravest
 from koord.cli.files import check_writable
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.progress import LiveLine
 from koord.cli.systems import system_of
 from koord.cli.terminal import style_of
+from koord.syntax.diagnostics import KoordError
 
 
 class Engine(Enum):
@@ -95,7 +96,11 @@ def main(arguments: argparse.Namespace) -> int:
         report.print(sys.stderr, as_json=False)
     if report.errors:
         return Exit.BAD_INPUT
-    return gravest(_verify(program, request) for program in programs)
+    try:
+        return gravest(_verify(program, request) for program in programs)
+    except KoordError as error:  # of the program, met on the way
+        report_error(error, as_json=request.as_json, sources=report.sources.values())
+        return Exit.BAD_INPUT
 
 
 def _request(arguments: argparse.Namespace) -> Request:

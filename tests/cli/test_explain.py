@@ -1,10 +1,15 @@
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
+import koord
 from koord.cli import main as frame
 from koord.cli.exits import Exit
 from koord.cli.explain import WIDEST, all_entries, story
+from koord.cli.input_catalogue import INPUT_CATALOGUE
 from koord.cli.terminal import Style, cells
 
 
@@ -28,6 +33,16 @@ def test_a_near_miss_names_its_neighbours(capsys: pytest.CaptureFixture[str]) ->
     assert "there is no code 'K2004'; there are K20" in capsys.readouterr().err
     assert frame.main(["explain", "everything"]) == Exit.BAD_INPUT
     assert "`koord explain` lists all codes" in capsys.readouterr().err
+
+
+def test_each_code_of_files_and_traces_has_a_story() -> None:
+    used = {
+        code
+        for path in Path(koord.__file__).parent.rglob("*.py")
+        if path.name != "input_catalogue.py"
+        for code in re.findall(r'"(K9[0-9]{2})"', path.read_text(encoding="utf-8"))
+    }
+    assert used == set(INPUT_CATALOGUE)
 
 
 @pytest.mark.parametrize("code", sorted(all_entries()))
