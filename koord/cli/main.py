@@ -13,10 +13,13 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import NoReturn, Protocol, TextIO, cast
+from typing import TYPE_CHECKING, NoReturn, Protocol, TextIO, cast
 
 from koord import __version__
 from koord.cli.exits import Exit
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
 USAGE = "koord COMMAND [ARGUMENT ...]"
 
@@ -76,6 +79,11 @@ class Parser(argparse.ArgumentParser):
             formatter_class=argparse.RawDescriptionHelpFormatter,
             allow_abbrev=False,
         )
+
+    def _print_message(self, message: str, file: SupportsWrite[str] | None = None) -> None:
+        """Write a message; unlike argparse's own, failures are not kept quiet."""
+        if message and file is not None:
+            file.write(message)
 
     def error(self, message: str) -> NoReturn:
         """End with one line that says what is wrong, and where the arguments are listed."""

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
+from typing import IO
 
 import pytest
 
@@ -175,19 +176,30 @@ def pipe_without_reader() -> Iterator[int]:
         os.close(writing)
 
 
+def with_output(
+    output: int | IO[bytes], words: list[str], unbuffered: str
+) -> subprocess.CompletedProcess[bytes]:
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    return subprocess.run(
+        [*KOORD, *words], stdout=output, stderr=subprocess.PIPE, timeout=60, env=environment
+    )
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("words", [["--help"], ["explain"]])
-def test_a_closed_pipe_is_no_traceback(words: list[str]) -> None:
+def test_a_closed_pipe_is_no_traceback(words: list[str], unbuffered: str) -> None:
     with pipe_without_reader() as pipe:
-        done = subprocess.run([*KOORD, *words], stdout=pipe, stderr=subprocess.PIPE, timeout=60)
+        done = with_output(pipe, words, unbuffered)
     assert done.returncode == Exit.PIPE_CLOSED
     assert done.stderr == b""
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("words", [["--help"], ["explain"]])
-def test_a_full_disk_is_no_traceback(words: list[str]) -> None:
+def test_a_full_disk_is_no_traceback(words: list[str], unbuffered: str) -> None:
     with open("/dev/full", "wb") as full:
-        done = subprocess.run([*KOORD, *words], stdout=full, stderr=subprocess.PIPE, timeout=60)
+        done = with_output(full, words, unbuffered)
     assert done.returncode == Exit.BAD_INPUT
     assert done.stderr == b"koord: error: the output cannot be written: No space left on device\n"
 

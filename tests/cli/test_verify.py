@@ -58,7 +58,12 @@ def test_the_defaults_are_those_of_the_documentation(
     monkeypatch: pytest.MonkeyPatch, program: str
 ) -> None:
     seen: list[verify.Request] = []
-    monkeypatch.setattr(verify, "_verify", lambda loaded, request: seen.append(request) or Exit.OK)
+
+    def engine(loaded: LoadedProgram, request: verify.Request) -> Exit:
+        seen.append(request)
+        return Exit.OK
+
+    monkeypatch.setattr(verify, "_verify", engine)
     assert frame.main(["verify", program]) == Exit.OK
     (request,) = seen
     assert (request.fleet, request.rounds, request.engine) == (Fleet(3), 20, verify.Engine.AUTO)
@@ -108,7 +113,12 @@ def test_a_trace_that_cannot_be_written_is_told_before_the_work(
 
 def test_every_flag_of_run_arrives(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
     seen: list[run.Request] = []
-    monkeypatch.setattr(run, "_run", lambda loaded, request: seen.append(request) or Exit.OK)
+
+    def machine(loaded: LoadedProgram, request: run.Request) -> Exit:
+        seen.append(request)
+        return Exit.OK
+
+    monkeypatch.setattr(run, "_run", machine)
     words = ["run", program, "--robots", "2", "--rounds", "0", "--seed", "4"]
     words += ["--policy", "random", "--interactive", "--trace", f"{program}.json", "--delta", "2"]
     assert frame.main(words) == Exit.OK
