@@ -7,7 +7,7 @@ from fractions import Fraction
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body
 from koord.syntax.elaborate.changes import call_statement, pop_into
-from koord.syntax.elaborate.coercion import fit, stores_list
+from koord.syntax.elaborate.coercion import POISON, fit, stores_list
 from koord.syntax.elaborate.places import meaning
 from koord.syntax.elaborate.resolve_types import is_numeric
 from koord.syntax.elaborate.targets import place_shown, target
@@ -26,7 +26,7 @@ def assign(body: Body, s: ast.Assign) -> core.Block:
             # the functional spelling, x = append(x, v)
             return call_statement(body, ast.CallStmt(value, span=s.span))
     place = target(body, s.target)
-    found = body.expr(value, place.type if place is not None else None)
+    found = body.expr(value, place.type if place is not None else POISON)
     if place is None or found is None:
         return ()
     if stores_list(body, place, found, s.target.span.to(s.value.span)):

@@ -91,6 +91,7 @@ class Body:
     frames: list[dict[str, BoundSymbol]] = field(default_factory=lambda: [{}])
     bound: int = 0
     depth: int = 0
+    overflowed: bool = False
     robot: Robot | None = None
     primed: bool = False
     #: The quantified variable that stands for ``pid`` in a property, once one is needed.
@@ -116,7 +117,8 @@ class Body:
     def deeper(self, e: ast.Expr) -> Iterator[bool]:
         """One level further down; the answer is whether that is allowed."""
         allowed = self.depth < MAX_DEPTH
-        if not allowed:
+        if not allowed and not self.overflowed:
+            self.overflowed = True
             self.error(
                 "K231",
                 e.span,

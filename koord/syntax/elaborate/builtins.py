@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body
-from koord.syntax.elaborate.coercion import fit, widened
+from koord.syntax.elaborate.coercion import POISON, fit, widened
 from koord.syntax.elaborate.folding import folded
 from koord.syntax.elaborate.literals import list_of
 from koord.syntax.elaborate.resolve_types import element_of, is_numeric
@@ -19,7 +19,7 @@ def _counted(body: Body, e: ast.Call, count: int) -> bool:
     if len(e.arguments) == count:
         return True
     for argument in e.arguments:
-        body.expr(argument.value)
+        body.expr(argument.value, POISON)
     plural = "" if count == 1 else "s"
     body.error(
         "K217",
@@ -62,11 +62,11 @@ def _contains(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | Non
     where, what = (argument.value for argument in e.arguments)
     sequence = body.expr(where)
     if sequence is None:
-        body.expr(what)
+        body.expr(what, POISON)
         return None
     wanted = sequence.type.key if isinstance(sequence.type, MapType) else element_of(sequence.type)
     if wanted is None:
-        body.expr(what)
+        body.expr(what, POISON)
         _no_list(body, where, "contains", sequence.type, "a list or a map")
         return None
     value = fit(body, body.expr(what, wanted), wanted, what.span, "what `contains` looks for")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import CLOSED, Body, Where
 from koord.syntax.elaborate.builtins import BUILTINS
-from koord.syntax.elaborate.coercion import fit, widened
+from koord.syntax.elaborate.coercion import POISON, fit, widened
 from koord.syntax.elaborate.function_calls import call, candidates
 from koord.syntax.elaborate.library import library_names
 from koord.syntax.elaborate.quantifiers import ran
@@ -73,7 +73,7 @@ def method_call(body: Body, e: ast.MethodCall, expected: Type | None) -> core.Ex
     if e.method.name in METHODS:
         return function_call(body, as_call(e), expected)
     for argument in e.arguments:
-        body.expr(argument.value)
+        body.expr(argument.value, POISON)
     body.error(
         "K202",
         e.method.span,
@@ -91,7 +91,7 @@ def as_call(e: ast.MethodCall) -> ast.Call:
 
 def _change(body: Body, e: ast.Call, name: str) -> core.Expr | None:
     for argument in e.arguments:
-        body.expr(argument.value)
+        body.expr(argument.value, POISON)
     body.error(
         "K228",
         e.span,
@@ -103,7 +103,7 @@ def _change(body: Body, e: ast.Call, name: str) -> core.Expr | None:
 
 def _unknown(body: Body, e: ast.Call) -> core.Expr | None:
     for argument in e.arguments:
-        body.expr(argument.value)
+        body.expr(argument.value, POISON)
     session = body.session
     if session.partial:
         return None

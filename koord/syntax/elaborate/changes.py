@@ -7,7 +7,7 @@ from collections.abc import Callable
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body
 from koord.syntax.elaborate.calls import METHODS, as_call
-from koord.syntax.elaborate.coercion import fit
+from koord.syntax.elaborate.coercion import POISON, fit
 from koord.syntax.elaborate.names import Meaning
 from koord.syntax.elaborate.places import field_position, meaning
 from koord.syntax.elaborate.suggest import did_you_mean
@@ -44,7 +44,7 @@ def _changed(body: Body, call: ast.Call, count: int) -> core.Place | None:
     """The place that is changed, if the number of arguments is right."""
     if len(call.arguments) != count:
         for argument in call.arguments:
-            body.expr(argument.value)
+            body.expr(argument.value, POISON)
         plural = "" if count == 1 else "s"
         body.error(
             "K217",
@@ -55,7 +55,7 @@ def _changed(body: Body, call: ast.Call, count: int) -> core.Place | None:
     place = target(body, call.arguments[0].value)
     if place is None:
         for argument in call.arguments[1:]:
-            body.expr(argument.value)
+            body.expr(argument.value, POISON)
         return None
     if place.variable.home is core.Home.ALLWRITE:
         body.shared_reads.add(place.variable.slot)  # the old list is part of the new

@@ -15,11 +15,15 @@ from koord.syntax.types import (
     FloatType,
     IntType,
     ListType,
+    OpaqueType,
     QueueType,
     Robots,
     Type,
     show,
 )
+
+#: Expected where the type of a place is wrong, which was told: what its value is does not matter.
+POISON = OpaqueType("?")
 
 
 def widened(value: core.Expr) -> core.Expr:

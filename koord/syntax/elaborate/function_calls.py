@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaborate.body import LOGICAL, Body, Where
-from koord.syntax.elaborate.coercion import accepts, fit
+from koord.syntax.elaborate.coercion import POISON, accepts, fit
 from koord.syntax.elaborate.function_table import Signature
 from koord.syntax.elaborate.library import library_signatures
 from koord.syntax.source import Span
@@ -52,7 +52,7 @@ def call(body: Body, e: ast.Call, known: Sequence[Signature]) -> core.Expr | Non
     fitting = [s for s in known if len(s.parameters) == len(e.arguments)]
     if not fitting:
         for argument in e.arguments:
-            body.expr(argument.value)
+            body.expr(argument.value, POISON)
         _wrong_count(body, e, known)
         return None
     signature, arguments = _chosen(body, e, fitting)
@@ -77,7 +77,7 @@ def _chosen(
     if len(fitting) == 1:
         only = fitting[0]
         return only, [
-            body.expr(argument.value, wanted)
+            body.expr(argument.value, wanted or POISON)
             for argument, wanted in zip(e.arguments, only.parameters, strict=True)
         ]
     arguments = [

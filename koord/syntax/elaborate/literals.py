@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body
-from koord.syntax.elaborate.coercion import fit, widened
+from koord.syntax.elaborate.coercion import POISON, fit, widened
 from koord.syntax.elaborate.resolve_types import element_of
 from koord.syntax.source import Span
 from koord.syntax.types import (
@@ -58,6 +58,10 @@ def _array(body: Body, items: list[core.Expr], expected: ArrayType, span: Span) 
 def _inferred(
     body: Body, items: tuple[ast.Expr, ...], expected: Type | None, span: Span
 ) -> core.Expr | None:
+    if expected == POISON:
+        for item in items:
+            body.expr(item, expected)
+        return None
     if not items:
         body.error(
             "K230",
@@ -89,6 +93,8 @@ def _inferred(
 
 def map_of(body: Body, e: ast.MapLit, expected: Type | None) -> core.Expr | None:
     """A map with the entries."""
+    if expected == POISON:
+        return None
     wanted = expected if isinstance(expected, MapType) else _entry_types(body, e)
     if wanted is None:
         return None

@@ -12,6 +12,7 @@ from koord.syntax.elaborate.body import (
     Body,
     Where,
 )
+from koord.syntax.elaborate.coercion import POISON
 from koord.syntax.elaborate.resolve_types import element_of
 from koord.syntax.elaborate.suggest import did_you_mean, listed
 from koord.syntax.elaborate.symbols import (
@@ -239,6 +240,8 @@ def _owner(body: Body, port: str) -> AgentScope | None:
 
 
 def _member(body: Body, e: ast.Name, members: list[MemberSymbol], expected: Type | None) -> Meaning:
+    if len(members) > 1 and expected == POISON:
+        return None
     if len(members) > 1:
         wanted = [member for member in members if member.type == expected]
         if not wanted:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body, Where
-from koord.syntax.elaborate.coercion import fit
+from koord.syntax.elaborate.coercion import POISON, fit
 from koord.syntax.elaborate.places import field_position
 from koord.syntax.elaborate.suggest import did_you_mean, listed
 from koord.syntax.elaborate.symbols import RecordInfo
@@ -62,7 +62,7 @@ def _placed(body: Body, e: ast.Call, record: RecordInfo) -> dict[int, ast.Expr] 
             if position is not None:
                 name = record.type.fields[position][0]
                 body.error("K218", argument.span, f"the field `{name}` is given twice")
-            body.expr(argument.value)
+            body.expr(argument.value, POISON)
             sound = False
             continue
         placed[position] = argument.value

@@ -1,0 +1,236 @@
+"""What names mean, and what may be written."""
+
+from __future__ import annotations
+
+from textwrap import dedent
+
+import pytest
+
+from koord.syntax import core
+from koord.syntax.types import BOOL, INT, POS, ArrayType, EnumType, ListType, Robots
+from tests.syntax.elaborating import codes, diagnostics, effect, errors, only, program, value
+
+
+def test_variables_have_slots_by_home() -> None:
+    made = program("""
+        local:
+          int a = 0
+          bool b = true
+        allread:
+          pos[] x
+          int level[numAgents]
+        allwrite:
+          int[] list
+        Go:
+          eff: if b and a > 0: x[pid].y = level[0] + length(list)
+    """)
+    agent = made.agents[0]
+    assert [d.variable for d in agent.locals] == [
+        core.Variable(core.Home.LOCAL, 0, "a", INT),
+        core.Variable(core.Home.LOCAL, 1, "b", BOOL),
+    ]
+    assert [d.variable.type for d in made.allread] == [
+        ArrayType(POS, Robots.ALL),
+        ArrayType(INT, Robots.ALL),
+    ]
+    assert made.allwrite[0].variable == core.Variable(core.Home.ALLWRITE, 0, "list", ListType(INT))
+
+
+def test_constants_of_the_language() -> None:
+    assert value("pid") == core.Pid(INT)
+    assert value("Nsys") == value("numAgents") == core.NumAgents(INT)
+    assert isinstance(value("delta", type_="float"), core.Delta)
+
+
+def test_params_are_replaced_by_their_values() -> None:
+    text = """
+        param int n = 2 * 3
+        param float speed = 1
+        param int[] sizes = [n, 1]
+        local:
+          int cells[n]
+          int m = 0
+        Go:
+          eff: m = n + sizes[0]
+               cells[0] = length(cells)
+    """
+    made = program(text)
+    assert made.parameters == (("n", 6), ("speed", 1), ("sizes", (6, 1)))
+    assert made.agents[0].locals[0].variable.type == ArrayType(INT, 6)
+    set_ = program(text, n=9)
+    assert set_.parameters[0] == ("n", 9)
+    assert set_.agents[0].locals[0].variable.type == ArrayType(INT, 9)
+
+
+def test_settings_that_do_not_fit_are_told() -> None:
+    text = """
+        param int tasks = 4
+        local:
+          int n = tasks
+        Go:
+          eff: n = tasks
+    """
+    assert errors(text, tasks="many") == ["K237"]
+    assert errors(text, tasks=True) == ["K237"]
+    unknown = only(text, task=3)
+    assert (unknown.code, unknown.hint) == ("K236", "did you mean `tasks`?")
+
+
+def test_members_of_enumerations() -> None:
+    above = """
+        enum Mode: idle, pick, drop
+        enum Phase: idle, done
+    """
+    mode = EnumType("Mode", ("idle", "pick", "drop"))
+    assert value("pick", above, "Mode") == core.Const(1, mode)
+    assert value("Mode.drop", above, "Mode") == core.Const(2, mode)
+    assert value("idle", above, "Phase") == core.Const(0, EnumType("Phase", ("idle", "done")))
+    assert errors(dedent(above) + "Go:\n  pre: idle == idle\n  eff: stop\n") == ["K210", "K210"]
+    assert codes(dedent(above) + "Go:\n  pre: idle != Mode.pick\n  eff: stop\n") == []
+
+
+def test_a_misspelt_name_gets_a_suggestion() -> None:
+    told = diagnostics("""
+        local:
+          int counter = 0
+        Go:
+          eff: counter = countr
+    """)
+    assert [(d.code, d.hint) for d in told] == [("K201", "did you mean `counter`?")]
+
+
+def test_one_mistake_is_told_once() -> None:
+    assert errors("""
+        local:
+          Cargo load
+          int n = 0
+        Go:
+          eff: load.mass = 3
+               n = load.mass + load.size
+    """) == ["K203"]
+    assert errors("""
+        local:
+          int n = 0
+          int n = 1
+        Go:
+          eff: n = true
+    """) == ["K208"]
+
+
+def test_all_mistakes_of_a_file_are_told() -> None:
+    assert errors("""
+        local:
+          int a = true
+          float b = 0
+        allread:
+          int level
+        One:
+          pre: c > 0
+          eff: a = b
+        Two:
+          pre: b
+          eff: nothing(a)
+    """) == ["K204", "K211", "K201", "K204", "K204", "K202"]
+
+
+@pytest.mark.parametrize(
+    ("statement", "code"),
+    [
+        ("level = [1]", "K212"),
+        ("level[0] = 1", "K212"),
+        ("level[me] = 1", "K212"),
+        ("append(level, 1)", "K212"),
+        ("Motion.psn = p", "K213"),
+        ("psn.x = 0", "K213"),
+        ("most = 3", "K213"),
+        ("pid = 3", "K213"),
+        ("idle = 3", "K213"),
+        ("for i = 0, 3: i = 2", "K213"),
+        ("for q in all_: q = p", "K213"),
+        ("for k, q in all_: k = 0", "K213"),
+        ("Motion.target = true", "K204"),
+        ("stdout = p", "K201"),
+    ],
+)
+def test_what_may_not_be_written(statement: str, code: str) -> None:
+    text = f"""
+param int most = 3
+enum Mode: idle, busy
+using Motion
+local:
+  int me = 0
+  pos p
+  pos[] all_
+  Mode mode
+allread:
+  int[] level
+Go:
+  eff:
+    {statement}
+"""
+    assert errors(text) == [code]
+
+
+def test_own_entries_of_allread_variables_are_written() -> None:
+    above = """
+        allread:
+          pos[] x
+          int[][] seen
+    """
+    first, second, third = effect("x[pid].y = 2\nseen[pid] = [1]\nseen[pid].append(3)", above)
+    assert isinstance(first, core.Assign)
+    step = first.place.steps[0]
+    assert isinstance(step, core.IndexStep)
+    assert step.index == core.Pid(INT)
+    assert isinstance(second, core.Assign)
+    assert isinstance(third, core.Append)
+
+
+def test_reserved_names_and_names_of_types() -> None:
+    assert errors("local:\n  int numAgents = 0\nGo:\n  eff: numAgents = 1\n") == ["K209"]
+    assert errors("def pos:\n  int x\n") == ["K209"]
+    assert errors("enum Mode: pid, idle\n") == ["K209"]
+    assert errors("def fun f(int pid) -> int:\n  return pid\n") == ["K209"]
+
+
+def test_events_may_be_called_like_anything() -> None:
+    made = program("""
+        allwrite:
+          int sum = 0
+        local:
+          int finalsum = 0
+        finalsum:
+          pre: sum > 3
+          eff: finalsum = sum
+        length:
+          eff: atomic: sum = sum + 1
+    """)
+    assert [event.name for event in made.agents[0].events] == ["finalsum", "length"]
+
+
+def test_declarations_may_come_in_any_order() -> None:
+    assert (
+        codes("""
+        Go:
+          pre: n < most
+          eff: n = twice(n)
+        def fun twice(int a) -> int:
+          return 2 * a
+        local:
+          int n = 1
+        param int most = 3
+    """)
+        == []
+    )
+
+
+def test_a_size_knows_no_variables() -> None:
+    for section in ("local", "allwrite"):
+        found = only(f"""
+{section}:
+  int n = 3
+  int cells[n]
+Go:
+  eff: cells[0] = n
+""")
+        assert found.code == "K226"
