@@ -1,0 +1,121 @@
+"""Every program in specs/examples gets the verdicts that expected.yaml says."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+import yaml
+
+from koord.cli.exits import Exit
+from koord.cli.main import main
+from koord.syntax.load import load
+from koord.syntax.source import Source
+
+EXAMPLES = Path(__file__).parent.parent / "specs" / "examples"
+EVERY_ROUND = "holds in every round"
+
+Scalar = int | float | bool | str
+
+
+@dataclass(frozen=True)
+class Run:
+    """One configuration of one program, as expected.yaml has it."""
+
+    robots: int | str
+    rounds: int
+    exit: int
+    delta: Scalar = 0.1
+    set: dict[str, object] = field(default_factory=dict)
+    flags: list[str] = field(default_factory=list)
+    says: dict[str, str] = field(default_factory=dict)
+    idle: list[str] = field(default_factory=list)
+    slow: bool = False
+
+    def command(self, file: str) -> list[str]:
+        words = ["verify", str(EXAMPLES / file), "--json"]
+        words += ["--robots", str(self.robots), "--rounds", str(self.rounds)]
+        words += ["--delta", str(self.delta), *self.flags]
+        for name, value in self.set.items():
+            words += ["--set", f"{name}={json.dumps(value)}"]
+        return words
+
+
+@dataclass(frozen=True)
+class Expected:
+    """One program."""
+
+    runs: list[Run]
+    warnings: list[str]
+
+
+def _expected() -> dict[str, Expected]:
+    entries = yaml.safe_load((EXAMPLES / "expected.yaml").read_text(encoding="utf-8"))
+    return {
+        file: Expected([Run(**run) for run in entry["runs"]], entry.get("warnings", []))
+        for file, entry in entries.items()
+    }
+
+
+EXPECTED = _expected()
+
+
+def _cases() -> Iterator[object]:
+    for file, entry in EXPECTED.items():
+        for number, run in enumerate(entry.runs):
+            marks = [pytest.mark.slow] if run.slow else []
+            yield pytest.param(file, run, id=f"{file.removesuffix('.krd')}-{number}", marks=marks)
+
+
+def test_every_program_is_expected_something_of() -> None:
+    files = {path.relative_to(EXAMPLES).as_posix() for path in EXAMPLES.rglob("*.krd")}
+    assert set(EXPECTED) == files
+    assert list(EXPECTED) == sorted(EXPECTED)
+
+
+@pytest.mark.parametrize("file", EXPECTED)
+def test_the_checker_warns_of_what_is_expected(file: str) -> None:
+    path = EXAMPLES / file
+    found = load(Source(file, path.read_text(encoding="utf-8")))
+    assert [d.code for d in found.diagnostics] == EXPECTED[file].warnings
+    assert found.program is not None
+
+
+def test_every_program_is_laid_out(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fmt", "--check", *(str(EXAMPLES / file) for file in EXPECTED)]) == Exit.OK
+
+
+@pytest.mark.parametrize(("file", "run"), list(_cases()))
+def test_the_verdicts_are_those_expected(
+    file: str, run: Run, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = main(run.command(file))
+    report = json.loads(capsys.readouterr().out)
+    claims = {claim["name"]: claim for claim in report["claims"]}
+    assert set(run.says) <= set(claims)
+    for name, claim in claims.items():
+        wanted = run.says.get(name, EVERY_ROUND)
+        assert _meets(claim, wanted), f"{name}: {_said(claim)}, expected: {wanted}"
+    idle = [v["detail"].split()[0] for v in report["vacuities"] if v["what"] == "event"]
+    assert idle == run.idle
+    assert [v for v in report["vacuities"] if v["what"] != "event"] == []
+    assert code == run.exit
+
+
+def _said(claim: dict[str, object]) -> str:
+    """A verdict in the words of expected.yaml."""
+    violated = claim["violated"]
+    if isinstance(violated, dict):
+        return f"violated in round {violated['round']}"
+    if claim["outcome"] == "holds" and claim["all_rounds"]:
+        return EVERY_ROUND
+    return f"{claim['outcome']} through round {claim['through_round']}"
+
+
+def _meets(claim: dict[str, object], wanted: str) -> bool:
+    """Whether a verdict is the one wanted. A proof for all rounds is more than one for some."""
+    said = _said(claim)
+    return said == wanted or (said == EVERY_ROUND and wanted.startswith("holds through"))
