@@ -1,4 +1,4 @@
-"""The stories of K232 to K245: declarations of programs, modules, functions, params."""
+"""The stories of K232 to K246: declarations of programs, modules, functions, params."""
 
 from __future__ import annotations
 
@@ -225,6 +225,29 @@ ENTRIES: dict[str, Entry] = {
               bool assigned = false
             allwrite:
               Task[] list = []
+            Finish:
+              pre: allAssigned(list)
+              eff: stop
+            """,
+        ),
+        error(
+            "K246",
+            "the world has another number of tasks",
+            """An `allwrite` array of tasks without an initial value starts with the tasks that the
+            configuration lists under `world: tasks:`, so there are as many. A list, `Task[]`, takes
+            any number.""",
+            """
+            # with a configuration that lists 3 tasks
+            allwrite:
+              Task[4] list
+            Finish:
+              pre: allAssigned(list)
+              eff: stop
+            """,
+            """
+            # with a configuration that lists 3 tasks
+            allwrite:
+              Task[] list
             Finish:
               pre: allAssigned(list)
               eff: stop

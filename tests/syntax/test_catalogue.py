@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,8 @@ def loaded(text: str) -> Elaborated:
         name, value = chosen.groups()
         params[name] = int(value) if value.isdigit() else value
     example = Source("example.krd", text)
+    if "lists 3 tasks" in text:
+        return load(example, Settings(tasks=((Fraction(1), Fraction(2), Fraction(0)),) * 3))
     if "--with" in text.partition("\n")[0]:
         app = Source("app.krd", "Go:\n  eff: stop\n")
         return load(app, Settings(params), (example,))

@@ -234,3 +234,16 @@ Go:
   eff: cells[0] = n
 """)
         assert found.code == "K226"
+
+
+def test_hints_name_the_module_of_a_port() -> None:
+    found = only("local:\n  pos p\nGo:\n  eff: p = psn\n")
+    assert found.hint == "`psn` is a port of `Motion`: begin the program with `using Motion`"
+    assert errors("using Odd:\n  sensors:\n    int pid\n") == ["K209"]
+
+
+def test_what_only_follows_from_unreadable_lines_is_not_told() -> None:
+    assert errors("local:\n  int n = = 0\n  int m = 0\nGo:\n  eff: n = m\n") != []
+    assert "K201" not in errors("local:\n  int n = = 0\n  int m = 0\nGo:\n  eff: n = m\n")
+    assert "K403" not in codes("local:\n  int n = 0\nGo:\n  eff: n = = 1\n")
+    assert "K201" in errors("local:\n  int n = = 0\n  int m = 0\nGo:\n  eff: k = m\n")

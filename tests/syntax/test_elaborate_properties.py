@@ -262,6 +262,16 @@ def test_the_tasks_of_the_world() -> None:
     assert second.fields[1:] == (core.Const(False, BOOL), core.Const(-1, INT), core.Const(1, INT))
 
 
+def test_an_array_of_tasks_has_the_worlds_size() -> None:
+    text = "allwrite:\n  Task[2] list\nGo:\n  pre: allAssigned(list)\n  eff: stop\n"
+    place = (Fraction(1), Fraction(2), Fraction(0))
+    made = load(Source("a.krd", text), Settings(tasks=(place, place))).program
+    assert made is not None
+    assert isinstance(made.allwrite[0].initial, core.MakeList)
+    wrong = load(Source("a.krd", text), Settings(tasks=(place,)))
+    assert [d.code for d in wrong.diagnostics] == ["K246"]
+
+
 def test_a_false_assumption_is_warned_of() -> None:
     assert codes("param int n = 0\nassume: n > 1\nGo:\n  eff: stop\n") == ["K404"]
 

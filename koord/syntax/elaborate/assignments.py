@@ -8,10 +8,11 @@ from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body
 from koord.syntax.elaborate.changes import call_statement, pop_into
 from koord.syntax.elaborate.coercion import POISON, fit, stores_list
+from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.places import meaning
 from koord.syntax.elaborate.resolve_types import is_numeric
 from koord.syntax.elaborate.targets import place_shown, target
-from koord.syntax.types import FLOAT, INT, show
+from koord.syntax.types import FLOAT, INT
 
 
 def assign(body: Body, s: ast.Assign) -> core.Block:
@@ -62,7 +63,7 @@ def increment(body: Body, s: ast.Increment) -> core.Block:
         return ()
     if not is_numeric(place.type):
         sign = "++" if s.amount > 0 else "--"
-        body.error("K229", s.span, f"`{sign}` applies to numbers, not to a `{show(place.type)}`")
+        body.error("K229", s.span, f"`{sign}` applies to numbers, not to {a(place.type)}")
         return ()
     one = (
         core.Const(abs(s.amount), INT, span=s.span)

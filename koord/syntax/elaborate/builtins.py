@@ -9,8 +9,9 @@ from koord.syntax.elaborate.body import Body
 from koord.syntax.elaborate.coercion import POISON, fit, widened
 from koord.syntax.elaborate.folding import folded
 from koord.syntax.elaborate.literals import list_of
+from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.resolve_types import element_of, is_numeric
-from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, MapType, Type, show
+from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, MapType, Type
 
 Builtin = Callable[[Body, ast.Call, Type | None], core.Expr | None]
 
@@ -30,7 +31,7 @@ def _counted(body: Body, e: ast.Call, count: int) -> bool:
 
 
 def _no_list(body: Body, e: ast.Expr, name: str, given: Type, of: str = "a list") -> None:
-    body.error("K229", e.span, f"`{name}` wants {of}, not a `{show(given)}`")
+    body.error("K229", e.span, f"`{name}` wants {of}, not {a(given)}")
 
 
 def _length(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:

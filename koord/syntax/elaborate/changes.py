@@ -9,10 +9,11 @@ from koord.syntax.elaborate.body import Body
 from koord.syntax.elaborate.calls import METHODS, as_call
 from koord.syntax.elaborate.coercion import POISON, fit
 from koord.syntax.elaborate.names import Meaning
+from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.places import field_position, meaning
 from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.targets import target
-from koord.syntax.types import BOOL, INT, ListType, MapType, QueueType, RecordType, Type, show
+from koord.syntax.types import BOOL, INT, ListType, MapType, QueueType, RecordType, Type
 
 
 def call_statement(body: Body, s: ast.CallStmt) -> core.Block:
@@ -74,7 +75,7 @@ def _no_list(body: Body, call: ast.Call, place: core.Place, what: str) -> core.B
     body.error(
         "K229",
         call.arguments[0].span,
-        f"`{call.function.name}` changes {what}, not a `{show(place.type)}`",
+        f"`{call.function.name}` changes {what}, not {a(place.type)}",
     )
     return ()
 
@@ -129,7 +130,7 @@ def pop_into(body: Body, s: ast.Assign) -> core.Block:
         body.error(
             "K204",
             s.target.span,
-            f"the elements of this list are `{show(element)}`, but this is a `{show(into.type)}`",
+            f"an element of this list is {a(element)}, but this is {a(into.type)}",
         )
         return ()
     return (core.Pop(place, into, span=s.span),)
@@ -158,7 +159,7 @@ def _assign(body: Body, call: ast.Call) -> core.Block:
         body.error(
             "K229",
             call.arguments[0].span,
-            f"`assign` marks a task, not a `{show(place.type)}`",
+            f"`assign` marks a task, not {a(place.type)}",
             "it sets the fields `bool assigned` and `int assignedTo`",
         )
     return tuple(made)

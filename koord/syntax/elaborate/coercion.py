@@ -6,6 +6,7 @@ from fractions import Fraction
 
 from koord.syntax import core
 from koord.syntax.elaborate.body import Body
+from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.session import Confusion
 from koord.syntax.source import Span
 from koord.syntax.types import (
@@ -19,7 +20,6 @@ from koord.syntax.types import (
     QueueType,
     Robots,
     Type,
-    show,
 )
 
 #: Expected where the type of a place is wrong, which was told: what its value is does not matter.
@@ -59,16 +59,10 @@ def fit(
         body.error(
             "K204",
             span,
-            f"{what} is {_a(wanted)}, but this is {_a(given)}",
+            f"{what} is {a(wanted)}, but this is {a(given)}",
             _cure(wanted, given),
         )
     return None
-
-
-def _a(type_: Type) -> str:
-    shown = show(type_)
-    article = "an" if shown[0] in "aeiou" and not shown.startswith("u") else "a"
-    return f"{article} `{shown}`"
 
 
 def _cure(wanted: Type, given: Type) -> str | None:
@@ -78,7 +72,7 @@ def _cure(wanted: Type, given: Type) -> str | None:
         case ListType(element=element), _ if accepts(element, given):
             return "a list with this one element is written between `[` and `]`"
         case ArrayType(), ListType():
-            return f"only {_a(wanted)} fits: a list may have any length"
+            return f"only {a(wanted)} fits: a list may have any length"
         case QueueType(), ListType():
             return "declare both as `Queue` or both as lists"
         case _:

@@ -9,8 +9,8 @@ from koord.syntax.elaborate.coercion import fit
 from koord.syntax.elaborate.findings import Findings
 from koord.syntax.elaborate.function_table import Signature
 from koord.syntax.elaborate.library import signature
+from koord.syntax.elaborate.phrases import listed
 from koord.syntax.elaborate.session import Session
-from koord.syntax.elaborate.suggest import listed
 from koord.syntax.elaborate.symbols import Role
 from koord.syntax.types import BOOL
 

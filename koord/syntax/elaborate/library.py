@@ -57,6 +57,17 @@ def library() -> Library:
     return Library(functions, modules, task)
 
 
+def library_ports() -> dict[str, frozenset[str]]:
+    """The ports of each module of the library, by all their names."""
+    return {
+        name: frozenset(
+            [decl.name.name for decl in (*module.sensors, *module.actuators)]
+            + list(PORT_ALIASES.get(name, ()))
+        )
+        for name, module in library().modules.items()
+    }
+
+
 def library_names() -> list[str]:
     """The functions of the library that programs may call."""
     return [name for name in library().functions if name not in _INTERNAL]

@@ -5,9 +5,10 @@ from __future__ import annotations
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body, Loop
 from koord.syntax.elaborate.coercion import fit
+from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.resolve_types import element_of
 from koord.syntax.elaborate.symbols import Role
-from koord.syntax.types import INT, MapType, Type, show
+from koord.syntax.types import INT, MapType, Type
 
 _BOUND_OPS = frozenset(
     {
@@ -135,7 +136,7 @@ def _visited(
         body.error(
             "K229",
             s.sequence.span,
-            f"a `{show(sequence.type)}` has no elements to go through",
+            f"{a(sequence.type)} has no elements to go through",
             "a loop over numbers is written `for i = 0, n:`" if sequence.type == INT else None,
         )
     return (INT, element)

@@ -14,6 +14,7 @@ from koord.syntax.elaborate.resolve_types import resolve
 from koord.syntax.elaborate.session import Session
 from koord.syntax.elaborate.starts import initial_value
 from koord.syntax.elaborate.symbols import (
+    RESERVED,
     AgentScope,
     ModuleScope,
     Poisoned,
@@ -21,7 +22,7 @@ from koord.syntax.elaborate.symbols import (
     PortSymbol,
     StreamSymbol,
 )
-from koord.syntax.elaborate.variables import common_names, declared_twice
+from koord.syntax.elaborate.variables import common_names, declared_twice, reserved
 from koord.syntax.types import BOOL, STREAM, Type
 
 
@@ -85,7 +86,9 @@ def _own_ports(
 ) -> None:
     for decl in decls:
         name = canonical(module.name, decl.name.name)
-        if name in module.ports:
+        if name in RESERVED:
+            reserved(session, decl.name)
+        elif name in module.ports:
             declared_twice(session, decl.name, module.ports[name].decl.name)
         elif name != "?":
             module.ports[name] = _Port(decl, direction, own=True)

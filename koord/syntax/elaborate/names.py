@@ -13,8 +13,9 @@ from koord.syntax.elaborate.body import (
     Where,
 )
 from koord.syntax.elaborate.coercion import POISON
+from koord.syntax.elaborate.phrases import listed
 from koord.syntax.elaborate.resolve_types import element_of
-from koord.syntax.elaborate.suggest import did_you_mean, listed
+from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import (
     AgentScope,
     MemberSymbol,
@@ -300,7 +301,11 @@ def _pid(body: Body, e: ast.Name) -> Meaning:
 
 def unknown(body: Body, e: ast.Name, field: str | None = None) -> None:
     """Tell that there is no such name, and what may have been meant."""
-    hint = _element_hint(body, e.name, field) or did_you_mean(e.name, visible(body))
+    hint = _element_hint(body, e.name, field)
+    for module, ports in body.session.library_ports.items():
+        if hint is None and e.name in ports:
+            hint = f"`{e.name}` is a port of `{module}`: begin the program with `using {module}`"
+    hint = hint or did_you_mean(e.name, visible(body))
     if hint is None and field is not None:
         hint = f"if `{e.name}` is a module, begin the program with `using {e.name}:`"
     body.error("K201", e.span, f"`{e.name}` is not declared", hint)

@@ -7,9 +7,10 @@ from koord.syntax.elaborate.body import CLOSED, Body
 from koord.syntax.elaborate.coercion import accepts, fit, widened
 from koord.syntax.elaborate.folding import folded
 from koord.syntax.elaborate.function_calls import library_call
+from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.resolve_types import is_numeric
 from koord.syntax.source import Span
-from koord.syntax.types import BOOL, FLOAT, INT, POS, STREAM, STRING, Type, show
+from koord.syntax.types import BOOL, FLOAT, INT, POS, STREAM, STRING, Type
 
 _LOGIC = {
     ast.BinaryOp.AND: core.BinaryOp.AND,
@@ -49,7 +50,7 @@ def unary(body: Body, e: ast.Unary) -> core.Expr | None:
     if operand.type == POS:
         return library_call(body, "negatedPos", (operand,), e.span)
     if not is_numeric(operand.type):
-        body.error("K229", e.span, f"`-` applies to numbers, not to a `{show(operand.type)}`")
+        body.error("K229", e.span, f"`-` applies to numbers, not to {a(operand.type)}")
         return None
     return folded(core.Unary(core.UnaryOp.NEG, operand, operand.type, span=e.span))
 
@@ -108,7 +109,7 @@ def _balanced(op: core.BinaryOp, parts: list[core.Expr]) -> core.Expr:
 
 
 def _equality(body: Body, e: ast.Binary) -> core.Expr | None:
-    if body.where in CLOSED:
+    if body.where in CLOSED and "choose" not in body.session.functions.own:
         for choice, other in ((e.right, e.left), (e.left, e.right)):
             if isinstance(choice, ast.Call) and choice.function.name == "choose":
                 return _within(body, e, choice, other)
@@ -122,7 +123,7 @@ def _equality(body: Body, e: ast.Binary) -> core.Expr | None:
         body.error(
             "K229",
             e.span,
-            f"a `{show(left.type)}` is never `{e.op.value}` comparable with a `{show(right.type)}`",
+            f"{a(left.type)} and {a(right.type)} cannot be compared",
         )
         return None
     if STREAM in (left.type, right.type):
@@ -178,7 +179,7 @@ def _order(body: Body, e: ast.Binary, left: core.Expr, right: core.Expr) -> core
         body.error(
             "K229",
             e.span,
-            f"`{e.op.value}` compares numbers, not a `{show(wrong.type)}`",
+            f"`{e.op.value}` compares numbers, not {a(wrong.type)}",
             "compare fields, as in `a.x < b.x`, or a `distance(a, b)`"
             if wrong.type == POS
             else None,
@@ -208,7 +209,7 @@ def _arithmetic(body: Body, e: ast.Binary, left: core.Expr, right: core.Expr) ->
         body.error(
             "K229",
             e.span,
-            f"`{e.op.value}` applies to numbers and `pos`, not to a `{show(wrong.type)}`",
+            f"`{e.op.value}` applies to numbers and `pos`, not to {a(wrong.type)}",
             _arithmetic_hint(wrong.type),
         )
         return None
@@ -253,7 +254,7 @@ def _vector(body: Body, e: ast.Binary, left: core.Expr, right: core.Expr) -> cor
     body.error(
         "K229",
         e.span,
-        f"`{e.op.value}` does not apply to a `{show(left.type)}` and a `{show(right.type)}`",
+        f"`{e.op.value}` does not apply to {a(left.type)} and {a(right.type)}",
         "positions can be added and subtracted, and multiplied or divided by a number",
     )
     return None

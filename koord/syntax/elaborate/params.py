@@ -8,6 +8,7 @@ from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body, Where
 from koord.syntax.elaborate.coercion import fit
 from koord.syntax.elaborate.folding import folded
+from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.resolve_types import resolve
 from koord.syntax.elaborate.session import Session
 from koord.syntax.elaborate.settings import ParamValue
@@ -21,7 +22,6 @@ from koord.syntax.types import (
     EnumType,
     ListType,
     Type,
-    show,
 )
 
 
@@ -35,7 +35,7 @@ def param_value(session: Session, decl: ast.VarDecl) -> core.Expr | None:
         body.error(
             "K234",
             decl.type.span,
-            f"a `param` is not a `{show(type_)}`",
+            f"a `param` is not {a(type_)}",
             "it is an `int`, `float`, `bool`, `string` or `pos`, a member of an enumeration, or a "
             "list of these",
         )
@@ -47,7 +47,7 @@ def param_value(session: Session, decl: ast.VarDecl) -> core.Expr | None:
             body.error(
                 "K237",
                 decl.span,
-                f"`{decl.name.name}` is a `{show(type_)}`, but it is set to `{_written(given)}`",
+                f"`{decl.name.name}` is {a(type_)}, but it is set to `{_written(given)}`",
             )
         return value
     if decl.initial is None:

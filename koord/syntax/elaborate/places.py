@@ -7,11 +7,12 @@ from koord.syntax.elaborate import names
 from koord.syntax.elaborate.body import CLOSED, CONTRACT, Body
 from koord.syntax.elaborate.coercion import fit
 from koord.syntax.elaborate.names import Meaning
+from koord.syntax.elaborate.phrases import a, listed
 from koord.syntax.elaborate.quantifiers import at_robot, primed
 from koord.syntax.elaborate.resolve_types import element_of
-from koord.syntax.elaborate.suggest import did_you_mean, listed
+from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import RESERVED, ModuleScope, Poisoned
-from koord.syntax.types import INT, EnumType, FloatType, MapType, RecordType, Type, show
+from koord.syntax.types import INT, EnumType, FloatType, MapType, RecordType, Type
 
 #: Two names of one field of a `Task`, as published programs use them.
 TASK_FIELDS = {
@@ -106,7 +107,7 @@ def field(body: Body, base: core.Place | core.Expr, e: ast.Attribute) -> Meaning
             hint = f"its elements have fields: `…[i].{e.name.name}`"
         elif e.name.name == "length" and element is not None:
             hint = "the length of a list is `length(…)`"
-        body.error("K205", e.name.span, f"a `{show(record)}` has no fields", hint)
+        body.error("K205", e.name.span, f"{a(record)} has no fields", hint)
         return None
     found = field_position(record, e.name.name)
     if found is None:
@@ -132,7 +133,7 @@ def field_position(record: RecordType, name: str) -> int | None:
 
 def _is_module(body: Body, name: str) -> bool:
     session = body.session
-    return name in session.library_modules or any(name in agent.modules for agent in session.agents)
+    return name in session.library_ports or any(name in agent.modules for agent in session.agents)
 
 
 def _qualified(body: Body, e: ast.Attribute, owner: str) -> Meaning:
@@ -221,7 +222,7 @@ def _index(body: Body, e: ast.Index) -> Meaning:
         body.error(
             "K229",
             e.span,
-            f"a `{show(base.type)}` has no elements",
+            f"{a(base.type)} has no elements",
             _pos_hint(base.type),
         )
         return None

@@ -22,7 +22,7 @@ from koord.syntax.elaborate.body import Body, Where
 from koord.syntax.elaborate.expressions import expression
 from koord.syntax.elaborate.findings import Findings
 from koord.syntax.elaborate.function_table import FunctionTable
-from koord.syntax.elaborate.library import library
+from koord.syntax.elaborate.library import library_ports
 from koord.syntax.elaborate.sections import Kind, Sections, sort
 from koord.syntax.elaborate.session import Session
 from koord.syntax.elaborate.settings import Elaborated, Settings
@@ -43,7 +43,7 @@ def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborate
     findings = Findings()
     sections = sort(program.sections, findings)
     session = Session(settings, findings, expression, block, FunctionTable())
-    session.library_modules = frozenset(library().modules)
+    session.library_ports = library_ports()
     session.partial = sections.only_properties
     if sections.is_empty:
         findings.warning(
@@ -98,12 +98,12 @@ def _declare(
     session.parameters = variables.declare_params(session, sections.params)
     variables.declare_shared(session, sections.allread, sections.allwrite)
     variables.declare_locals(session, [(each.scope, each.kind.locals) for each in robots])
-    library_ports = any(
-        section.module.name in session.library_modules
+    uses_library = any(
+        section.module.name in session.library_ports
         for each in robots
         for section in each.kind.using
     )
-    names = mentioned(program) if library_ports else frozenset()
+    names = mentioned(program) if uses_library else frozenset()
     for each in robots:
         each.modules = tuple(modules.merge(session, each.kind.using, names))
     modules.declare_ports(session, [(each.scope, each.modules) for each in robots])
@@ -146,6 +146,7 @@ def _define(
     cautions.confused(session)
     if not session.partial:
         cautions.unused(session, [session.shared, *(each.scope.variables for each in robots)])
+    starts.check_tasks(allwrite, session.settings, session.findings)
     classes, agents = locks.classified(session.atomic_blocks.values(), agents)
     known = starts.assumed(assumptions, len(agents))
     return core.Program(

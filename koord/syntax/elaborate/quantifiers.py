@@ -8,10 +8,11 @@ from koord.syntax import ast, core
 from koord.syntax.elaborate.body import CLOSED, CONTRACT, LOGICAL, SUMMARIES, Body, Robot, Where
 from koord.syntax.elaborate.coercion import fit
 from koord.syntax.elaborate.names import Meaning, robot_entry
+from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.resolve_types import element_of, resolve
 from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import Role
-from koord.syntax.types import BOOL, INT, Type, show
+from koord.syntax.types import BOOL, INT, Type
 
 _KINDS = {
     ast.Quantifier.FORALL: core.QuantifierKind.FORALL,
@@ -93,7 +94,7 @@ def _elements(
         return _bind(body, name, None, None)
     element = element_of(sequence.type)
     if element is None:
-        body.error("K229", over.span, f"a `{show(sequence.type)}` has no elements to go through")
+        body.error("K229", over.span, f"{a(sequence.type)} has no elements to go through")
         return _bind(body, name, None, None)
     return _bind(body, name, element, core.Elements(sequence))
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body, Where
 from koord.syntax.elaborate.coercion import POISON, fit
+from koord.syntax.elaborate.phrases import listed
 from koord.syntax.elaborate.places import field_position
-from koord.syntax.elaborate.suggest import did_you_mean, listed
+from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import RecordInfo
 from koord.syntax.types import Type
 

@@ -92,8 +92,8 @@ class Session:
     logical_calls: list[tuple[str, Span]] = field(default_factory=list)
     confusions: list[Confusion] = field(default_factory=list)
     atomic_blocks: dict[int, AtomicBlock] = field(default_factory=dict)
-    #: The library's modules that a program can use without declaring their ports.
-    library_modules: frozenset[str] = frozenset()
+    #: The library's modules, which a program can use without declaring their ports.
+    library_ports: dict[str, frozenset[str]] = field(default_factory=dict)
 
     @property
     def single(self) -> bool:

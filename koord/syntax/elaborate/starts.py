@@ -9,12 +9,14 @@ from fractions import Fraction
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body
 from koord.syntax.elaborate.coercion import fit
+from koord.syntax.elaborate.findings import Findings
 from koord.syntax.elaborate.settings import Settings
 from koord.syntax.types import (
     BOOL,
     FLOAT,
     INT,
     POS,
+    ArrayType,
     ListType,
     RecordType,
     Type,
@@ -86,14 +88,35 @@ def settle(
         found = key(variable, kind)
         start, length = declaration.initial, None
         if start is core.Start.UNSET:
-            if found in known.read:
-                start = core.Start.ARBITRARY
-            else:
-                start = _tasks(variable, settings) or start
+            start = _tasks(variable, settings) or start
+        if start is core.Start.UNSET and found in known.read:
+            start = core.Start.ARBITRARY
         if start is core.Start.ARBITRARY:
             length = known.lengths.get(found)
         result.append(replace(declaration, initial=start, length=length))
     return tuple(result)
+
+
+def check_tasks(
+    declarations: Iterable[core.Declaration], settings: Settings, findings: Findings
+) -> None:
+    """An array of tasks has as many elements as the world has tasks."""
+    for declaration in declarations:
+        match declaration.variable.type:
+            case ArrayType(element=RecordType(name="Task"), size=int() as size):
+                pass
+            case _:
+                continue
+        tasks = settings.tasks
+        if tasks is None or len(tasks) == size or declaration.initial is not core.Start.UNSET:
+            continue
+        name = declaration.variable.name
+        findings.error(
+            "K246",
+            declaration.span,
+            f"`{name}` has {size} elements, but the world has {len(tasks)} tasks",
+            f"declare it as `Task[] {name}`, or set its size with `--set`",
+        )
 
 
 def _tasks(variable: core.Variable, settings: Settings) -> core.Expr | None:
@@ -102,9 +125,14 @@ def _tasks(variable: core.Variable, settings: Settings) -> core.Expr | None:
         return None
     match variable.type:
         case ListType(element=RecordType(name="Task") as task):
-            made = [_task(task, number, place) for number, place in enumerate(settings.tasks)]
+            pass
+        case ArrayType(element=RecordType(name="Task") as task, size=size) if size == len(
+            settings.tasks
+        ):
+            pass
         case _:
             return None
+    made = [_task(task, number, place) for number, place in enumerate(settings.tasks)]
     found = tuple(value for value in made if value is not None)
     return core.MakeList(found, variable.type) if len(found) == len(made) else None
 

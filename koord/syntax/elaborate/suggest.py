@@ -19,11 +19,3 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
     """A hint that names the closest known name."""
     found = closest(name, known)
     return f"did you mean `{found}`?" if found else None
-
-
-def listed(names: Iterable[str]) -> str:
-    """The names in backquotes, with commas and a final `and`."""
-    shown = [f"`{name}`" for name in names]
-    if len(shown) < 2:
-        return "".join(shown)
-    return f"{', '.join(shown[:-1])} and {shown[-1]}"

@@ -42,12 +42,7 @@ def enter_names(session: Session, entries: Iterable[Entry]) -> None:
             continue
         first = _known(session, entry)
         if name.name in RESERVED:
-            session.findings.error(
-                "K209",
-                name.span,
-                f"`{name.name}` is the language's own name, and has a meaning everywhere",
-                "choose another name",
-            )
+            reserved(session, name)
         elif first is not None:
             declared_twice(session, name, first)
         for scope in entry.scopes:
@@ -78,6 +73,16 @@ def is_pending(scope: dict[str, Named], decl: ast.VarDecl) -> bool:
     """Whether the name is this declaration's, and still without a meaning."""
     found = scope.get(decl.name.name)
     return isinstance(found, Pending) and found.declared is decl.name
+
+
+def reserved(session: Session, name: ast.Ident) -> None:
+    """Tell that a name is the language's own."""
+    session.findings.error(
+        "K209",
+        name.span,
+        f"`{name.name}` is the language's own name, and has a meaning everywhere",
+        "choose another name",
+    )
 
 
 def declared_twice(session: Session, name: ast.Ident, first: ast.Ident) -> None:

@@ -1,0 +1,21 @@
+"""Pieces of messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from koord.syntax.types import Type, show
+
+
+def a(type_: Type) -> str:
+    """The type with its article: ``an `int```."""
+    shown = show(type_)
+    return f"{'an' if shown[0].lower() in 'aeio' else 'a'} `{shown}`"
+
+
+def listed(names: Iterable[str]) -> str:
+    """The names in backquotes, with commas and a final `and`."""
+    shown = [f"`{name}`" for name in names]
+    if len(shown) < 2:
+        return "".join(shown)
+    return f"{', '.join(shown[:-1])} and {shown[-1]}"
