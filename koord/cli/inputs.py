@@ -34,10 +34,11 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class LoadedProgram:
-    """A program without errors, and the text it comes from."""
+    """A program without errors, the text it comes from, and how that was read."""
 
     source: Source
     program: core.Program
+    reading: Reading
 
 
 def load_programs(
@@ -52,7 +53,7 @@ def load_programs(
         before = report.errors
         checked = check_file(path, reading, report)
         if checked is not None and checked.program is not None:
-            programs.append(LoadedProgram(checked.source, checked.program))
+            programs.append(LoadedProgram(checked.source, checked.program, reading))
         elif report.errors == before:
             report.add((_no_program(path),))
     return tuple(programs)

@@ -4,16 +4,51 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from random import Random
 
-from koord.cli.arguments import Fleet, add_bounds, add_files, add_settings, add_trace, check_files
+from koord.cli.arguments import (
+    Fleet,
+    add_bounds,
+    add_files,
+    add_json,
+    add_settings,
+    add_trace,
+    check_files,
+)
 from koord.cli.diagnostics import Report, report_error
+from koord.cli.excerpt import excerpt
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
+from koord.cli.interactive import Interactive
+from koord.cli.progress import Interruption
+from koord.cli.systems import system_of
+from koord.cli.tables import Shown, Table, fleet
+from koord.cli.terminal import Paint, Style, style_of, visible
+from koord.cli.traces import sources_of, write_trace
+from koord.semantics.codec import encode
+from koord.semantics.configurations import NO_EVENT, Configuration, System
+from koord.semantics.domain import Constant
+from koord.semantics.names import Names
+from koord.semantics.rendering import show_fraction
+from koord.semantics.running import AtRandom, First, Play, Run, Taken, new_run
+from koord.semantics.trace import (
+    BEFORE_ROUNDS,
+    Numbers,
+    Trace,
+    Tracer,
+    Violation,
+    ViolationKind,
+    assembled,
+)
+from koord.semantics.watching import Watch
+from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.source import Span
 
 
 class Policy(Enum):
@@ -34,6 +69,8 @@ class Request:
     seed: int
     interactive: bool
     trace: str | None
+    numbers: Numbers = Numbers.EXACT
+    as_json: bool = False
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -48,8 +85,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--interactive", action="store_true", help="ask which robot and event is next"
     )
+    parser.add_argument(
+        "--numbers",
+        choices=[numbers.value for numbers in Numbers],
+        default=Numbers.EXACT.value,
+        help="what a float is: an exact rational, or a double as on robots (exact)",
+    )
     add_settings(parser)
     add_trace(parser, "the run")
+    add_json(parser, "the trace")
     parser.epilog = "exit codes: 0 done, 1 a fault or a violation was met, 2 errors in the input"
 
 
@@ -63,7 +107,11 @@ def main(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
         interactive=arguments.interactive,
         trace=arguments.trace,
+        numbers=Numbers(arguments.numbers),
+        as_json=arguments.json,
     )
+    if request.interactive and request.as_json:
+        raise argparse.ArgumentTypeError("--interactive and --json do not go together")
     if request.interactive and DASH in (arguments.file, *arguments.properties):
         raise argparse.ArgumentTypeError("--interactive reads standard input, and so does -")
     if request.trace is not None:
@@ -76,12 +124,180 @@ def main(arguments: argparse.Namespace) -> int:
     try:
         return _run(programs[0], request)
     except KoordError as error:  # of the program, met on the way
-        report_error(error, as_json=False, sources=report.sources.values())
+        report_error(error, as_json=request.as_json, sources=report.sources.values())
         return Exit.BAD_INPUT
 
 
-def _run(program: LoadedProgram, request: Request) -> Exit:
-    # >>> The machine's place: koord.semantics on (program.program, request), each round as a table
-    # on standard output, the trace to request.trace with files.write_atomically.
-    print(f"koord run: {program.source.name}: not available in this version", file=sys.stderr)
-    return Exit.BAD_INPUT
+def _run(loaded: LoadedProgram, request: Request) -> Exit:
+    system = system_of(loaded.program, request.fleet, request.delta_s)
+    rng = Random(request.seed)
+    run = new_run(system, request.numbers, rng)
+    watch = Watch(run.d, system, run.inputs)
+    table = Table(Names(system), style_of(sys.stdout))
+    if not request.as_json:
+        print(_heading(loaded.source.name, request, system))
+    if request.interactive:
+        return _by_hand(loaded, request, Interactive(run, watch, table, request.rounds))
+    policy = First() if request.policy is Policy.FIRST else AtRandom(rng)
+    return _by_policy(loaded, request, Play(run, policy, request.rounds, watch), table)
+
+
+def _by_policy(loaded: LoadedProgram, request: Request, play: Play, table: Table) -> Exit:
+    tracer = Tracer() if request.trace is not None or request.as_json else None
+    rounds = None if request.as_json else _Rounds(table)
+    with Interruption() as interruption:
+        try:
+            for taken in play.steps():
+                if tracer is not None:
+                    tracer.add(taken.step)
+                if rounds is not None:
+                    rounds.show(taken)
+                if interruption.requested:
+                    break
+        finally:
+            if rounds is not None:
+                rounds.close()
+    run, violation = play.run, play.violation
+    if tracer is not None:
+        sources, recording = sources_of(loaded), play.recording()
+        trace = tracer.trace(sources, run.system, run.numbers, recording, violation)
+        _keep(trace, request)
+    if not request.as_json:
+        _conclude(loaded, run, violation)
+    if interruption.requested:
+        return Exit.INTERRUPTED
+    return _code(run, violation)
+
+
+def _by_hand(loaded: LoadedProgram, request: Request, session: Interactive) -> Exit:
+    session.play()
+    run, violation = session.run, session.violation
+    recording = run.recording(checks=violation is not None)
+    sources = sources_of(loaded)
+    if request.trace is not None:
+        trace = assembled(sources, run.system, run.numbers, recording, session.taken, violation)
+        _keep(trace, request)
+    _conclude(loaded, run, violation)
+    return _code(run, violation)
+
+
+def _keep(trace: Trace, request: Request) -> None:
+    if request.trace is not None:
+        write_trace(request.trace, trace)
+    if request.as_json:
+        sys.stdout.write(encode(trace).decode("utf-8"))
+
+
+def _code(run: Run, violation: Violation | None) -> Exit:
+    broken = violation is not None or run.configuration.fault is not None
+    return Exit.VIOLATED if broken else Exit.OK
+
+
+# --- what is printed ----------------------------------------------------------------------------
+
+
+class _Rounds:
+    """Shows the steps of a run round by round, as each round ends."""
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+        self._steps: list[Shown] = []
+        self._last: Configuration[Constant] | None = None
+
+    def show(self, taken: Taken) -> None:
+        step = taken.step
+        if self._last is None:
+            self._print(self._table.start(step))
+        else:
+            self._steps.append(Shown(step, self._last, taken.lost))
+            if step.rule == "ENV-TRANS":
+                self._end_round()
+        self._last = step.configuration
+
+    def close(self) -> None:
+        """Show what is left: a round that was not finished, rounds in which nothing happened."""
+        if self._steps:
+            self._end_round()
+        self._print(self._table.idle())
+
+    def _end_round(self) -> None:
+        self._print(self._table.round(self._steps[0].step.round, self._steps))
+        self._steps = []
+
+    @staticmethod
+    def _print(lines: Iterable[str]) -> None:
+        for line in lines:
+            print(line)
+
+
+def _heading(name: str, request: Request, system: System) -> str:
+    how = "by hand" if request.interactive else f"policy {request.policy.value}"
+    delta = show_fraction(system.delta_s)
+    return f"{name}: {fleet(system)}, δ = {delta} s, {how}, seed {request.seed}"
+
+
+def _conclude(loaded: LoadedProgram, run: Run, violation: Violation | None) -> None:
+    for line in conclusion(loaded, run, violation, style_of(sys.stdout)):
+        print(line)
+
+
+def conclusion(
+    loaded: LoadedProgram, run: Run, violation: Violation | None, style: Style
+) -> Iterator[str]:
+    """How a run ended, with the place in the text that is to blame, if any."""
+    fault = run.configuration.fault
+    yield ""
+    if fault is not None:
+        whose = "" if fault.robot is None else f" of robot {fault.robot}"
+        said = style.paint("fault", Paint.ERROR)
+        yield f"{said}: {fault.kind.value}{whose}, {_when(run.configuration.round, run)}"
+        yield from _place(loaded, fault.span, style)
+    elif violation is not None:
+        said = style.paint("violated", Paint.ERROR)
+        yield f"{said}: {violation.name} does not hold, {_after(violation, run)}"
+        yield from _place(loaded, _span_of(violation, run), style)
+    else:
+        rounds = f"{run.round} round{'' if run.round == 1 else 's'}"
+        ended = ", and then every robot has stopped" if run.all_stopped else ""
+        invariants = sum(p.kind in _SAFETY for p in run.system.program.properties)
+        held = (
+            f"; {invariants} invariant{'' if invariants == 1 else 's'} held" if invariants else ""
+        )
+        yield f"{style.paint('done', Paint.ADDED)}: {rounds}{ended}, no fault{held}"
+
+
+_SAFETY = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
+
+
+def _when(rounds: int, run: Run) -> str:
+    begun = len(run.waiting) < run.system.robots
+    return f"in round {rounds + 1}" if rounds or begun else "at the start"
+
+
+def _after(violation: Violation, run: Run) -> str:
+    if violation.round == BEFORE_ROUNDS:
+        return "at the start"
+    where = f"in round {violation.round + 1}"
+    if violation.kind is ViolationKind.CONTRACT:
+        return f"{where}, by the model of robot {violation.robot}"
+    if violation.robot is None:
+        return f"at the end of round {violation.round + 1}"
+    ran = run.configuration.robots[violation.robot].ran
+    events = run.system.agent(violation.robot).events
+    did = "skipped" if ran == NO_EVENT else f"ran {events[int(str(ran))].name}"
+    return f"{where}, after robot {violation.robot} {did}"
+
+
+def _span_of(violation: Violation, run: Run) -> Span:
+    program = run.system.program
+    if violation.kind is ViolationKind.PROPERTY:
+        return next(p.span for p in program.properties if p.name == violation.name)
+    contracts = (c for a in program.agents for m in a.modules for c in m.contracts)
+    return next(c.span for c in contracts if c.name == violation.name)
+
+
+def _place(loaded: LoadedProgram, span: Span, style: Style) -> Iterator[str]:
+    yield f"  {visible(span.file)}:{span.line}:{span.column}"
+    for source in (loaded.source, *loaded.reading.properties):
+        if source.name == span.file:
+            yield from excerpt(source, span, style, Paint.ERROR)

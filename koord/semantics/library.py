@@ -1,5 +1,8 @@
 """Host implementations of the library's external functions, for runs on numbers. [EXTERNAL]
 
+A few more are known by name and type that programs commonly declare themselves: ``onPath``,
+``apart``.
+
 Each gives one answer that its summary allows (whoever asks checks it all the same). They work on
 exact rationals; answers that the summary leaves open are rounded to a grid, so that numbers stay
 short over thousands of rounds. They are stand-ins: the straight line for a planner, a grid of
@@ -26,6 +29,9 @@ Host: TypeAlias = "Callable[..., Concrete]"
 
 #: Robots on two paths that come no closer than this are clear of each other.
 CLEARANCE_M = Fraction(1, 2)
+
+#: Positions that are doubles may miss their path by so much.
+_ROUNDING_M = Fraction(1, 10**6)
 
 #: Roots that are not exact are right to so many bits; the summary asks for 40.
 _ROOT_BITS = 56
@@ -141,14 +147,33 @@ def paths_clear(first: Sequence[Point], second: Sequence[Point]) -> bool:
     return all(segments_apart(a, b, c, d) > least for a, b in ones for c, d in others)
 
 
-def moved(here: Point, there: Point, step: Fraction) -> Point:
-    """The point ``step`` further on the straight way, rounded to a grid; at most ``there``."""
-    way = _minus(there, here)
-    if _dot(way, way) <= step * step:
-        return there
-    share = step / square_root(_dot(way, way))
-    x, y, z = (Fraction(round(c * 1024), 1024) for c in _along(here, way, share))
-    return x, y, z
+def on_path(p: Point, path: Sequence[Point], tolerance: Fraction = Fraction(0)) -> bool:
+    """Whether a point lies on a path, or no further from it than the tolerance."""
+    pieces = list(pairwise(path)) or [(q, q) for q in path]
+    return any(segments_apart(a, b, p, p) <= tolerance * tolerance for a, b in pieces)
+
+
+def along(path: Sequence[Point], here: Point, step: Fraction) -> Point:
+    """The point of a path that lies ``step`` behind the one nearest to ``here``.
+
+    Points inside a piece are at a whole number of its 1024ths, so that numbers stay short.
+    """
+    pieces = list(pairwise(path))
+    if not pieces:
+        return path[-1] if path else here
+    at = min(range(len(pieces)), key=lambda k: (segments_apart(*pieces[k], here, here), -k))
+    while True:
+        a, b = pieces[at]
+        way = _minus(b, a)
+        length = square_root(_dot(way, way))
+        if length:
+            share = _unit(_dot(_minus(here, a), way) / _dot(way, way)) + step / length
+            if share < 1:
+                return _along(a, way, Fraction(math.ceil(share * 1024), 1024))
+            step = (share - 1) * length
+        if at + 1 == len(pieces):
+            return b
+        at, here = at + 1, b
 
 
 # --- the functions ------------------------------------------------------------------------------
@@ -177,6 +202,16 @@ def _path_from_to_task(start: Concrete, task: Concrete) -> Concrete:
 
 def _paths_clear(first: Concrete, second: Concrete) -> Concrete:
     return paths_clear(points(first), points(second))
+
+
+def _on_path(p: Concrete, path: Concrete) -> Concrete:
+    place, way = point(p), points(path)
+    exact = isinstance(p, Rec) and not any(isinstance(c, float) for c in p.fields)
+    return on_path(place, way, Fraction(0) if exact else _ROUNDING_M)
+
+
+def _apart(p: Concrete, q: Concrete) -> Concrete:
+    return paths_clear([point(p)], [point(q)])
 
 
 def _will_not_collide(task: Concrete) -> Concrete:
@@ -225,6 +260,8 @@ _HOSTS: dict[tuple[str, tuple[Type | str, ...], Type | str], Host] = {
     ("getPathFromTask", ("Task",), _PATH): _path_to_task,
     ("getPathFromTask", (POS, "Task"), _PATH): _path_from_to_task,
     ("pathsClear", (_PATH, _PATH), BOOL): _paths_clear,
+    ("onPath", (POS, _PATH), BOOL): _on_path,
+    ("apart", (POS, POS), BOOL): _apart,
     ("willCollide", ("Task",), BOOL): _will_not_collide,
     ("scanToMap", (_PATH,), _MAP): _scan_to_map,
     ("pickFrontierPos", (_MAP, POS), POS): _frontier,

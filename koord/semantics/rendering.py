@@ -24,10 +24,13 @@ from koord.syntax.types import (
 
 UNSET = "unset"
 
-#: Exact numbers with so many decimals are shown as decimals, others as fractions or rounded.
+#: Exact numbers with so many decimals are shown as decimals; others are rounded to fewer.
 _DECIMALS = 6
+_ROUNDED = 4
 
-_LONGEST_FRACTION = 13
+#: Numbers with so small a denominator that is none of a decimal are shown as fractions.
+_SMALL_DENOMINATOR = 12
+
 _LONGEST_INTEGER = 30
 
 
@@ -110,30 +113,30 @@ def show_fraction(value: Fraction) -> str:
         return _show_int(value.numerator)
     scaled = value * 10**_DECIMALS
     if scaled.denominator == 1:
-        return _decimal(scaled.numerator)
-    bits = value.numerator.bit_length() + value.denominator.bit_length()
-    if bits <= 3 * _LONGEST_FRACTION:
-        exact = f"{value.numerator}/{value.denominator}"
-        if len(exact) <= _LONGEST_FRACTION:
-            return exact
+        return _decimal(scaled.numerator, _DECIMALS)
+    if value.denominator <= _SMALL_DENOMINATOR:
+        return f"{_show_int(value.numerator)}/{value.denominator}"
     if abs(value) >= 10**_LONGEST_INTEGER:
         return f"≈{_show_int(round(value))}"
-    if scaled > 1 or scaled < -1:
-        return f"≈{_decimal(round(scaled))}"
+    if abs(value) * 10**_ROUNDED >= 10:
+        return f"≈{_decimal(round(value * 10**_ROUNDED), _ROUNDED)}"
     try:
         return f"≈{float(value):.3g}"
     except OverflowError:
         return "≈0"
 
 
-def _decimal(scaled: int) -> str:
-    """A number of millionths as a decimal."""
+def _decimal(scaled: int, places: int) -> str:
+    """A number of ``10**-places`` as a decimal."""
     sign, whole = ("-" if scaled < 0 else ""), abs(scaled)
-    digits = f"{whole % 10**_DECIMALS:0{_DECIMALS}d}".rstrip("0")
-    return f"{sign}{whole // 10**_DECIMALS}{'.' if digits else ''}{digits}"
+    digits = f"{whole % 10**places:0{places}d}".rstrip("0")
+    return f"{sign}{whole // 10**places}{'.' if digits else ''}{digits}"
 
 
 def _show_double(value: float) -> str:
     if not math.isfinite(value):
         return "nan" if math.isnan(value) else ("inf" if value > 0 else "-inf")
-    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+    if value == int(value) and abs(value) < 1e15:
+        return str(int(value))
+    exact = repr(value)
+    return exact if len(exact) <= 9 else f"≈{value:.6g}"

@@ -10,9 +10,10 @@ from koord.semantics.domain import Constant, Domain
 from koord.semantics.expressions import instances, statement
 from koord.semantics.machine import Legality, Machine, machine
 from koord.semantics.oracle import Phase
+from koord.semantics.repairing import placed, repairs
 from koord.semantics.rounds import Stepped, initialised
 from koord.semantics.standing_in import driven
-from koord.semantics.storage import contents, held
+from koord.semantics.storage import contents, held, stored
 from koord.semantics.turns import environment_turn
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, QuantifierKind
@@ -37,33 +38,60 @@ def settled_start(
 ) -> Stepped[Constant]:
     """INIT with starts that meet the assumptions. Raises KoordError if none are found. [INIT]
 
-    One start at a time is drawn anew, and kept if it breaks no more of the assumptions' parts.
+    One start at a time is mended or drawn anew, and kept if no more parts of the assumptions break.
     """
     stepped = initialised(d, system, inputs, order)
-    broken = _broken(d, system, stepped.configuration, inputs)
-    best, waiting = broken, 0
+    best, waiting = _broken(d, system, stepped.configuration, inputs), 0
     for _ in range(START_TRIES):
-        if not broken:
+        if not best:
             return stepped
-        keys = list(inputs.starts)
-        if not keys and not inputs.answers:
+        if not inputs.starts and not inputs.answers:
             break
-        before, answers = dict(inputs.starts), dict(inputs.answers)
-        inputs.answers = {}
+        before, kept = (dict(inputs.starts), dict(inputs.answers)), stepped
         restart = waiting == _PATIENCE
-        for key in keys if restart else keys and [inputs.sampler.rng.choice(keys)]:
-            inputs.redraw(key)
+        _vary(d, system, stepped.configuration, inputs, everything=restart)
         stepped = initialised(d, system, inputs, order)
         broken = _broken(d, system, stepped.configuration, inputs)
         if restart or broken <= best:
             waiting = 0 if restart or broken < best else waiting + 1
             best = broken
         else:
-            inputs.starts, inputs.answers = before, answers
+            inputs.starts, inputs.answers = before
+            stepped = kept
             waiting += 1
-    if broken:
+    if best:
         raise _no_start(d, system, stepped.configuration, inputs)
     return stepped
+
+
+def _vary(
+    d: Domain[Constant],
+    system: System,
+    configuration: Configuration[Constant],
+    inputs: SampledInputs,
+    *,
+    everything: bool,
+) -> None:
+    """Let some variables start otherwise: as an assumption asks for, or at random."""
+    keys = list(inputs.starts)
+    rng = inputs.sampler.rng
+    if not everything and inputs.sampler.chance(70):
+        found = [
+            repair
+            for assumption in system.program.assumptions
+            for repair in repairs(
+                _looking(d, system, configuration, assumption.bound, inputs), assumption.condition
+            )
+            if (repair.home, repair.slot, repair.robot) in inputs.starts
+        ]
+        if found:
+            repair = rng.choice(found)
+            key = repair.home, repair.slot, repair.robot
+            inputs.starts[key] = placed(inputs.starts[key], repair.path, repair.value)
+            return
+    inputs.answers = {}
+    for key in keys if everything else keys and [rng.choice(keys)]:
+        inputs.redraw(key)
 
 
 def unmet(
@@ -198,8 +226,9 @@ class _Search:
                 break
             before = dict(self.inputs.readings)
             anew = attempt % _PATIENCE == 0
-            for port in sensors if anew else [self.inputs.sampler.rng.choice(sensors)]:
-                self.redraw(port, keep=attempt == 0)
+            if anew or not self.mend():
+                for port in sensors if anew else [self.inputs.sampler.rng.choice(sensors)]:
+                    self.redraw(port, keep=attempt == 0)
             broken = self.unkept()
             if anew or len(broken) <= len(best):
                 best = broken
@@ -220,6 +249,41 @@ class _Search:
         self.inputs.readings[key] = sampler.value(
             variable.type, [last, last, *known] if is_set else known
         )
+
+    def mend(self) -> bool:
+        """Let a sensor read what a contract asks for, now and then, if that can be told."""
+        if not self.inputs.sampler.chance(60):
+            return False
+        agent = self.system.agent(self.robot)
+        after = list(self.state.ports)
+        for (robot, slot), value in self.inputs.readings.items():
+            if robot == self.robot:
+                type_ = agent.ports[slot].declaration.variable.type
+                after[slot] = stored(self.d, type_, value, self.system.robots)
+        oracle = self.inputs.oracle(Phase.ENV, self.robot)
+        ports = self.state.ports
+        found = []
+        for module in agent.modules:
+            for contract in module.contracts if module.environment is None else ():
+                m = machine(
+                    self.d,
+                    self.system,
+                    oracle,
+                    robot=self.robot,
+                    ports=ports,
+                    after=tuple(after),
+                    bound=contract.bound,
+                )
+                if all(statement(m, e) for e in contract.requires):
+                    found += [r for e in contract.ensures for r in repairs(m, e)]
+        found = [repair for repair in found if (self.robot, repair.slot) in self.inputs.readings]
+        if not found:
+            return False
+        repair = self.inputs.sampler.rng.choice(found)
+        key = self.robot, repair.slot
+        old = self.inputs.readings[key]
+        self.inputs.readings[key] = placed(old, repair.path, repair.value)
+        return True
 
     def unkept(self) -> list[Legality[Constant]]:
         """The contracts that the readings do not keep."""

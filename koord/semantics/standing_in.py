@@ -10,13 +10,13 @@ from fractions import Fraction
 
 from koord.semantics.configurations import Robot
 from koord.semantics.domain import Constant
-from koord.semantics.library import Point, as_value, moved, point
+from koord.semantics.library import Point, along, as_value, point, points
 from koord.semantics.recording import Concrete
 from koord.semantics.sampling import Sampler
 from koord.semantics.storage import contents
 from koord.semantics.values import Rec, Seq
 from koord.syntax import core
-from koord.syntax.types import BOOL, POS, ListType
+from koord.syntax.types import BOOL, POS, ArrayType, ListType
 
 #: How far a vehicle comes in a round.
 STEP_M = Fraction(1)
@@ -46,14 +46,14 @@ def driven(
     readings = dict[int, Concrete]()
     try:
         place = point(here)
-        goal = _goal(sampler, state, slots)
+        way = _way(sampler, state, slots, place)
     except (ValueError, OverflowError):  # a double that is no number
         return {}
-    there = place if goal is None else moved(place, goal, STEP_M)
+    there = along(way, place, STEP_M)
     readings[psn.slot] = Rec(tuple(sampler.real(c) for c in there))
     reached = slots.get("reached")
     if reached is not None and reached.type == BOOL:
-        readings[reached.slot] = goal is None or there == goal
+        readings[reached.slot] = there == way[-1]
     planner = slots.get("planner")
     if planner is not None:
         kept = _held(sampler, state, planner)
@@ -66,23 +66,22 @@ def driven(
     return readings
 
 
-def _goal(
-    sampler: Sampler, state: Robot[Constant], slots: dict[str, core.Variable]
-) -> Point | None:
-    """Where the robot was told to go: the end of its path, or its target."""
+def _way(
+    sampler: Sampler, state: Robot[Constant], slots: dict[str, core.Variable], here: Point
+) -> list[Point]:
+    """The way that the robot was told to go; to where it is, if it was told nothing."""
     for name in _GOALS:
         variable = slots.get(name)
-        if variable is None or variable.type not in (POS, ListType(POS)):
+        if variable is None or variable.type not in (POS, ListType(POS), ArrayType(POS, 2)):
             continue
-        value = _held(sampler, state, variable)
-        match value:
-            case Seq(items=(*_, last)):
-                return point(last)
-            case Rec():
-                return point(value)
+        match _held(sampler, state, variable):
+            case Seq(items=items) as path if items:
+                return points(path)
+            case Rec() as target:
+                return [here, point(target)]
             case _:
                 pass
-    return None
+    return [here]
 
 
 def _held(sampler: Sampler, state: Robot[Constant], variable: core.Variable) -> Concrete | None:

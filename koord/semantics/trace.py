@@ -124,9 +124,22 @@ class Tracer:
         self._open = step.rule not in ("INIT", "ENV-TRANS")
         self.outputs += emitted(step)
 
-    def close_round(self) -> None:
-        """The run ends in a round in which nobody has moved yet."""
-        self.configurations.append(self.configurations[-1])
+    def trace(
+        self,
+        sources: Sources,
+        system: System,
+        numbers: Numbers,
+        recording: Recording,
+        violation: Violation | None = None,
+    ) -> Trace:
+        """The trace of the run, whose recording and texts are known now."""
+        gathered = list(self.configurations)
+        if len(gathered) == len(recording.rounds):
+            # The last round is one that was cut before anybody moved.
+            gathered.append(gathered[-1])
+        configurations = tuple(cleaned(system, numbers, c) for c in gathered)
+        outputs = tuple(self.outputs)
+        return Trace(sources, system, numbers, recording, configurations, outputs, violation)
 
 
 def emitted(step: Step) -> Iterator[Emitted]:
@@ -160,11 +173,7 @@ def assembled(
     tracer = Tracer()
     for step in steps:
         tracer.add(step)
-    if len(tracer.configurations) == len(recording.rounds):
-        tracer.close_round()
-    configurations = tuple(cleaned(system, numbers, c) for c in tracer.configurations)
-    outputs = tuple(tracer.outputs)
-    return Trace(sources, system, numbers, recording, configurations, outputs, violation)
+    return tracer.trace(sources, system, numbers, recording, violation)
 
 
 # --- what unset atoms hold ----------------------------------------------------------------------

@@ -1,0 +1,232 @@
+"""Runs as tables, a round at a time: who ran what, what it changed, what it wrote.
+
+round 2, to t = 0.2 s
+  0     Add   total: 0 → 0, done: false → true
+              stdout: "total 0"
+  1, 2  skip
+  env         Heater.temp@1: 70 → 70.1
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from koord.cli.terminal import Paint, Style, visible
+from koord.semantics.changes import Change, changes
+from koord.semantics.configurations import Configuration, System, Written
+from koord.semantics.domain import Constant
+from koord.semantics.names import Named, Names
+from koord.semantics.recording import Step
+from koord.semantics.rendering import UNSET, show_fraction, show_output, show_storage
+from koord.semantics.storage import Storage
+
+#: Of what one step changed, so many lines are shown.
+_MOST_LINES = 12
+
+#: Longer lists of robots are told as their number.
+_WIDEST_WHO = 24
+
+ENVIRONMENT = "env"
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A step of a round as it is to be shown."""
+
+    step: Step
+    before: Configuration[Constant]
+    lost: str | None = None  #: the event that the robot could not run: a lock was taken
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """A line of a table: who, what it ran, and the pieces that say what came of it."""
+
+    who: str
+    ran: str
+    pieces: tuple[str, ...]
+    output: tuple[str, ...] = ()
+    paint: Paint | None = None
+
+
+@dataclass(slots=True)
+class Table:
+    """Lays a run out. Rounds in which nothing happens are counted and told together."""
+
+    names: Names
+    style: Style
+    _idle: list[int] = field(default_factory=list)
+
+    @property
+    def system(self) -> System:
+        return self.names.system
+
+    # --- the start ------------------------------------------------------------------------------
+
+    def start(self, step: Step) -> Iterator[str]:
+        """The configuration after INIT."""
+        yield self.style.paint("start", Paint.BOLD)
+        rows = [_Row("all", "", tuple(self._shared(step.configuration)))]
+        for number, robot in enumerate(step.configuration.robots):
+            own = self.names.of(number)
+            pieces = [*_held(own.locals, robot.locals), *_held(own.ports, robot.ports)]
+            rows.append(_Row(self._robot(number), "", tuple(pieces)))
+        rows = [row for row in rows if row.pieces]
+        rows += [_Row("", "", (), (line,)) for line in _written(step.stepped.output)]
+        yield from self._laid_out(rows or [_Row("all", "", ("there are no variables",))])
+        yield from self._fault(step)
+
+    def _shared(self, configuration: Configuration[Constant]) -> Iterator[str]:
+        store = configuration.store
+        yield from _held(self.names.allread, store.allread)
+        yield from _held(self.names.allwrite, store.allwrite)
+
+    def _robot(self, number: int) -> str:
+        kind = self.system.agent(number).name
+        return f"{number} {kind}".rstrip()
+
+    # --- rounds ---------------------------------------------------------------------------------
+
+    def round(self, number: int, steps: list[Shown]) -> Iterator[str]:
+        """The steps of a round, whole or broken off. Rounds count from 1 for those who read."""
+        rows = list(self._rows(steps))
+        if not rows:
+            self._idle.append(number + 1)
+            return
+        yield from self.idle()
+        yield self.heading(number)
+        yield from self._laid_out(rows)
+        for shown in steps:
+            yield from self._fault(shown.step)
+
+    def heading(self, number: int) -> str:
+        """The line above a round."""
+        time = show_fraction(self.system.delta_s * (number + 1))
+        return self.style.paint(f"round {number + 1}, to t = {time} s", Paint.BOLD)
+
+    def idle(self) -> Iterator[str]:
+        """One line for the rounds before, if nothing happened in them."""
+        if self._idle:
+            first, last = self._idle[0], self._idle[-1]
+            which = f"round {first}" if first == last else f"rounds {first} to {last}"
+            yield self.style.paint(f"{which}: everyone skips, nothing changes", Paint.GUTTER)
+            self._idle = []
+
+    def rows(self, steps: list[Shown]) -> Iterator[str]:
+        """The lines of some steps, without a heading."""
+        yield from self._laid_out(list(self._rows(steps)))
+        for shown in steps:
+            yield from self._fault(shown.step)
+
+    def _rows(self, steps: list[Shown]) -> Iterator[_Row]:
+        """Nothing, if nobody did anything."""
+        rows: list[_Row] = []
+        skipped: list[str] = []
+        for shown in steps:
+            step = shown.step
+            found = list(changes(self.names, shown.before, step.configuration))
+            if step.rule == "SKIP" and shown.lost is None and not found:
+                assert step.robot is not None
+                skipped.append(str(step.robot))
+            elif step.rule != "ENV-TRANS":
+                rows.append(self._of_robot(shown, found))
+            elif found or step.stepped.promises:
+                rows.append(self._of_environment(step, found))
+        if skipped and rows:
+            at = len(rows) - (rows[-1].who == ENVIRONMENT)
+            who = ", ".join(skipped)
+            who = who if len(who) <= _WIDEST_WHO else f"{len(skipped)} robots"
+            rows.insert(at, _Row(who, "skip", (), paint=Paint.GUTTER))
+        yield from rows
+
+    def _of_robot(self, shown: Shown, found: list[Change]) -> _Row:
+        step = shown.step
+        assert step.robot is not None
+        who = self._robot(step.robot)
+        pieces = [_told(change, of=step.robot) for change in found]
+        ran = step.event if step.event is not None else "skip"
+        if shown.lost is not None:
+            pieces.insert(0, f"{shown.lost} lost its lock")
+        elif not pieces and not step.stepped.output and step.configuration.fault is None:
+            pieces.append("nothing changes")
+        return _Row(who, ran, tuple(pieces), tuple(_written(step.stepped.output)))
+
+    def _of_environment(self, step: Step, found: list[Change]) -> _Row:
+        pieces = [_told(change, of=None) for change in found]
+        broken = [
+            f"contract {c.name} of robot {robot} is broken" for robot, c in step.stepped.promises
+        ]
+        return _Row(ENVIRONMENT, "", (*pieces, *broken))
+
+    def _fault(self, step: Step) -> Iterator[str]:
+        fault = step.configuration.fault
+        if fault is not None:
+            whose = "" if fault.robot is None else f"robot {fault.robot}: "
+            detail = f" ({fault.detail})" if fault.detail else ""
+            yield "  " + self.style.paint(f"fault: {whose}{fault.kind.value}{detail}", Paint.ERROR)
+
+    # --- layout ---------------------------------------------------------------------------------
+
+    def _laid_out(self, rows: list[_Row]) -> Iterator[str]:
+        who = max((len(row.who) for row in rows), default=0)
+        ran = max((len(visible(row.ran)) for row in rows), default=0)
+        margin = 2 + who + 2 + (ran + 2 if ran else 0)
+        width = max(self.style.width - margin, 30)
+        for row in rows:
+            ran_text = visible(row.ran).ljust(ran)
+            if row.paint is not None or row.ran == "skip":
+                ran_text = self.style.paint(ran_text, Paint.GUTTER)
+            head = f"  {row.who.ljust(who)}  " + (f"{ran_text}  " if ran else "")
+            lines = list(_filled(row.pieces, width))
+            lines += [line for text in row.output for line in _filled((text,), width)]
+            if len(lines) > _MOST_LINES:
+                more = len(lines) - _MOST_LINES
+                lines = [*lines[:_MOST_LINES], f"... and {more} more lines"]
+            yield (head + (lines[0] if lines else "")).rstrip()
+            for line in lines[1:]:
+                yield " " * margin + line
+
+
+def fleet(system: System) -> str:
+    """The robots in words, by kind."""
+    agents, robots = system.program.agents, system.robots
+    if len(agents) == 1:
+        return f"{robots} robot{'' if robots == 1 else 's'}"
+    return ", ".join(f"{system.kinds.count(k)} {a.name}" for k, a in enumerate(agents))
+
+
+def _told(change: Change, of: int | None) -> str:
+    """A change; whose it is, where that is not plain from the row."""
+    whose = "" if change.robot in (None, of) else f"@{change.robot}"
+    return f"{change.name}{whose}: {change.old} → {change.new}"
+
+
+def _held(named: Iterable[Named], storages: Iterable[Storage[Constant]]) -> Iterator[str]:
+    for one, storage in zip(named, storages, strict=True):
+        shown = show_storage(storage, one.type)
+        yield f"{one.name} {'is unset' if shown == UNSET else f'= {shown}'}"
+
+
+def _written(output: Iterable[Written[Constant]]) -> Iterator[str]:
+    for written in output:
+        yield f"{written.stream} << {show_output(written.values, written.types)}"
+
+
+def _filled(pieces: Iterable[str], width: int) -> Iterator[str]:
+    """Pieces with commas between them, as many to a line as fit; long ones over several lines."""
+    line = ""
+    shown = [visible(piece) for piece in pieces]
+    for position, piece in enumerate(shown):
+        if position + 1 < len(shown):
+            piece += ","
+        if line and len(line) + 1 + len(piece) > width:
+            yield line
+            line = ""
+        line = f"{line} {piece}" if line else piece
+        if len(line) > width:
+            *whole, line = textwrap.wrap(line, width, subsequent_indent="  ") or [""]
+            yield from whole
+    if line:
+        yield line

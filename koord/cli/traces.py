@@ -1,0 +1,48 @@
+"""Traces in files: which form they have, and what program they belong to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from koord.cli.files import write_atomically
+from koord.cli.inputs import LoadedProgram
+from koord.semantics.codec import decode_document, encode, load_embedded
+from koord.semantics.itf import embedded_trace, encode_itf, is_itf
+from koord.semantics.json_reader import parse
+from koord.semantics.trace import Sources, Trace
+from koord.syntax import core
+from koord.syntax.source import Source
+
+#: By convention, and by what other tools look for.
+ITF_SUFFIX = ".itf.json"
+
+
+def sources_of(loaded: LoadedProgram) -> Sources:
+    """The texts and settings of a program, as a trace holds them."""
+    chosen = loaded.reading.settings
+    return Sources(
+        loaded.source, loaded.reading.properties, tuple(chosen.params.items()), chosen.tasks
+    )
+
+
+def write_trace(path: str, trace: Trace) -> None:
+    """Write a trace, in the form that the file's name asks for. Raises KoordError."""
+    data = encode_itf(trace) if path.endswith(ITF_SUFFIX) else encode(trace)
+    write_atomically(path, data)
+
+
+def read_trace(raw: bytes, name: str, program: Source | None) -> Trace:
+    """The trace in a file of either form. Raises KoordError.
+
+    ``program``, if given, replaces the text that the trace holds.
+    """
+
+    def load(sources: Sources) -> core.Program:
+        if program is None:
+            return load_embedded(sources)
+        return load_embedded(replace(sources, program=program))
+
+    document = parse(raw, name)
+    if is_itf(document):
+        return embedded_trace(document, load)
+    return decode_document(document, load)
