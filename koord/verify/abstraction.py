@@ -24,6 +24,7 @@ from koord.syntax.types import (
     Type,
     show,
 )
+from koord.syntax.walk import nodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +63,12 @@ def abstracted(program: core.Program) -> Abstraction | None:
 
 def _flowing(program: core.Program) -> set[Type]:
     """The record and list types whose values nobody but external functions takes apart."""
-    types = {t for node in _nodes(program) for t in _types_of(node)}
+    types = {t for node in nodes(program) for t in _types_of(node)}
     candidates = {t for t in types if isinstance(t, RecordType | ListType)}
     opened: set[Type] = set()
     # A caller's duty (``requires``) cannot be dropped as a promise can, so it opens types too.
     duties = tuple(external.requires for external in program.externals)
-    for node in _nodes((replace(program, externals=()), duties)):
+    for node in nodes((replace(program, externals=()), duties)):
         opened |= _opened(node)
     used = {t for e in program.externals for t in _signature(e)}
     flowing = candidates - opened
@@ -125,18 +126,6 @@ def _inside(type_: Type) -> Iterator[Type]:
             return
 
 
-def _nodes(node: object) -> Iterator[object]:
-    """A node and everything below it that is part of a program."""
-    if isinstance(node, tuple):
-        for part in node:
-            yield from _nodes(part)
-    elif is_dataclass(node) and not isinstance(node, _TYPES):
-        yield node
-        for field in fields(node):
-            if field.name != "span":
-                yield from _nodes(getattr(node, field.name))
-
-
 # --- rewriting ----------------------------------------------------------------------------------
 
 
@@ -144,7 +133,7 @@ def _weakened(external: core.External, hidden: set[Type]) -> core.External:
     """A summary without the promises that look into opaque values."""
 
     def looks_inside(e: core.Expr) -> bool:
-        return any(hidden & _opened(node) for node in _nodes(e))
+        return any(hidden & _opened(node) for node in nodes(e))
 
     return replace(external, ensures=tuple(e for e in external.ensures if not looks_inside(e)))
 
@@ -221,5 +210,5 @@ def _sort_name(type_: Type) -> str:
 
 def _next_site(program: core.Program) -> int:
     """A number behind those of all calls of the program."""
-    sites = [getattr(node, "site", 0) for node in _nodes(program)]
+    sites = [getattr(node, "site", 0) for node in nodes(program)]
     return max((site for site in sites if isinstance(site, int)), default=0)

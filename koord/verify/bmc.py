@@ -46,7 +46,7 @@ class Unrolling:
 
     def __post_init__(self) -> None:
         d = Terms()
-        self.unknowns = Unknowns(d, self.system.robots)
+        self.unknowns = Unknowns(d, self.system.program, self.system.robots)
         self.encoder = Encoder(self.system, self.unknowns)
         self.solver = Solver(d, self.unknowns, self.seed)
         self.opening = self.encoder.initial()

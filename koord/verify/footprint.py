@@ -14,6 +14,7 @@ from koord.semantics.configurations import Status
 from koord.syntax import core
 from koord.syntax.core import Direction, Home
 from koord.syntax.types import ListType, QueueType
+from koord.syntax.walk import nodes
 
 
 class Written(IntEnum):
@@ -80,6 +81,17 @@ def _statements(block: core.Block) -> Iterator[core.Stmt]:
                 yield from _statements(body)
             case _:
                 pass
+
+
+def stops_show(program: core.Program) -> bool:
+    """Whether a property can tell robots that stop together from robots that asked to. [STOP]"""
+    asks = any(
+        isinstance(node, core.TryStop)
+        for agent in program.agents
+        for node in nodes((agent.init, agent.events))
+    )
+    looks = any(isinstance(node, core.Stopped) for node in nodes(program.properties))
+    return asks and looks
 
 
 def _note(found: Footprint, kind: int, place: core.Place) -> None:

@@ -13,12 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from koord.semantics.configurations import System
-from koord.semantics.domain import disjunction
 from koord.syntax.core import UnaryOp
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import Claim, Findings, Phase
 from koord.verify.rounds import Moment
-from koord.verify.solving import Answer, Deadline
+from koord.verify.solving import Answer, Deadline, cases
 from koord.verify.symbols import SymbolicInputs
 from koord.verify.terms import Term
 from koord.verify.verdicts import Engine, Outcome, Verdict
@@ -110,32 +109,32 @@ class _Step:
             extra = [*hypotheses, *self._until(moment)]
             for claim in failed:
                 pending.pop(claim, None)
-            while pending:
-                question = [*extra, disjunction(self._d, list(pending.values()))]
-                answer = self._unrolling.solver.check(question, deadline)
-                if answer is Answer.UNSAT:
-                    break
-                if answer is Answer.UNKNOWN:
-                    failed |= self._one_by_one(extra, pending, deadline)
-                    break
-                model = self._unrolling.solver.model()
-                hit = [claim for claim, violated in pending.items() if model.truth(violated)]
-                for claim in hit or list(pending):
-                    failed[claim] = "not inductive"
-                    del pending[claim]
+            for claim, violated in list(pending.items()):
+                if claim in pending:
+                    hit = self._broken_by(claim, violated, pending, extra, deadline)
+                    failed |= hit
+                    for other in hit:
+                        del pending[other]
         return failed
 
-    def _one_by_one(
-        self, extra: list[Term], pending: dict[Claim, Term], deadline: Deadline
+    def _broken_by(
+        self,
+        claim: Claim,
+        violated: Term,
+        pending: dict[Claim, Term],
+        extra: list[Term],
+        deadline: Deadline,
     ) -> dict[Claim, str]:
-        """Where the solver gives up on all together, it may still know of some."""
-        failed = {}
-        for claim, violated in pending.items():
-            answer = self._unrolling.solver.check([*extra, violated], deadline)
-            if answer is not Answer.UNSAT:
-                late = "timeout" if deadline.passed() else "the solver gave up"
-                failed[claim] = late if answer is Answer.UNKNOWN else "not inductive"
-        return failed
+        """Why a claim fails, case by case; with the other claims that the same step breaks."""
+        for case in cases(self._d, violated):
+            answer = self._unrolling.solver.check([*extra, case], deadline)
+            if answer is Answer.UNKNOWN:
+                return {claim: "timeout" if deadline.passed() else "the solver gave up"}
+            if answer is Answer.SAT:
+                model = self._unrolling.solver.model()
+                also = [other for other, term in pending.items() if model.truth(term)]
+                return dict.fromkeys([claim, *also], "not inductive")
+        return {}
 
     def _until(self, moment: Moment) -> list[Term]:
         """What must hold of the last round for this moment of it to come."""

@@ -36,7 +36,7 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.types import BOOL, INT
 from koord.verify.claims import Findings, Phase
-from koord.verify.footprint import Written, footprint, statuses
+from koord.verify.footprint import Written, footprint, statuses, stops_show
 from koord.verify.races import is_flat, precedes, racy_variables, winning
 from koord.verify.symbols import SymbolicInputs, Unknowns
 from koord.verify.terms import Term
@@ -107,6 +107,7 @@ class Encoder:
         self.d = unknowns.d
         self._racy = racy_variables(system.program)
         self._urgent = any(e.urgent for a in system.program.agents for e in a.events)
+        self._stops_show = stops_show(system.program)
         self._updates = rewritten(system.program)
         self._footprint = footprint(system.program)
         self._statuses = statuses(system.program)
@@ -214,7 +215,7 @@ class Encoder:
         asked, middle = self._end_of_program_turns(inside)
         urgency = self._urgency(start, options, inputs) if self._urgent else []
         end = self._environment(middle.configuration, inputs)
-        if not self._urgent and self.d.known(asked) is False:
+        if not self._urgent and not self._stops_show:
             return SymbolicRound(options, before, inputs, None, middle, end, urgency)
         acting = self._acting(options)
         # Where everyone has moved and asked, nobody sees that they did not all stop yet; where

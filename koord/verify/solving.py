@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
@@ -58,6 +58,7 @@ class Solver:
     seed: int = 0
     _solver: z3.Solver = field(init=False)
     _taken: int = 0
+    _model: z3.ModelRef | None = None
 
     def __post_init__(self) -> None:
         self._solver = z3.Solver()
@@ -86,6 +87,9 @@ class Solver:
             self._solver.add(z3.Implies(literal, term))
             literals.append(literal)
         result = self._solver.check(*literals)
+        self._model = self._solver.model() if result == z3.sat else None
+        # The question is not asked again, so the solver may forget it.
+        self._solver.add(*(z3.Not(literal) for literal in literals))
         if result == z3.unsat:
             return Answer.UNSAT
         if result == z3.sat:
@@ -96,7 +100,8 @@ class Solver:
 
     def model(self) -> Model:
         """The model of the last question that was answered with SAT."""
-        return Model(self.d, self._solver.model())
+        assert self._model is not None
+        return Model(self.d, self._model)
 
     def _take(self) -> None:
         new = self.unknowns.constraints[self._taken :]
@@ -104,6 +109,49 @@ class Solver:
         for constraint in new:
             if self.d.known(constraint) is not True:
                 self._solver.add(self.d.boolean(constraint))
+
+
+def cases(d: Terms, term: Term) -> list[Term]:
+    """Terms of which one holds exactly if the given one does: small questions for a large one.
+
+    Splits where the term is a disjunction by how it is built (a quantifier over robots that is
+    denied, say), which no solver does as well by itself.
+    """
+    if not isinstance(term, z3.ExprRef):
+        return [term] if term else []
+    return [*_split(term)]
+
+
+def _split(term: z3.ExprRef) -> Iterator[z3.ExprRef]:
+    if z3.is_or(term):
+        for part in term.children():
+            yield from _split(part)
+    elif z3.is_and(term):
+        yield from _split_one(term)
+    elif z3.is_not(term) and z3.is_and(term.arg(0)):
+        for part in term.arg(0).children():
+            yield from _split(z3.Not(part))
+    elif z3.is_not(term) and z3.is_not(term.arg(0)):
+        yield from _split(term.arg(0).arg(0))
+    elif z3.is_not(term) and z3.is_implies(term.arg(0)):
+        given, then = term.arg(0).children()
+        yield from (z3.And(given, part) for part in _split(z3.Not(then)))
+    elif z3.is_not(term) and z3.is_or(term.arg(0)):
+        yield from _split_one(z3.And(*(z3.Not(part) for part in term.arg(0).children())))
+    else:
+        yield term
+
+
+def _split_one(conjunction: z3.ExprRef) -> Iterator[z3.ExprRef]:
+    """Split the first part of a conjunction that splits; the others stay with each case."""
+    parts = conjunction.children()
+    for position, part in enumerate(parts):
+        split = list(_split(part))
+        if len(split) > 1:
+            rest = parts[:position] + parts[position + 1 :]
+            yield from (z3.And(case, *rest) for case in split)
+            return
+    yield conjunction
 
 
 @dataclass(frozen=True, slots=True)

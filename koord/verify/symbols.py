@@ -13,9 +13,12 @@ from typing import TypeAlias
 
 import z3
 
+from koord.semantics.configurations import System
 from koord.semantics.domain import conjunction
+from koord.semantics.expressions import statement
+from koord.semantics.machine import machine
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.storage import Cell, Storage, Tree
+from koord.semantics.storage import Cell, Storage, Tree, held
 from koord.semantics.values import Rec, Seq, Table, Value, equal, listed
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home
@@ -61,11 +64,13 @@ class Unknowns:
     """
 
     d: Terms
+    program: core.Program
     robots: int
     constraints: list[Term] = field(default_factory=list)
     limits: list[str] = field(default_factory=list)
     _functions: dict[str, list[tuple[tuple[Symbolic, ...], Symbolic]]] = field(default_factory=dict)
     _declared: dict[tuple[str, str], z3.FuncDeclRef] = field(default_factory=dict)
+    _summarised: set[str] = field(default_factory=set)
 
     def value(self, name: str, type_: Type, length: int | None = None) -> Symbolic:
         """An arbitrary value of a type. A list has ``length`` items, or few."""
@@ -130,6 +135,9 @@ class Unknowns:
         if all(not _has_list(argument) for argument in arguments) and not _is_compound(
             external.result.type
         ):
+            if self.vouches_for(external) and external.name not in self._summarised:
+                self._summarised.add(external.name)
+                self._require_summary(external)
             shape = "".join(_shape(argument) for argument in arguments)
             return self._applied(external, shape, flat)
         answer = self.value(name, external.result.type)
@@ -142,6 +150,35 @@ class Unknowns:
             self.constraints.append(self.d.binary(BinaryOp.IMPLIES, same, agree))
         asked.append((arguments, answer))
         return answer
+
+    def vouches_for(self, external: core.External) -> bool:
+        """Whether the summary of a function was required of all its arguments at once."""
+        return external.kind is core.ExternalKind.FUNCTION and not any(
+            _is_compound(variable.type) for variable in (external.result, *external.parameters)
+        )
+
+    def _require_summary(self, external: core.External) -> None:
+        """A mathematical function meets its summary for all arguments, asked for or not.
+
+        One axiom per promise, over the parameters and whatever the promise is about all of.
+        """
+        for promise in external.ensures:
+            axiom = _Axiom(self)
+            arguments = [axiom.variable(parameter.type) for parameter in external.parameters]
+            answer = self.function(external, tuple(arguments), external.name)
+            m = machine(self.d, axiom.nowhere(self.robots), axiom)
+            m.in_summary = True
+            bound = [held(self.d, value) for value in (*arguments, answer)]
+            m.memory.bound = [*bound, *[None] * (external.bound - len(bound))]
+            while isinstance(promise, core.Quantified) and isinstance(
+                promise.domain, core.AllValues
+            ):
+                slot = promise.variable.slot
+                m.memory.bound[slot] = held(self.d, axiom.variable(promise.domain.type))
+                promise = promise.body
+            met = [statement(m, requirement) for requirement in external.requires]
+            holds = self.d.binary(BinaryOp.IMPLIES, conjunction(self.d, met), statement(m, promise))
+            self.constraints.append(axiom.closed(holds))
 
     def _applied(self, external: core.External, shape: str, flat: list[Term]) -> Term:
         """An application of an uninterpreted function symbol of Z3's, one for each shape."""
@@ -228,6 +265,45 @@ def _is_compound(type_: Type) -> bool:
     return isinstance(type_, RecordType | ArrayType | ListType | QueueType | MapType)
 
 
+@dataclass(slots=True)
+class _Axiom:
+    """An oracle for summaries as axioms: arguments are variables of a quantifier."""
+
+    unknowns: Unknowns
+    variables: list[z3.ExprRef] = field(default_factory=list)
+
+    def variable(self, type_: Type) -> Symbolic:
+        made = self.unknowns.value("any", type_)
+        self.variables += [term for term in _scalars(made) if isinstance(term, z3.ExprRef)]
+        return made
+
+    def closed(self, formula: Term) -> Term:
+        if not isinstance(formula, z3.ExprRef) or not self.variables:
+            return formula
+        return z3.ForAll(self.variables, formula)
+
+    def nowhere(self, robots: int) -> System:
+        """Summaries speak of no robot, so any system of that size will do."""
+        return System(self.unknowns.program, (0,) * robots)
+
+    def choose(self, key: Key, low: Term, high: Term, type_: Type) -> Term:
+        raise AssertionError("summaries do not choose")
+
+    def external(
+        self, function: core.External, key: Key, arguments: tuple[Symbolic, ...]
+    ) -> Symbolic:
+        if function.kind is core.ExternalKind.FRESH:
+            raise AssertionError("a summary asks a function that answers anew each time")
+        return self.unknowns.function(function, arguments, function.name)
+
+    def every(self, type_: Type, body: Callable[[Symbolic], Term]) -> Term:
+        inner = _Axiom(self.unknowns)
+        return inner.closed(body(inner.variable(type_)))
+
+    def vouches_for(self, function: core.External) -> bool:
+        return True
+
+
 # --- inputs of one step -------------------------------------------------------------------------
 
 
@@ -267,6 +343,9 @@ class SymbolicOracle:
         bound = self.inputs.unknowns.value("every", type_)
         variables = [term for term in _scalars(bound) if isinstance(term, z3.ExprRef)]
         return z3.ForAll(variables, d.boolean(body(bound)))
+
+    def vouches_for(self, function: core.External) -> bool:
+        return self.inputs.unknowns.vouches_for(function)
 
 
 @dataclass(slots=True)
