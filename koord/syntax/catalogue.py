@@ -11,6 +11,7 @@ from koord.syntax import (
     catalogue_properties,
     catalogue_statements,
     catalogue_syntax,
+    catalogue_values,
     catalogue_warnings,
 )
 from koord.syntax.catalogue_entry import Entry
@@ -21,6 +22,7 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
         **catalogue_syntax.ENTRIES,
         **catalogue_names.ENTRIES,
         **catalogue_statements.ENTRIES,
+        **catalogue_values.ENTRIES,
         **catalogue_declarations.ENTRIES,
         **catalogue_properties.ENTRIES,
         **catalogue_warnings.ENTRIES,

@@ -14,8 +14,8 @@ from koord.syntax.elaborate.body import (
 )
 from koord.syntax.elaborate.coercion import POISON
 from koord.syntax.elaborate.phrases import listed
+from koord.syntax.elaborate.reach import out_of_reach
 from koord.syntax.elaborate.resolve_types import element_of
-from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import (
     AgentScope,
     MemberSymbol,
@@ -28,8 +28,9 @@ from koord.syntax.elaborate.symbols import (
     StreamSymbol,
     VariableSymbol,
 )
+from koord.syntax.elaborate.unknown_names import unknown
 from koord.syntax.source import Span
-from koord.syntax.types import FLOAT, INT, EnumType, Type
+from koord.syntax.types import FLOAT, INT, Type
 
 #: What a name can stand for: a place, a value, or nothing (told by then).
 Meaning = core.Place | core.Expr | None
@@ -87,7 +88,7 @@ def _symbol(body: Body, e: ast.Name, found: Named, agent: AgentScope | None) -> 
             )
             return None
         case Pending():
-            _out_of_reach(body, e, f"the variable `{e.name}`")
+            out_of_reach(body, e, f"the variable `{e.name}`")
             return None
         case ParamSymbol(value=value):
             return None if value is None else _placed(value, e.span)
@@ -109,7 +110,7 @@ def _variable(
     body: Body, e: ast.Name, variable: core.Variable, agent: AgentScope | None
 ) -> Meaning:
     if body.where not in SEES_VARIABLES:
-        _out_of_reach(body, e, f"the variable `{e.name}`")
+        out_of_reach(body, e, f"the variable `{e.name}`")
         return None
     if variable.home is not core.Home.LOCAL:
         if variable.home is core.Home.ALLWRITE:
@@ -118,40 +119,6 @@ def _variable(
     if not _common(body, e, variable, agent):
         return None
     return core.Place(variable, robot=_robot(body, e.span), span=e.span)
-
-
-def _out_of_reach(body: Body, e: ast.Expr, what: str) -> None:
-    match body.where:
-        case Where.FUNCTION | Where.SUMMARY | Where.SUMMARY_REQUIRES:
-            body.error(
-                "K224",
-                e.span,
-                f"a function knows its parameters only, not {what}",
-                "pass it as an argument",
-            )
-        case Where.ENVIRONMENT:
-            body.error(
-                "K239",
-                e.span,
-                f"an `environment:` block knows ports only, not {what}",
-                "let the program write what the environment needs to an actuator",
-            )
-        case Where.REQUIRES | Where.ENSURES:
-            body.error(
-                "K307",
-                e.span,
-                f"a contract speaks of ports only, not of {what}",
-                "say it in an `invariant`",
-            )
-        case Where.CONSTANT:
-            body.error("K226", e.span, f"{what} is not known before the run", "use a `param`")
-        case _:
-            body.error(
-                "K226",
-                e.span,
-                f"an initial value cannot use {what}",
-                "assign it in `init:`",
-            )
 
 
 def _common(body: Body, e: ast.Expr, variable: core.Variable, agent: AgentScope | None) -> bool:
@@ -229,7 +196,7 @@ def port_place(body: Body, e: ast.Expr, port: PortNamed) -> Meaning:
             return None
         case PortSymbol(variable=variable):
             if body.where not in SEES_PORTS:
-                _out_of_reach(body, e, f"the port `{variable.name}`")
+                out_of_reach(body, e, f"the port `{variable.name}`")
                 return None
             if not _common(body, e, variable, _owner(body, variable.name)):
                 return None
@@ -295,52 +262,8 @@ def _pid(body: Body, e: ast.Name) -> Meaning:
             "declare it under `allread:`, or assign it in `init:`",
         )
     else:
-        _out_of_reach(body, e, "`pid`")
+        out_of_reach(body, e, "`pid`")
     return None
-
-
-def unknown(body: Body, e: ast.Name, field: str | None = None) -> None:
-    """Tell that there is no such name, and what may have been meant."""
-    hint = _element_hint(body, e.name, field)
-    for module, ports in body.session.library_ports.items():
-        if hint is None and e.name in ports:
-            hint = f"`{e.name}` is a port of `{module}`: begin the program with `using {module}`"
-    hint = hint or did_you_mean(e.name, visible(body))
-    if hint is None and field is not None:
-        hint = f"if `{e.name}` is a module, begin the program with `using {e.name}:`"
-    body.error("K201", e.span, f"`{e.name}` is not declared", hint)
-
-
-def _element_hint(body: Body, wanted: str, field: str | None) -> str | None:
-    """In a loop over a list of records, a name like that of the record may mean the element."""
-    for loop in reversed(body.loops):
-        element = loop.element
-        if loop.over is None or not isinstance(loop.over, ast.Name):
-            continue
-        named = getattr(element, "name", None)
-        if named is None or element is None or isinstance(element, EnumType):
-            continue
-        fits = named.lower() == wanted.lower()
-        if fits and loop.by_position:
-            access = f"{loop.over.name}[{loop.variable}]"
-            shown = f"{access}.{field}" if field else access
-            return f"the element that the loop is at is `{shown}`"
-        if fits:
-            shown = f"{loop.variable}.{field}" if field else loop.variable
-            return f"the element that the loop is at is `{shown}`"
-    return None
-
-
-def visible(body: Body) -> list[str]:
-    """The names that could stand here."""
-    session = body.session
-    names = [name_ for frame in body.frames for name_ in frame]
-    names += session.shared
-    names += session.types.members
-    for agent in [body.agent] if body.agent else session.agents:
-        names += agent.variables
-        names += agent.ports
-    return [*names, "pid", "numAgents", "delta"]
 
 
 def robot_entry(body: Body, found: core.Place, e: ast.Expr) -> core.Place:

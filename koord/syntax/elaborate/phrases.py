@@ -8,7 +8,7 @@ from koord.syntax.types import Type, show
 
 
 def a(type_: Type) -> str:
-    """The type with its article: ``an `int```."""
+    """The type in backquotes, with its article."""
     shown = show(type_)
     return f"{'an' if shown[0].lower() in 'aeio' else 'a'} `{shown}`"
 

@@ -12,6 +12,7 @@ from koord.syntax.elaborate.quantifiers import at_robot, primed
 from koord.syntax.elaborate.resolve_types import element_of
 from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import RESERVED, ModuleScope, Poisoned
+from koord.syntax.elaborate.unknown_names import unknown
 from koord.syntax.types import INT, EnumType, FloatType, MapType, RecordType, Type
 
 #: Two names of one field of a `Task`, as published programs use them.
@@ -70,7 +71,7 @@ def _attribute(body: Body, e: ast.Attribute) -> Meaning:
             return _qualified(body, e, owner)
         if _is_unknown(body, owner):
             if not body.session.partial:
-                names.unknown(body, e.base, e.name.name)
+                unknown(body, e.base, e.name.name)
             return None
     base = _entry(body, e.base, meaning(body, e.base))
     if base is None:

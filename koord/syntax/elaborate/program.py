@@ -11,6 +11,7 @@ from koord.syntax.elaborate import (
     cautions,
     declared_types,
     events,
+    function_order,
     functions,
     locks,
     modules,
@@ -18,6 +19,7 @@ from koord.syntax.elaborate import (
     starts,
     variables,
 )
+from koord.syntax.elaborate.assumed import assumed
 from koord.syntax.elaborate.body import Body, Where
 from koord.syntax.elaborate.expressions import expression
 from koord.syntax.elaborate.findings import Findings
@@ -29,6 +31,7 @@ from koord.syntax.elaborate.settings import Elaborated, Settings
 from koord.syntax.elaborate.statements import block
 from koord.syntax.elaborate.survey import mentioned
 from koord.syntax.elaborate.symbols import AgentScope, Named, VariableSymbol
+from koord.syntax.elaborate.world_tasks import check_tasks
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import ArrayType
 
@@ -139,16 +142,16 @@ def _define(
     assumptions = _assumptions(session, sections)
     stated = _properties(session, sections)
     functions.define_functions(session)
-    ordered = functions.in_order(session)
-    functions.check_logical_calls(session)
+    ordered = function_order.in_order(session)
+    function_order.check_logical_calls(session)
     externals = tuple(made for made in ordered if isinstance(made, core.External))
     cautions.contradictions(session, agents, assumptions, externals)
     cautions.confused(session)
     if not session.partial:
         cautions.unused(session, [session.shared, *(each.scope.variables for each in robots)])
-    starts.check_tasks(allwrite, session.settings, session.findings)
+    check_tasks(allwrite, session.settings, session.findings)
     classes, agents = locks.classified(session.atomic_blocks.values(), agents)
-    known = starts.assumed(assumptions, len(agents))
+    known = assumed(assumptions, len(agents))
     return core.Program(
         PurePath(program.span.file).stem,
         tuple(starts.agent(each, number, known) for number, each in enumerate(agents)),
