@@ -55,7 +55,7 @@ def load_programs(
         if checked is not None and checked.program is not None:
             programs.append(LoadedProgram(checked.source, checked.program, reading))
         elif report.errors == before:
-            report.add((_no_program(path),))
+            report.add((no_program(STDIN_NAME if path == DASH else path),))
     return tuple(programs)
 
 
@@ -79,11 +79,12 @@ def check_file(path: str, reading: Reading, report: Report) -> Checked | None:
     return Checked(source, elaborated.program)
 
 
-def _no_program(path: str) -> Diagnostic:
+def no_program(name: str) -> Diagnostic:
+    """There is nothing to work on in the file of that name."""
     return Diagnostic(
         "K904",
         Severity.ERROR,
-        whole_file(STDIN_NAME if path == DASH else path),
+        whole_file(name),
         "there is no program in this file, only properties",
         "name a program, and this file behind --with",
     )

@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from koord.cli.arguments import add_json, check_files
+from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_program
+from koord.cli.tables import Rounds, Table, fleet
+from koord.cli.terminal import Paint, Style, style_of, visible
+from koord.cli.traces import read_trace
+from koord.semantics.json_reader import shortened
+from koord.semantics.names import Names
+from koord.semantics.recording import Step
+from koord.semantics.replay import Refused, Replayed, replay
+from koord.semantics.running import Taken
+from koord.semantics.trace import BEFORE_ROUNDS, Trace
+from koord.syntax.diagnostics import KoordError
+
+#: Raised when the JSON changes in a way that its readers must know of.
+JSON_VERSION = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +35,7 @@ class Request:
     raw: bytes
     program: InputFile | None  #: instead of the one that the trace holds
     as_json: bool
+    show: bool = False
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +45,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--program", metavar="FILE", help="the program to replay it with (the one in the trace)"
     )
+    parser.add_argument("--show", action="store_true", help="show the rounds as a table")
     add_json(parser, "the answer")
     parser.epilog = "exit codes: 0 every step is legal, 1 a step is not, 2 errors in the input"
 
@@ -41,12 +59,123 @@ def main(arguments: argparse.Namespace) -> int:
             raw=read_bytes(arguments.trace),
             program=read_program(given) if given is not None else None,
             as_json=arguments.json,
+            show=arguments.show,
         )
     )
 
 
 def _replay(request: Request) -> Exit:
-    # >>> The replay's place: koord.semantics decodes request.raw (a damaged trace is a KoordError)
-    # and replays it; the first illegal step is named on standard output.
-    print(f"koord replay: {request.name}: not available in this version", file=sys.stderr)
-    return Exit.BAD_INPUT
+    given = request.program.source if request.program is not None else None
+    try:
+        trace = read_trace(request.raw, request.name, given)
+    except KoordError as error:
+        sources = [given] if given is not None else []
+        report_error(error, as_json=request.as_json, sources=sources)
+        return Exit.BAD_INPUT
+    shown = _Shown(trace) if request.show and not request.as_json else None
+    found = replay(trace, shown.step if shown is not None else _unseen)
+    if shown is not None:
+        shown.close()
+    if request.as_json:
+        json.dump(as_json(found), sys.stdout, indent=2)
+        print()
+    else:
+        for line in verdict(request.name, trace, found, style_of(sys.stdout)):
+            print(line)
+    return Exit.OK if found.refused is None else Exit.VIOLATED
+
+
+class _Shown:
+    """Shows the rounds of a trace while it is replayed."""
+
+    def __init__(self, trace: Trace) -> None:
+        self._rounds = Rounds(Table(Names(trace.system), style_of(sys.stdout)))
+
+    def step(self, step: Step) -> None:
+        self._rounds.show(Taken(step))
+
+    def close(self) -> None:
+        self._rounds.close()
+        print()
+
+
+def _unseen(step: Step) -> None:
+    """Without --show nobody looks at the steps."""
+
+
+def verdict(name: str, trace: Trace, found: Replayed, style: Style) -> Iterator[str]:
+    """What a replay found, in words."""
+    refused = found.refused
+    if refused is None:
+        good = style.paint("legal", Paint.ADDED)
+        rounds = f"{found.rounds} round{'' if found.rounds == 1 else 's'}"
+        yield (
+            f"{visible(name)}: {good}: {found.steps} steps, {rounds}, {fleet(trace.system)}, "
+            f"{trace.numbers.value} numbers"
+        )
+        yield from _end(trace)
+    else:
+        bad = style.paint(f"not legal by {refused.rule}", Paint.ERROR)
+        yield f"{visible(name)}: {_where(refused)}: {bad}"
+        yield f"  {visible(refused.reason)}"
+        yield from _told_apart(refused)
+    if found.trusted:
+        names = ", ".join(found.trusted)
+        yield f"  taken on trust, since all values of a type cannot be tried: {names}"
+
+
+def _end(trace: Trace) -> Iterator[str]:
+    """How the run of a legal trace ends, if not by itself."""
+    fault = trace.configurations[-1].fault
+    if fault is not None:
+        whose = "" if fault.robot is None else f" of robot {fault.robot}"
+        yield f"  it ends in a fault{whose}: {fault.kind.value} ({visible(str(fault.span))})"
+    if trace.violation is not None:
+        yield f"  it breaks {visible(trace.violation.name)}, as it says"
+
+
+def _where(refused: Refused) -> str:
+    step = refused.step
+    if step.round == BEFORE_ROUNDS:
+        return "the start"
+    where = f"round {step.round + 1}"
+    if step.robot is None:
+        return f"{where}, the environment's turn"
+    return f"{where}, robot {step.robot}, " + (f"event {step.event}" if step.event else "a skip")
+
+
+def _told_apart(refused: Refused) -> Iterator[str]:
+    """The locations that differ, as a table."""
+    rows = [("", "by the rules", "recorded")] if refused.differences else []
+    for change in refused.differences:
+        whose = "" if change.robot is None else f" of robot {change.robot}"
+        rows.append((f"{change.name}{whose}", change.old, change.new))
+    cut = [tuple(shortened(visible(cell), 40) for cell in row) for row in rows]
+    widths = [max((len(row[k]) for row in cut), default=0) for k in range(3)]
+    for row in cut:
+        yield "  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
+
+
+def as_json(found: Replayed) -> dict[str, object]:
+    """What a replay found, as ``--json`` prints it; rounds count from 0, as in traces."""
+    refused = found.refused
+    return {
+        "version": JSON_VERSION,
+        "legal": refused is None,
+        "steps": found.steps,
+        "rounds": found.rounds,
+        "refused": None
+        if refused is None
+        else {
+            "rule": refused.rule,
+            "round": refused.step.round,
+            "robot": refused.step.robot,
+            "event": refused.step.event,
+            "reason": refused.reason,
+            "differences": [
+                {"robot": c.robot, "location": c.name, "expected": c.old, "recorded": c.new}
+                for c in refused.differences
+            ],
+        },
+        "trusted": list(found.trusted),
+    }

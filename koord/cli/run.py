@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -27,15 +27,14 @@ from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.interactive import Interactive
 from koord.cli.progress import Interruption
 from koord.cli.systems import system_of
-from koord.cli.tables import Shown, Table, fleet
+from koord.cli.tables import Rounds, Table, fleet
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import sources_of, write_trace
 from koord.semantics.codec import encode
-from koord.semantics.configurations import NO_EVENT, Configuration, System
-from koord.semantics.domain import Constant
+from koord.semantics.configurations import NO_EVENT, System
 from koord.semantics.names import Names
 from koord.semantics.rendering import show_fraction
-from koord.semantics.running import AtRandom, First, Play, Run, Taken, new_run
+from koord.semantics.running import AtRandom, First, Play, Run, new_run
 from koord.semantics.trace import (
     BEFORE_ROUNDS,
     Numbers,
@@ -144,7 +143,7 @@ def _run(loaded: LoadedProgram, request: Request) -> Exit:
 
 def _by_policy(loaded: LoadedProgram, request: Request, play: Play, table: Table) -> Exit:
     tracer = Tracer() if request.trace is not None or request.as_json else None
-    rounds = None if request.as_json else _Rounds(table)
+    rounds = None if request.as_json else Rounds(table)
     with Interruption() as interruption:
         try:
             for taken in play.steps():
@@ -194,40 +193,6 @@ def _code(run: Run, violation: Violation | None) -> Exit:
 
 
 # --- what is printed ----------------------------------------------------------------------------
-
-
-class _Rounds:
-    """Shows the steps of a run round by round, as each round ends."""
-
-    def __init__(self, table: Table) -> None:
-        self._table = table
-        self._steps: list[Shown] = []
-        self._last: Configuration[Constant] | None = None
-
-    def show(self, taken: Taken) -> None:
-        step = taken.step
-        if self._last is None:
-            self._print(self._table.start(step))
-        else:
-            self._steps.append(Shown(step, self._last, taken.lost))
-            if step.rule == "ENV-TRANS":
-                self._end_round()
-        self._last = step.configuration
-
-    def close(self) -> None:
-        """Show what is left: a round that was not finished, rounds in which nothing happened."""
-        if self._steps:
-            self._end_round()
-        self._print(self._table.idle())
-
-    def _end_round(self) -> None:
-        self._print(self._table.round(self._steps[0].step.round, self._steps))
-        self._steps = []
-
-    @staticmethod
-    def _print(lines: Iterable[str]) -> None:
-        for line in lines:
-            print(line)
 
 
 def _heading(name: str, request: Request, system: System) -> str:

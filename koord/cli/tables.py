@@ -20,6 +20,7 @@ from koord.semantics.domain import Constant
 from koord.semantics.names import Named, Names
 from koord.semantics.recording import Step
 from koord.semantics.rendering import UNSET, show_fraction, show_output, show_storage
+from koord.semantics.running import Taken
 from koord.semantics.storage import Storage
 
 #: Of what one step changed, so many lines are shown.
@@ -187,6 +188,40 @@ class Table:
             yield (head + (lines[0] if lines else "")).rstrip()
             for line in lines[1:]:
                 yield " " * margin + line
+
+
+class Rounds:
+    """Prints the steps of a run, round by round, as each round ends."""
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+        self._steps: list[Shown] = []
+        self._last: Configuration[Constant] | None = None
+
+    def show(self, taken: Taken) -> None:
+        step = taken.step
+        if self._last is None:
+            self._print(self._table.start(step))
+        else:
+            self._steps.append(Shown(step, self._last, taken.lost))
+            if step.rule == "ENV-TRANS":
+                self._end_round()
+        self._last = step.configuration
+
+    def close(self) -> None:
+        """Show what is left: a round that was not finished, rounds in which nothing happened."""
+        if self._steps:
+            self._end_round()
+        self._print(self._table.idle())
+
+    def _end_round(self) -> None:
+        self._print(self._table.round(self._steps[0].step.round, self._steps))
+        self._steps = []
+
+    @staticmethod
+    def _print(lines: Iterable[str]) -> None:
+        for line in lines:
+            print(line)
 
 
 def fleet(system: System) -> str:

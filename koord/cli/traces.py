@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 from koord.cli.files import write_atomically
-from koord.cli.inputs import LoadedProgram
+from koord.cli.inputs import LoadedProgram, no_program
 from koord.semantics.codec import decode_document, encode, load_embedded
 from koord.semantics.itf import embedded_trace, encode_itf, is_itf
 from koord.semantics.json_reader import parse
 from koord.semantics.trace import Sources, Trace
 from koord.syntax import core
+from koord.syntax.diagnostics import KoordError, Severity
+from koord.syntax.elaborate.settings import Settings
+from koord.syntax.load import load as elaborate
 from koord.syntax.source import Source
 
 #: By convention, and by what other tools look for.
@@ -40,9 +43,19 @@ def read_trace(raw: bytes, name: str, program: Source | None) -> Trace:
     def load(sources: Sources) -> core.Program:
         if program is None:
             return load_embedded(sources)
-        return load_embedded(replace(sources, program=program))
+        return _elaborated(replace(sources, program=program))
 
     document = parse(raw, name)
     if is_itf(document):
         return embedded_trace(document, load)
     return decode_document(document, load)
+
+
+def _elaborated(sources: Sources) -> core.Program:
+    """The program that the user named. Raises KoordError with its errors."""
+    settings = Settings(dict(sources.params), sources.tasks)
+    elaborated = elaborate(sources.program, settings, sources.properties)
+    if elaborated.program is not None:
+        return elaborated.program
+    errors = tuple(d for d in elaborated.diagnostics if d.severity is Severity.ERROR)
+    raise KoordError(errors or (no_program(sources.program.name),))
