@@ -574,5 +574,5 @@ class Program(Node):
     #: Where words stand that begin a block but have no node (``else``, ``pre``, ``sensors``, …),
     #: in the order of the text; for the printer, which puts comments beside them.
     heads: tuple[Ident, ...] = field(default=(), compare=False, repr=False)
-    #: Names that lines with mistakes were about to declare: not to be called undeclared as well.
+    #: Names in what could not be read: they may have been declared or used there.
     lost: frozenset[str] = field(default=frozenset(), compare=False, repr=False)

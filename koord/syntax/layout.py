@@ -36,7 +36,7 @@ class _Level:
     """An open block."""
 
     column: int
-    body: list[Part]
+    head: Part  #: whose body it is
     depth: int
     #: Columns of lines that were told to be wrongly indented and belong here.
     mistaken: set[int] = field(default_factory=set)
@@ -47,7 +47,7 @@ def lay_out(text: Text, report: Report) -> list[Part]:
     layout = _Layout(report, tabs=text.tabs)
     for line in language_lines(text.lines, report):
         layout.place(line)
-    return layout.root
+    return layout.root.body
 
 
 class _Layout:
@@ -57,7 +57,7 @@ class _Layout:
         self.report = report
         #: Whether tabs were told of: then nobody knows what the indentation was meant to be.
         self.tabs = tabs
-        self.root: list[Part] = []
+        self.root = Part([])
         self.levels = [_Level(0, self.root, 0)]
         self.previous: Line | None = None
         self.too_deep = False
@@ -74,10 +74,11 @@ class _Layout:
                     "make a function of the inner ones",
                 )
             self.too_deep = True
+            level.head.told = "K108"
             for part in line.chain[:-1]:
                 part.body = []
         else:
-            level.body.extend(line.roots)
+            level.head.body.extend(line.roots)
         self.previous = line
 
     def _level(self, line: Line) -> _Level:
@@ -118,8 +119,8 @@ class _Layout:
             place = part.tokens[0].span if part.tokens else part.span
             self.report.error(code, place, message, cure)
 
-    def _continued(self, line: Line) -> tuple[list[Part], int] | None:
-        """The body that a deeper-indented line goes on with, if the line before it has one.
+    def _continued(self, line: Line) -> tuple[Part, int] | None:
+        """The part whose body a deeper-indented line goes on with, if the line before has one.
 
         With it, how many blocks deeper it is than the line before.
         """
@@ -128,7 +129,7 @@ class _Layout:
             return None
         last = chain[-1]
         if last.colon or _opens(last, alone=len(chain) == 1 and self.levels[-1].depth == 0):
-            return last.body, len(chain)
+            return last, len(chain)
         # the part that opens a body on the line, and the column where that body begins
         opened = [
             (outer, inner, inner.tokens[0].column - 1 if inner.tokens else line.indent)
@@ -152,7 +153,7 @@ class _Layout:
             )
         if not opened:
             return None
-        return opened[0][0].body, chain.index(opened[0][0]) + 1
+        return opened[0][0], chain.index(opened[0][0]) + 1
 
 
 def _opens(part: Part, *, alone: bool) -> bool:

@@ -105,7 +105,9 @@ def language_lines(lines: list[TextLine], report: Report) -> Iterator[Line]:
     """The lines of the language, each with its parts."""
     cutter = _Cutter(lines, report)
     while cutter.at < len(lines):
-        yield cutter.next()
+        line = cutter.next()
+        if line.roots:
+            yield line
 
 
 class _Cutter:
@@ -155,32 +157,30 @@ class _Cutter:
     def _scan(self, line: Line, tokens: list[Token]) -> None:
         sink = line.sink
         for token in tokens:
-            if sink is None:
-                sink = line.begin()
             if token.type in _SPECIAL:
                 self._special(line, token)
                 sink = line.sink
-            else:
-                sink.append(token)
+                continue
+            if sink is None:
+                sink = line.begin()
+            sink.append(token)
 
     def _special(self, line: Line, token: Token) -> None:
-        sink = line.sink
-        assert sink is not None
         kind = token.type
-        if kind in _CLOSER:
-            if len(line.brackets) == MAX_BRACKETS:
-                self._too_deep(line, token)
-            line.brackets.append(token)
-        elif kind in _CLOSING:
-            if not self._closes(line, token):
-                return
-        elif kind == "SEMICOLON" and not line.brackets:
+        if kind == "SEMICOLON" and not line.brackets:
             self._semicolon(line, token)
             return
+        if kind in _CLOSING and not self._closes(line, token):
+            return
+        sink = line.begin() if line.sink is None else line.sink
+        if kind in _CLOSER:
+            if len(line.brackets) == MAX_BRACKETS:
+                sink = self._too_deep(line, token)
+            line.brackets.append(token)
         elif kind == "FORALL" or kind == "EXISTS":
             line.chain[-1].quantified = True
             line.quantifiers += not line.brackets
-        elif line.brackets:
+        elif line.brackets or kind in _CLOSING:
             pass
         elif kind == "COLON":
             if not line.quantifiers:
@@ -188,13 +188,13 @@ class _Cutter:
                 line.sink = None
                 return
             line.quantifiers -= 1
-        elif sink:
+        elif sink and kind != "SEMICOLON":
             sink = self._else(line, token)
         sink.append(token)
 
     # --- mistakes
 
-    def _too_deep(self, line: Line, token: Token) -> None:
+    def _too_deep(self, line: Line, token: Token) -> list[Token]:
         part = line.chain[-1]
         if not part.broken:
             self.report.error(
@@ -205,17 +205,16 @@ class _Cutter:
             )
         part.broken = True
         line.sink = []  # what stands deeper is not kept
+        return line.sink
 
     def _closes(self, line: Line, token: Token) -> bool:
         """Take a closing bracket; False if it closes nothing."""
         brackets = line.brackets
-        part = line.chain[-1]
         if not brackets:
-            if not part.broken:
-                self.report.error(
-                    "K122", token.span, f"`{token.text}` closes nothing", "leave it out"
-                )
+            message = f"`{token.text}` closes nothing"
+            self.report.error("K122", token.span, message, "leave it out")
             return False
+        part = line.chain[-1]
         opening = brackets.pop()
         kind, text = _CLOSER[opening.type]
         if kind == token.type or part.broken:
@@ -287,8 +286,9 @@ class _Cutter:
         self.report.error(
             "K133", token.span, "`;` is not part of the language", "one statement per line, no `;`"
         )
-        line.sink = None
-        line.chain.pop()
+        if line.sink is not None:
+            line.sink = None
+            line.chain.pop()
 
     def _else(self, line: Line, token: Token) -> list[Token]:
         """Begin the ``else`` of an ``if`` on the same line."""

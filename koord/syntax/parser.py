@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from koord.syntax import ast
 from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.layout import lay_out
+from koord.syntax.lines import Part
 from koord.syntax.parser_reader import Reader
 from koord.syntax.parser_sections import sections
 from koord.syntax.report import Report
@@ -30,6 +34,11 @@ def parse(source: Source) -> Parsed:
 
     Never raises on any text: what cannot be read is told and left out, and the rest is there.
     """
+    with _no_collector():
+        return _parse(source)
+
+
+def _parse(source: Source) -> Parsed:
     report = Report()
     if len(source.text) > MAX_CHARACTERS:
         report.error(
@@ -43,6 +52,9 @@ def parse(source: Source) -> Parsed:
         text = tokenise(source, report)
     reader = Reader(report)
     tree = sections(reader, lay_out(text, report))
+    for line in text.lines:
+        if line.tokens[0].line in report.damaged:
+            reader.lose(Part(line.tokens))
     program = ast.Program(
         tree,
         text.comments,
@@ -51,3 +63,15 @@ def parse(source: Source) -> Parsed:
         span=source.span(0, len(source.text)),
     )
     return Parsed(program, report.in_order())
+
+
+@contextmanager
+def _no_collector() -> Iterator[None]:
+    """Spare the collector of garbage: a tree has no cycles, and looking for some takes as long."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()

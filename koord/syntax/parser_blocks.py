@@ -103,7 +103,6 @@ def _for(reader: Reader, part: Part) -> ast.Block:
         case LoopEach(variables=variables, sequence=sequence):
             return (ast.ForEach(variables, sequence, body, span=reach(part)),)
         case _:
-            reader.lost.update(token.text for token in part.tokens if token.type == "NAME")
             return body
 
 
@@ -150,6 +149,7 @@ def _misplaced(reader: Reader, part: Part) -> ast.Block:
         reader.complain(
             part, "K141", place, f"`{word}` cannot stand among statements", "indent it less"
         )
+        reader.lose(part, body=True)
         return ()
     if word in _OTHER_BLOCKS:
         hint = "loops are bounded: `for i = 0, n:`, left with `break`"
@@ -159,6 +159,7 @@ def _misplaced(reader: Reader, part: Part) -> ast.Block:
         hint = "external functions have them: `def fun f(int a) -> int: extern`"
         message = f"`{word}:` belongs below `extern`, or to a contract"
         reader.complain(part, "K141", place, message, hint)
+        reader.lose(part, body=True)
         return ()
     elif part.colon:
         message = "no block can begin here"

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from koord.syntax import ast
 from koord.syntax.lines import Part
-from koord.syntax.parser_lines import Form, UnexpectedError, parse_line
+from koord.syntax.parser_lines import MAX_DEPTH, Form, UnexpectedError, parse_line
 from koord.syntax.parser_messages import explain
 from koord.syntax.parser_operands import MisplacedError
 from koord.syntax.report import Report
@@ -38,7 +38,7 @@ class Reader:
         self.report = report
         #: Words that begin a block but have no node of their own.
         self.heads: list[ast.Ident] = []
-        #: Names whose declarations could not be read.
+        #: Names in what could not be read.
         self.lost: set[str] = set()
 
     # --- lines
@@ -62,8 +62,7 @@ class Reader:
                 return parse_line(form, tokens, quantified=part.quantified)
             except MisplacedError as error:
                 self.complain(part, error.code, error.span, error.message, error.hint)
-                part.broken = True
-                return None
+                break
             except UnexpectedError as error:
                 complaint = explain(form, tokens, error, part.end)
                 at = start + error.position
@@ -75,7 +74,17 @@ class Reader:
                 break
             tokens = complaint.repaired
         part.broken = True
+        self.lose(part)
         return None
+
+    def lose(self, part: Part, *, body: bool = False) -> None:
+        """Remember the names in a part, or in its whole body, that nothing is made of."""
+        waiting = [part]
+        while waiting:
+            one = waiting.pop()
+            self.lost.update(token.text for token in one.tokens if token.type == "NAME")
+            if body:
+                waiting.extend(one.body)
 
     def complain(
         self, part: Part, code: str, span: Span, message: str, hint: str | None = None
@@ -117,17 +126,14 @@ class Reader:
             )
         decl = self.line(Form.DECLARATION, part, start)
         if decl:
-            return [decl, *_others(decl, part.tokens)]
+            return [decl, *_others(decl, part.tokens)] if part.told == "K137" else [decl]
         tokens = part.tokens[start:]
         for position, token in enumerate(tokens):
             if token.type == "ASSIGN":  # without its value the variable may be readable
                 part = Part(tokens[:position], broken=True)
                 decl = self.line(Form.DECLARATION, part) if position else None
                 break
-        if decl:
-            return [decl]
-        self.lost.update(token.text for token in tokens if token.type == "NAME")
-        return []
+        return [decl] if decl else []
 
     # --- heads of blocks
 
@@ -216,6 +222,10 @@ class Reader:
         """The expression that the body of a part is; several lines must all hold."""
         found = self.expressions(part)
         if not found:
+            return None
+        if len(found) > MAX_DEPTH:
+            message = f"more than {MAX_DEPTH} conditions"
+            self.complain(part, "K109", part.span, message, "make functions of some of them")
             return None
         whole = found[0]
         for more in found[1:]:

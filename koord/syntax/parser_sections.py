@@ -100,6 +100,7 @@ def _event(reader: Reader, part: Part, *, urgent: bool) -> ast.Event:
                     line,
                     "`pre:` or `eff:` is expected here",
                     "the statements of an event stand below its `eff:`",
+                    lost=False,
                 )
                 loose.append(line)
                 continue
@@ -187,8 +188,8 @@ def _summary(
 
 def _def(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
     words = [token.text for token in part.tokens]
-    if "(" in words or words[1:2] == ["fun"]:
-        return _function(reader, part, 2 if words[1:2] == ["fun"] and words[2:3] != ["("] else 1)
+    if "(" in words or (words[1:2] == ["fun"] and len(words) > 2):
+        return _function(reader, part, 2 if words[1] == "fun" and words[2:3] != ["("] else 1)
     at = 2 if len(words) > 2 and words[1] == "adt" else 1
     name = reader.name(part, at, "a record or `fun`")
     reader.body(part)
@@ -209,7 +210,7 @@ def _function(reader: Reader, part: Part, at: int) -> tuple[ast.Section, ...]:
     else:
         answer = block(reader, body)
     if not isinstance(head, Signature):
-        reader.lost.update(token.text for token in part.tokens if token.type == "NAME")
+        reader.lose(part, body=True)
         return ()
     return (
         ast.FunDef(

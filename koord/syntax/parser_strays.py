@@ -31,17 +31,20 @@ _OTHER_SECTIONS = {
 class Strays:
     """Complains once about lines in a row that do not belong where they are."""
 
-    __slots__ = ("_reader", "_told")
+    __slots__ = ("_reader", "_repeated", "_told")
 
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
         self._told = False
+        self._repeated = False
 
-    def add(self, part: Part, message: str, hint: str | None) -> None:
-        """A line that does not belong here."""
+    def add(self, part: Part, message: str, hint: str | None, *, lost: bool = True) -> None:
+        """A line that does not belong here; ``lost`` if nothing is made of it."""
         if not self._told:
             self._reader.complain(part, "K141", part.span, message, hint)
         self._told = True
+        if lost:
+            self._reader.lose(part, body=True)
 
     def over(self) -> None:
         """A line that does."""
@@ -50,9 +53,10 @@ class Strays:
     def once(self, part: Part, seen: set[str]) -> None:
         """Complain about a second block of one kind."""
         word = part.tokens[0].text
-        if part.first in seen:
+        if part.first in seen and not self._repeated:
             message = f"there is a `{word}:` here already"
             self._reader.complain(part, "K142", part.tokens[0].span, message, "make one of both")
+            self._repeated = True
         seen.add(part.first)
 
 

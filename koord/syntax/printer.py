@@ -14,7 +14,7 @@ from typing import assert_never
 
 from koord.syntax import ast
 from koord.syntax.printer_comments import Written, weave
-from koord.syntax.printer_exprs import print_expr, print_type
+from koord.syntax.printer_exprs import print_base, print_expr, print_type
 from koord.syntax.source import NOWHERE, Span
 
 __all__ = ["print_expr", "print_program", "print_type"]
@@ -253,7 +253,7 @@ def _simple(
         case ast.TryStop():
             return "trystop()"
         case ast.Output(stream=stream, values=values):
-            return " << ".join(map(print_expr, (stream, *values)))
+            return " << ".join([print_base(stream), *map(print_expr, values)])
         case ast.LocalDecl(decl=decl):
             return _declaration(decl)
         case ast.Pass():

@@ -17,6 +17,11 @@ def print_expr(expression: ast.Expr) -> str:
     return _text(expression, 0, last=True)
 
 
+def print_base(expression: ast.Expr) -> str:
+    """The expression with parentheses, unless something may stand right behind it."""
+    return _text(expression, POSTFIX, last=False)
+
+
 def print_type(type_: ast.TypeExpr) -> str:
     """The type as a user writes it."""
     match type_:
@@ -109,21 +114,17 @@ def _postfix(
         case ast.Call(function=function, arguments=arguments):
             return f"{function.name}({_arguments(arguments)})"
         case ast.MethodCall(receiver=receiver, method=method, arguments=arguments):
-            return f"{_base(receiver)}.{method.name}({_arguments(arguments)})"
+            return f"{print_base(receiver)}.{method.name}({_arguments(arguments)})"
         case ast.Index(base=base, index=index):
-            return f"{_base(base)}[{print_expr(index)}]"
+            return f"{print_base(base)}[{print_expr(index)}]"
         case ast.Attribute(base=base, name=name):
-            return f"{_base(base)}.{name.name}"
+            return f"{print_base(base)}.{name.name}"
         case ast.AtRobot(base=base, robot=robot):
-            return f"{_base(base)}@{_robot(robot)}"
+            return f"{print_base(base)}@{_robot(robot)}"
         case ast.Prime(base=base):
-            return f"{_base(base)}'"
+            return f"{print_base(base)}'"
         case _:
             assert_never(e)
-
-
-def _base(e: ast.Expr) -> str:
-    return _text(e, POSTFIX, last=False)
 
 
 def _robot(e: ast.Expr) -> str:

@@ -34,17 +34,10 @@ class Report:
         if self.full or place in self._places:
             return
         self._places.add(place)
+        if len(self.diagnostics) == MAX_ERRORS - 1:
+            last = f"this is error number {MAX_ERRORS}: what comes after it is not shown"
+            notes = (*notes, Note(span, last))
         self.diagnostics.append(Diagnostic(code, Severity.ERROR, span, message, hint, notes))
-        if len(self.diagnostics) == MAX_ERRORS:
-            self.diagnostics.append(
-                Diagnostic(
-                    "K107",
-                    Severity.ERROR,
-                    span,
-                    f"{MAX_ERRORS} errors are enough: the rest of them is not shown",
-                    "mend these first",
-                )
-            )
 
     @property
     def full(self) -> bool:
@@ -52,7 +45,5 @@ class Report:
         return len(self.diagnostics) >= MAX_ERRORS
 
     def in_order(self) -> tuple[Diagnostic, ...]:
-        """The errors in the order of the text; that there are too many comes last."""
-        return tuple(
-            sorted(self.diagnostics, key=lambda d: (d.code == "K107", d.span.line, d.span.column))
-        )
+        """The errors in the order of the text."""
+        return tuple(sorted(self.diagnostics, key=lambda d: (d.span.line, d.span.column)))
