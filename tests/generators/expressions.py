@@ -224,7 +224,10 @@ def _on_bools(c: Context, depth: int) -> list[tuple[float, Maker]]:
         return core.Binary(op, left, right, BOOL, span=draft.span())
 
     def equated() -> core.Expr:
-        common = draft.type() if draft.chance(0.5) else draft.scalar()
+        lists = [t for t in draft.palette.all if isinstance(t, ListType | QueueType | MapType)]
+        common = draft.weighted(
+            [(2, draft.scalar()), (1.2, draft.type()), (0.8, draft.pick(lists))]
+        )
         op = draft.pick((BinaryOp.EQ, BinaryOp.NE))
         left, right = expression(c, common, depth), expression(c, common, depth)
         return core.Binary(op, left, right, BOOL, span=draft.span())

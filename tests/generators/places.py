@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from koord.syntax import core
-from koord.syntax.core import Home
+from koord.syntax.core import BinaryOp, Home
 from koord.syntax.types import INT, ArrayType, ListType, QueueType, Robots, Type
 from tests.generators import expressions
 from tests.generators.drafts import Context
@@ -141,5 +141,17 @@ def index(c: Context, above: Type, depth: int) -> core.Expr:
         return draft.pick([*names, core.Const(0, INT, span=draft.span())])
     if isinstance(above, ArrayType):
         assert isinstance(above.size, int)
+        if depth > 0 and draft.chance(0.3):
+            return _within(c, above.size, depth)
         return core.Const(draft.random.randrange(above.size), INT, span=draft.span())
+    counters = [b for b in c.bound if b.type == INT]
+    if counters and draft.chance(0.4):
+        return core.Read(core.Place(draft.pick(counters), span=draft.span()), span=draft.span())
     return core.Const(draft.weighted([(6, 0), (2, 1), (1, 2)]), INT, span=draft.span())
+
+
+def _within(c: Context, size: int, depth: int) -> core.Expr:
+    """Some computed index that an array of that size has."""
+    computed = expressions.expression(c, INT, depth - 1)
+    limit = core.Const(size, INT, span=c.draft.span())
+    return core.Binary(BinaryOp.MOD, computed, limit, INT, span=c.draft.span())

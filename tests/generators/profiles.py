@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +49,9 @@ GENERAL = Profile(
     urgent=0.2,
     arbitrary=0.1,
 )
+
+#: As ``GENERAL``, with longer bodies in which more goes wrong, or nearly.
+WILD = replace(GENERAL, statements=(2, 5), faulty=0.3, unset=0.1, urgent=0.4)
 
 FINITE = Profile(
     finite=True,

@@ -1,0 +1,30 @@
+"""Constants in, constants out: on known scalars terms compute what the exact domain does."""
+
+from __future__ import annotations
+
+import pytest
+
+from koord.verify.terms import Terms
+from tests.agreement.triples import exact_steps, steps, triple
+
+#: Seeds per test, so that the triples are spread over the workers.
+BLOCK = 250
+
+
+@pytest.mark.parametrize("block", range(8))
+def test_the_sequential_rules_agree(block: int) -> None:
+    faults = 0
+    for seed in range(block * BLOCK, (block + 1) * BLOCK):
+        t = triple(seed)
+        exact = exact_steps(t)
+        # Comparing what they look like tells 1, True and Fraction(1) apart, which are equal.
+        assert repr(list(steps(Terms(), t))) == repr(exact), f"seed {seed}"
+        faults += any(step.configuration.fault is not None for step in exact)
+    assert BLOCK // 20 < faults < BLOCK * 3 // 4
+
+
+@pytest.mark.slow
+def test_the_sequential_rules_agree_on_many() -> None:
+    for seed in range(100_000, 120_000):
+        t = triple(seed)
+        assert repr(list(steps(Terms(), t))) == repr(exact_steps(t)), f"seed {seed}"

@@ -1,0 +1,167 @@
+"""Symbols in: what the domain of terms computes simplifies to what the exact domain computes.
+
+Every scalar of a configuration and of the inputs becomes a symbol; one turn is evaluated on them;
+then the symbols are replaced by what they stand for.
+"""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from koord.semantics.domain import EXACT
+from koord.semantics.machine import NotFiniteError
+from koord.semantics.oracle import Inputs
+from koord.semantics.recording import RecordedInputs
+from koord.semantics.turns import (
+    committed,
+    declared,
+    environment_turn,
+    holds_in,
+    initial_turn,
+    program_turn,
+)
+from koord.syntax import core
+from koord.syntax.types import BOOL
+from koord.verify.terms import Term, Terms
+from tests.agreement.flattening import (
+    first_fault,
+    flat_evolved,
+    flat_store,
+    flat_turned,
+    itself,
+    meaning_of,
+)
+from tests.agreement.symbols import Asked, Symbols
+from tests.agreement.triples import Triple, triple
+from tests.generators.configurations import configuration
+from tests.generators.runs import Player, RandomInputs
+
+BLOCK = 250
+
+
+class Comparison:
+    """One triple on both domains."""
+
+    def __init__(self, t: Triple) -> None:
+        self.t = t
+        self.random = Random(t.seed)
+        # Mostly symbols all over; sometimes constants among them, which take other paths.
+        share = self.random.choice((1.0, 1.0, 0.6))
+        self.symbols = Symbols(Terms(), self.random, t.system.robots, share)
+        self.start = self.symbols.configuration(t.system, t.start)
+        # What the schedule answers, and by chance what else the exact domain asks for.
+        self.recorded = RandomInputs(self.random, t.system.robots, {})
+        self.recorded.answers.update(((a.phase, a.robot, a.key), a) for a in t.round.answers)
+        self.recorded.readings.update(((r.robot, r.slot), r) for r in t.round.readings)
+        answers, readings = self.recorded.answers, self.recorded.readings
+        self.asked = Asked(self.symbols, {}, readings, answers)
+
+    def program_turn(self, robot: int, position: int) -> None:
+        """The turn on a snapshot, and its writes put into some other store."""
+        t, d = self.t, self.symbols.d
+        other = configuration(self.random, t.system).store
+        state = t.start.robots[robot]
+        selectable, exact = program_turn(EXACT, t.system, robot, state, position, self.recorded)
+        after = committed(EXACT, other, exact)
+        symbolic = program_turn(d, t.system, robot, self.start.robots[robot], position, self.asked)
+        symbolic_after = committed(d, self.symbols.store(t.system, other), symbolic[1])
+        meaning = meaning_of(self.symbols, (symbolic, symbolic_after))
+        assert meaning(symbolic[0], BOOL) == selectable
+        assert flat_turned(meaning, t.system, robot, symbolic[1], symbolic_after) == flat_turned(
+            itself, t.system, robot, exact, after
+        )
+
+    def environment_turn(self, robot: int) -> None:
+        t, d = self.t, self.symbols.d
+        exact = environment_turn(EXACT, t.system, robot, t.start.robots[robot], self.recorded)
+        symbolic = environment_turn(d, t.system, robot, self.start.robots[robot], self.asked)
+        meaning = meaning_of(self.symbols, symbolic)
+        assert flat_evolved(meaning, t.system, robot, symbolic) == flat_evolved(
+            itself, t.system, robot, exact
+        )
+
+    def properties(self) -> None:
+        t, d = self.t, self.symbols.d
+        program = t.system.program
+        closed: list[core.Property | core.Assumption] = [*program.properties, *program.assumptions]
+        for p in closed:
+            exact, _ = holds_in(EXACT, t.system, t.start, p.condition, p.bound, self.recorded)
+            symbolic, _ = holds_in(d, t.system, self.start, p.condition, p.bound, self.asked)
+            meaning = meaning_of(self.symbols, symbolic)
+            assert meaning(symbolic, BOOL) == exact, p.name
+
+
+def compare(seed: int) -> int:
+    """Compare one triple; the number of things that could not be compared."""
+    t = triple(seed)
+    comparison = Comparison(t)
+    skipped = 0
+    for robot in range(t.system.robots):
+        # Whatever the schedule has it do: an event whose guard does not hold is compared as well.
+        for position in range(len(t.system.agent(robot).events)):
+            try:
+                comparison.program_turn(robot, position)
+            except NotFiniteError:
+                skipped += 1
+        comparison.environment_turn(robot)
+    comparison.properties()
+    return skipped
+
+
+@pytest.mark.parametrize("block", range(8))
+def test_turns_and_properties_agree(block: int) -> None:
+    skipped = 0
+    for seed in range(block * BLOCK, (block + 1) * BLOCK):
+        skipped += compare(seed)
+    assert skipped < BLOCK // 50
+
+
+@pytest.mark.slow
+def test_turns_and_properties_agree_on_many() -> None:
+    for seed in range(200_000, 220_000):
+        compare(seed)
+
+
+# --- INIT -----------------------------------------------------------------------------------------
+
+
+def compare_init(seed: int) -> None:
+    t = triple(seed)
+    opened = Player(Random(seed), t.system).opening()
+    if opened is None:
+        return
+    opening, _ = opened
+    recorded = RecordedInputs(starts=opening.starts, answers=opening.answers)
+    symbols = Symbols(Terms(), Random(seed), t.system.robots, 1.0)
+    asked = Asked(
+        symbols,
+        {(s.home, s.slot, s.robot): s for s in opening.starts},
+        {},
+        {(a.phase, a.robot, a.key): a for a in opening.answers},
+    )
+    store, faults = declared(EXACT, t.system, recorded)
+    symbolic: Inputs[Term] = asked
+    symbolic_store, symbolic_faults = declared(symbols.d, t.system, symbolic)
+    meaning = meaning_of(symbols, (symbolic_store, symbolic_faults))
+    fault = first_fault(itself, faults)
+    assert first_fault(meaning, symbolic_faults) == fault
+    if fault is not None:
+        return
+    assert flat_store(meaning, t.system, symbolic_store) == flat_store(itself, t.system, store)
+    for robot in range(t.system.robots):
+        exact = initial_turn(EXACT, t.system, robot, store, recorded)
+        turned = initial_turn(symbols.d, t.system, robot, symbolic_store, symbolic)
+        after = committed(EXACT, store, exact)
+        symbolic_after = committed(symbols.d, symbolic_store, turned)
+        meaning = meaning_of(symbols, (turned, symbolic_after))
+        assert flat_turned(meaning, t.system, robot, turned, symbolic_after) == flat_turned(
+            itself, t.system, robot, exact, after
+        )
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_init_agrees(block: int) -> None:
+    for seed in range(block * BLOCK, (block + 1) * BLOCK):
+        compare_init(seed)
