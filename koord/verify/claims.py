@@ -13,7 +13,8 @@ from koord.semantics.oracle import Inputs
 from koord.semantics.races import rewritten
 from koord.semantics.turns import holds_in
 from koord.syntax import core
-from koord.syntax.core import PropertyKind, UnaryOp
+from koord.syntax.core import Home, PropertyKind, UnaryOp
+from koord.syntax.walk import nodes
 
 V = TypeVar("V")
 
@@ -38,12 +39,16 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One claim. ``subject`` names the variable of a lost update, or the contract."""
+    """One claim. ``subject`` names the variable of a lost update, or the contract.
+
+    ``reads_ports`` says whether the environment's turn can change what is claimed.
+    """
 
     name: str
     kind: ClaimKind
     stated: core.Property | None = None
     subject: str = ""
+    reads_ports: bool = True
 
     @property
     def is_state_property(self) -> bool:
@@ -56,6 +61,9 @@ class Claim:
             case ClaimKind.PROPERTY:
                 assert self.stated is not None
                 every = self.stated.kind is PropertyKind.INVARIANT
+                if every and phase is Phase.END and not self.reads_ports:
+                    # The environment changes ports only: it was asked after the program turns.
+                    return False
                 return every or phase not in (Phase.INSIDE, Phase.MIDDLE)
             case ClaimKind.FAULT:
                 return True
@@ -75,7 +83,7 @@ def claims_of(system: System) -> tuple[Claim, ...]:
     """
     program = system.program
     claims = [
-        Claim(p.name, ClaimKind.PROPERTY, p)
+        Claim(p.name, ClaimKind.PROPERTY, p, reads_ports=_reads_ports(program, p.condition))
         for p in program.properties
         if p.kind in (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
     ]
@@ -93,6 +101,15 @@ def claims_of(system: System) -> tuple[Claim, ...]:
                     for c in module.contracts
                 ]
     return tuple(dict.fromkeys(claims))
+
+
+def _reads_ports(program: core.Program, condition: core.Expr) -> bool:
+    """Whether a statement may read a port, by itself or in a function."""
+    bodies = tuple(function.body for function in program.functions)
+    return any(
+        isinstance(node, core.Variable) and node.home is Home.PORT
+        for node in nodes((condition, bodies))
+    )
 
 
 def liveness_of(system: System) -> tuple[core.Property, ...]:

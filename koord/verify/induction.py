@@ -77,7 +77,8 @@ class _Step:
         solver.add([self._d.unary(UnaryOp.NOT, self._unrolling.opening.moment.findings.fault)])
         start = encoder.arbitrary(self._unrolling.opening.moment.configuration, "#")
         checks = SymbolicInputs(self._unrolling.unknowns, "start")
-        self._assumed = [Moment(Phase.END, start, [], Findings(False), checks)]
+        # As after INIT, all claims about configurations are about this one.
+        self._assumed = [Moment(Phase.INIT, start, [], Findings(False), checks)]
         self._asked: list[Moment] = []
         for number in range(depth):
             taken = encoder.round(self._assumed[-1].configuration, f"step{number}")

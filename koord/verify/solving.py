@@ -143,15 +143,15 @@ def _split(term: z3.ExprRef) -> Iterator[z3.ExprRef]:
 
 
 def _split_one(conjunction: z3.ExprRef) -> Iterator[z3.ExprRef]:
-    """Split the first part of a conjunction that splits; the others stay with each case."""
+    """Split the part of a conjunction that splits most; the others stay with each case."""
     parts = conjunction.children()
-    for position, part in enumerate(parts):
-        split = list(_split(part))
-        if len(split) > 1:
-            rest = parts[:position] + parts[position + 1 :]
-            yield from (z3.And(case, *rest) for case in split)
-            return
-    yield conjunction
+    splits = [list(_split(part)) for part in parts]
+    most = max(range(len(parts)), key=lambda position: len(splits[position]))
+    if len(splits[most]) == 1:
+        yield conjunction
+        return
+    rest = parts[:most] + parts[most + 1 :]
+    yield from (z3.And(case, *rest) for case in splits[most])
 
 
 @dataclass(frozen=True, slots=True)
