@@ -371,7 +371,8 @@ def external_call(m: Machine[V], e: core.ExternalCall) -> Value[V]:
         holds = statement(m, requirement)
         m.fault_unless(holds, FaultKind.PRECONDITION, e.span, function.name)
         met = m.both(met, holds)
-    for promise in function.ensures:
+    promises = () if m.oracle.vouches_for(function) else function.ensures
+    for promise in promises:
         holds = m.d.binary(BinaryOp.IMPLIES, met, statement(m, promise))
         what = f"the answer of {function.name} meets its summary"
         m.require("EXTERNAL", holds, what, promise.span)

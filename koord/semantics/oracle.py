@@ -36,6 +36,10 @@ class Oracle(Protocol[V]):
         """Whether ``body`` holds of every value of a type (summaries only)."""
         ...
 
+    def vouches_for(self, function: core.External) -> bool:
+        """Whether all answers of a function meet its summary, so that nobody need check them."""
+        ...
+
 
 class NoOracle:
     """For expressions that leave nothing open: asking is an error of ours."""
@@ -50,6 +54,9 @@ class NoOracle:
 
     def every(self, type_: Type, body: Callable[[Value[V]], V]) -> V:
         raise AssertionError("a quantifier over a type where nothing may be open")
+
+    def vouches_for(self, function: core.External) -> bool:
+        return False
 
 
 class Phase(Enum):
