@@ -21,6 +21,7 @@ from koord.semantics.rounds import (
     run_event,
     run_skip,
 )
+from koord.semantics.turns import holds_in
 from koord.semantics.values import Value
 from koord.syntax import core
 from koord.syntax.core import ExternalKind, Home
@@ -136,12 +137,23 @@ class Player:
     def opening(self) -> tuple[Opening, Stepped[Constant]] | None:
         """INIT, or None where no attempt was legal."""
         order = self._order()
-        tried = self._attempt(lambda inputs: initialised(EXACT, self.system, inputs, order))
+        tried = self._attempt(partial(self._start, order))
         if tried is None:
             return None
         inputs, stepped = tried
         starts, answers = tuple(inputs.starts.values()), tuple(inputs.answers.values())
         return Opening(order, starts, answers), stepped
+
+    def _start(self, order: tuple[int, ...], inputs: RandomInputs) -> Stepped[Constant]:
+        """INIT, where the assumptions hold after it. [PROP-ASSUME]"""
+        stepped = initialised(EXACT, self.system, inputs, order)
+        first = stepped.configuration
+        for assumption in self.system.program.assumptions:
+            e, bound = assumption.condition, assumption.bound
+            holds, _ = holds_in(EXACT, self.system, first, e, bound, inputs)
+            if holds is not True:
+                raise IllegalStepError("PROP-ASSUME", assumption.name)
+        return stepped
 
     def round(
         self, start: Configuration[Constant]
