@@ -33,9 +33,15 @@ ENTRIES: dict[str, Entry] = {
             list of these.""",
             """
             param Map<int, int> costs = {}
+            Go:
+              pre: costs[0] > 1
+              eff: stop
             """,
             """
             param int[] costs = [3, 1, 2]
+            Go:
+              pre: costs[0] > 1
+              eff: stop
             """,
         ),
         error(
@@ -45,9 +51,15 @@ ENTRIES: dict[str, Entry] = {
             configuration. Here there was none.""",
             """
             param int tasks
+            Go:
+              pre: tasks > 3
+              eff: stop
             """,
             """
             param int tasks = 4
+            Go:
+              pre: tasks > 3
+              eff: stop
             """,
         ),
         error(
@@ -58,10 +70,16 @@ ENTRIES: dict[str, Entry] = {
             """
             # koord check … --set tsaks=10
             param int tasks = 4
+            Go:
+              pre: tasks > 3
+              eff: stop
             """,
             """
             # koord check … --set tasks=10
             param int tasks = 4
+            Go:
+              pre: tasks > 3
+              eff: stop
             """,
         ),
         error(
@@ -72,10 +90,16 @@ ENTRIES: dict[str, Entry] = {
             """
             # koord check … --set tasks=many
             param int tasks = 4
+            Go:
+              pre: tasks > 3
+              eff: stop
             """,
             """
             # koord check … --set tasks=10
             param int tasks = 4
+            Go:
+              pre: tasks > 3
+              eff: stop
             """,
         ),
         error(

@@ -9,7 +9,7 @@ from koord.syntax.diagnostics import Note
 from koord.syntax.elaborate.body import Body
 from koord.syntax.elaborate.folding import constant
 from koord.syntax.elaborate.session import Confusion, Session
-from koord.syntax.elaborate.symbols import Named, ParamSymbol, Poisoned, VariableSymbol
+from koord.syntax.elaborate.symbols import Named, ParamSymbol, VariableSymbol
 from koord.syntax.types import ArrayType, show
 
 
@@ -74,7 +74,8 @@ def unused(session: Session, scopes: Iterable[dict[str, Named]]) -> None:
     """Variables and params that are named nowhere."""
     for scope in scopes:
         for name, symbol in scope.items():
-            if isinstance(symbol, Poisoned) or id(symbol.declared) in session.used:
+            wrong = isinstance(symbol, ParamSymbol) and symbol.value is None
+            if wrong or name in session.ambiguous or id(symbol.declared) in session.used:
                 continue
             if isinstance(symbol, VariableSymbol | ParamSymbol):
                 what = "param" if isinstance(symbol, ParamSymbol) else "variable"

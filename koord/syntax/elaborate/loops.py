@@ -52,7 +52,7 @@ def _bound(body: Body, e: ast.Expr, what: str) -> core.Expr | None:
     body.error(
         "K215",
         e.span,
-        f"{what} is a constant, `pid`, `numAgents`, or the `length` of a list",
+        f"{what} is known beforehand: a constant, `pid`, `numAgents`, or the `length` of a list",
         "loop over a range that is large enough, and test or `break` inside",
     )
     return None

@@ -157,12 +157,12 @@ def _qualified(body: Body, e: ast.Attribute, owner: str) -> Meaning:
         return None
     port = module.ports.get(e.name.name)
     if port is None:
+        known = body.session.library_ports.get(owner, frozenset()) | module.ports.keys()
         body.error(
             "K206",
             e.name.span,
             f"the module `{owner}` has no port `{e.name.name}`",
-            did_you_mean(e.name.name, module.ports)
-            or f"its ports are {listed(sorted(module.ports))}",
+            did_you_mean(e.name.name, known) or f"its ports are {listed(sorted(known))}",
         )
         return None
     if isinstance(port, Poisoned):

@@ -29,7 +29,6 @@ def quantified(body: Body, e: ast.Quantified) -> core.Expr | None:
             f"`{e.quantifier.value}` stands in properties, contracts and summaries only",
             "in a program, go through the robots or the list with `for`",
         )
-        return None
     kind = _KINDS[e.quantifier]
     layers: list[tuple[core.Variable, core.QuantifierDomain]] = []
     sound = True
@@ -41,7 +40,7 @@ def quantified(body: Body, e: ast.Quantified) -> core.Expr | None:
                 if layer is not None:
                     layers.append(layer)
         inner = fit(body, body.expr(e.body, BOOL), BOOL, e.body.span, "what is said of all or some")
-    if inner is None or not sound:
+    if inner is None or not sound or body.where not in LOGICAL:
         return None
     for variable, domain in reversed(layers):
         inner = core.Quantified(kind, variable, domain, inner, span=e.span)
@@ -107,7 +106,7 @@ def _typed(
             if agent.name and agent.name == type_.name:
                 return _bind(body, name, INT, core.RobotRange(agent.index), agent.index)
     if body.where not in SUMMARIES:
-        if not body.session.partial:
+        if not body.session.partial and body.where in LOGICAL:
             body.error(
                 "K306",
                 binder.span,
@@ -129,9 +128,11 @@ def at_robot(body: Body, e: ast.AtRobot, base: Callable[[], Meaning]) -> Meaning
             "`@` stands in properties and contracts only",
             "a robot sees others through `allread` and `allwrite` variables",
         )
+        base()
         return None
     robot = fit(body, body.expr(e.robot, INT), INT, e.robot.span, "the robot behind `@`")
     if robot is None:
+        base()
         return None
     outer = body.robot
     body.robot = Robot(robot, _kind(body, e.robot))
@@ -147,7 +148,7 @@ def at_robot(body: Body, e: ast.AtRobot, base: Callable[[], Meaning]) -> Meaning
             body.error(
                 "K302",
                 e.span,
-                "this is the same for all robots: there is none of robot `i` in particular",
+                "this is the same for all robots, so that there is nothing for `@` to choose",
                 "leave out the `@`",
             )
             return None
@@ -173,6 +174,7 @@ def primed(body: Body, e: ast.Prime, base: Callable[[], Meaning]) -> Meaning:
             "a primed name, the value after a step, stands in the `ensures:` of a contract only",
             "an invariant speaks of one configuration at a time",
         )
+        base()
         return None
     outer, body.primed = body.primed, True
     try:

@@ -133,7 +133,7 @@ def _size(body: Body, size: ast.Expr) -> int | Robots | None:
         body.error(
             "K227",
             size.span,
-            "the size of an array is a whole number that is known beforehand",
+            "the size of an array is a whole number that is known before the run",
             "use a number, a `param int`, or `numAgents`; an array without size, `T[]`, may grow",
         )
     return None

@@ -90,6 +90,8 @@ class Session:
     loop_variables: set[str] = field(default_factory=set)
     #: Calls in properties, contracts and summaries.
     logical_calls: list[tuple[str, Span]] = field(default_factory=list)
+    #: Names that are declared twice.
+    ambiguous: set[str] = field(default_factory=set)
     confusions: list[Confusion] = field(default_factory=list)
     atomic_blocks: dict[int, AtomicBlock] = field(default_factory=dict)
     #: The library's modules, which a program can use without declaring their ports.

@@ -51,4 +51,6 @@ def visible(body: Body) -> list[str]:
     for agent in [body.agent] if body.agent else session.agents:
         names += agent.variables
         names += agent.ports
+        for module in agent.modules:
+            names += session.library_ports.get(module, ())
     return [*names, "pid", "numAgents", "delta"]

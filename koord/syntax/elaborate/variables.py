@@ -45,6 +45,7 @@ def enter_names(session: Session, entries: Iterable[Entry]) -> None:
             reserved(session, name)
         elif first is not None:
             declared_twice(session, name, first)
+            session.ambiguous.add(name.name)
         for scope in entry.scopes:
             if name.name in RESERVED or first is not None:
                 scope[name.name] = Poisoned(name)
@@ -112,7 +113,7 @@ def declare_params(session: Session, decls: list[ast.VarDecl]) -> tuple[tuple[st
             hint = did_you_mean(name, known) or f"declare it: `param int {name} = …`"
             session.findings.error(
                 "K236",
-                Span("--set", 1, 1, 1, 1),
+                Span("--set", 0, 0, 0, 0),
                 f"the program has no `param` named `{name}`",
                 hint,
             )
