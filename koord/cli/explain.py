@@ -7,7 +7,7 @@ import sys
 from argparse import ArgumentTypeError
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
-from textwrap import fill
+from textwrap import wrap
 
 from koord.cli.exits import Exit
 from koord.cli.input_catalogue import INPUT_CATALOGUE
@@ -48,7 +48,7 @@ def story(entry: Entry, style: Style = PLAIN) -> Iterator[str]:
     yield f"{style.paint(f'{entry.severity.value} {entry.code}', paint)}: {entry.title}"
     for paragraph in entry.story.strip().split("\n\n"):
         yield ""
-        yield fill(" ".join(paragraph.split()), min(style.width, WIDEST))
+        yield from wrap(" ".join(paragraph.split()), min(style.width, WIDEST))
     yield from _example(
         "This is refused" if paint is Paint.ERROR else "This is warned of", entry.bad
     )

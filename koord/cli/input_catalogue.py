@@ -98,6 +98,15 @@ INPUT_CATALOGUE = dict(
             "`--program`, or write the trace anew.",
         ),
         _entry(
+            "K917",
+            "an ITF document cannot be replayed",
+            "ITF is a form of traces that several tools read and write. It holds the states, but "
+            "not which robot ran what; koord writes that into the document too, and replays "
+            "nothing without it.\n\n"
+            "Either another tool wrote this document, or its states were edited and are no longer "
+            "those that the recording leads to.",
+        ),
+        _entry(
             "K920",
             "no start of a run meets the assumptions",
             "A run begins in a configuration that meets every `assume:`. Variables without "
@@ -121,6 +130,13 @@ INPUT_CATALOGUE = dict(
             "nothing that was tried kept the `ensures` of its contracts.\n\n"
             "Either the contracts contradict each other, which `koord verify` tells, or a reading "
             "is hard to find by trying: then give the module an `environment:` block.",
+        ),
+        _entry(
+            "K923",
+            "an exact number has grown too long",
+            "A run on exact numbers rounds nothing, so a value that is divided or multiplied in "
+            "every round may grow by some digits each time, until a round takes minutes.\n\n"
+            "Run for fewer rounds, or with `--numbers double`, which rounds as robots do.",
         ),
     ]
 )
