@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from koord.syntax.catalogue_entry import Entry, error
 
 _EVENT = """
@@ -83,8 +85,18 @@ _CHARACTERS = (
         """Indentation says which block a line belongs to, and how wide a tab is differs from one
         editor to the next. So indentation is made of spaces only. It is told once a file; errors
         of indentation are not looked for then.""",
-        "local:\n\tint x = 0\nGo:\n  eff: x = 1",
-        "local:\n    int x = 0\nGo:\n  eff: x = 1",
+        """
+        local:
+        <TAB>int x = 0
+        Go:
+          eff: x = 1
+        """,
+        """
+        local:
+            int x = 0
+        Go:
+          eff: x = 1
+        """,
     ),
     error(
         "K106",
@@ -419,4 +431,7 @@ _LINES = (
     ),
 )
 
-ENTRIES: dict[str, Entry] = {entry.code: entry for entry in (*_CHARACTERS, *_LAYOUT, *_LINES)}
+ENTRIES: dict[str, Entry] = {
+    entry.code: replace(entry, bad=entry.bad.replace("<TAB>", "\t"))
+    for entry in (*_CHARACTERS, *_LAYOUT, *_LINES)
+}

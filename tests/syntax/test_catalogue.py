@@ -17,6 +17,7 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 
 _CODE = re.compile(r'"(K[1-4][0-9]{2})"')
+_TIMES = re.compile(r"(\d+) times")
 _SET = re.compile(r"--set (\w+)=(\w+)")
 
 ENTRIES = sorted(CATALOGUE.values(), key=lambda entry: entry.code)
@@ -32,6 +33,8 @@ def codes_in_the_source() -> set[str]:
 
 def loaded(text: str) -> Elaborated:
     """The example, used as its first line says."""
+    often = _TIMES.search(text.partition("\n")[0])
+    text *= int(often.group(1)) if often else 1
     chosen = _SET.search(text.partition("\n")[0])
     params: dict[str, int | str] = {}
     if chosen:
