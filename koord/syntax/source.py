@@ -34,7 +34,7 @@ NOWHERE = Span("<koord>", 1, 1, 1, 1)
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A named text. ``text`` has ``\\n`` line ends only and no byte-order mark."""
+    r"""A named text. ``text`` has ``\n`` line ends only and no byte-order mark."""
 
     name: str
     text: str
@@ -72,5 +72,5 @@ class Source:
 
 
 def normalise(text: str) -> str:
-    """Text as the lexer wants it: no byte-order mark, ``\\n`` line ends."""
+    r"""Text as the lexer wants it: no byte-order mark, ``\n`` line ends."""
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")

@@ -70,7 +70,7 @@ class ArrayType:
 
 @dataclass(frozen=True, slots=True)
 class ListType:
-    """``T[]`` and ``List<T>``: any number of elements. An array is accepted where a list is read."""
+    """``T[]`` and ``List<T>``: any number of elements. An array will do where a list is read."""
 
     element: Type
 

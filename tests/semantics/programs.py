@@ -109,7 +109,7 @@ def lock_demo(*, urgent: bool = False) -> core.Program:
 
 
 def thermostat() -> core.Program:
-    """A heater with a model: it warms by the switch, it cools, and the draught is anyone's guess."""
+    """A heater with a model: it warms by the switch, cools, and the draught is anyone's guess."""
     b = Build("thermostat")
     temp = b.sensor("temp", FLOAT, 70, "Heater")
     hours = b.sensor("hours", FLOAT, 0, "Heater")
