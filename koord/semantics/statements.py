@@ -16,8 +16,10 @@ from koord.semantics.storage import (
     Location,
     Storage,
     Tree,
+    descend,
     held,
     marked,
+    part_of,
     stored,
     write,
 )
@@ -164,14 +166,27 @@ def _check_write(
     locations: Sequence[Location[V]],
     legal: V,
 ) -> None:
-    """Log why a place cannot be written: outside of an array, below an unset list, no such key."""
+    """Log why a place cannot be written: of its steps the first that fails. [S-ASSIGN]"""
     if m.d.known(legal) is True:
         return
-    step = place.steps[-1]
-    kind = FaultKind.KEY if isinstance(step, core.KeyStep) else FaultKind.INDEX
-    if isinstance(storage, Cell) and m.d.known(storage.is_set) is not True:
-        m.fault_unless(storage.is_set, FaultKind.UNSET, place.span, place.variable.name)
-    m.fault_unless(legal, kind, step.span)
+    part: Storage[V] | Value[V] | None = storage
+    for position, (step, location) in enumerate(zip(place.steps, locations, strict=True)):
+        if isinstance(part, Tree):
+            part, there = descend(m.d, part, location)
+            m.fault_unless(there, FaultKind.INDEX, step.span)
+        else:
+            if isinstance(part, Cell):
+                m.fault_unless(part.is_set, FaultKind.UNSET, place.span, place.variable.name)
+                part = part.value
+            assert part is not None
+            is_key = isinstance(location, AtKey)
+            if is_key and position + 1 == len(locations):
+                return
+            part, there = part_of(m.d, part, location)
+            kind = FaultKind.KEY if is_key else FaultKind.INDEX
+            m.fault_unless(there, kind, step.span)
+        if part is None:
+            return
 
 
 def _assigned_value(
