@@ -216,11 +216,11 @@ def conclusion(
         whose = "" if fault.robot is None else f" of robot {fault.robot}"
         said = style.paint("fault", Paint.ERROR)
         yield f"{said}: {fault.kind.value}{whose}, {_when(run.configuration.round, run)}"
-        yield from _place(loaded, fault.span, style)
+        yield from place(loaded, fault.span, style)
     elif violation is not None:
         said = style.paint("violated", Paint.ERROR)
         yield f"{said}: {violation.name} does not hold, {_after(violation, run)}"
-        yield from _place(loaded, _span_of(violation, run), style)
+        yield from place(loaded, _span_of(violation, run), style)
     else:
         rounds = f"{run.round} round{'' if run.round == 1 else 's'}"
         ended = ", and then every robot has stopped" if run.all_stopped else ""
@@ -261,7 +261,8 @@ def _span_of(violation: Violation, run: Run) -> Span:
     return next(c.span for c in contracts if c.name == violation.name)
 
 
-def _place(loaded: LoadedProgram, span: Span, style: Style) -> Iterator[str]:
+def place(loaded: LoadedProgram, span: Span, style: Style) -> Iterator[str]:
+    """A place in the text of a program, with the line."""
     yield f"  {visible(span.file)}:{span.line}:{span.column}"
     for source in (loaded.source, *loaded.reading.properties):
         if source.name == span.file:

@@ -8,6 +8,7 @@ import sys
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from koord.cli.arguments import (
     Fleet,
@@ -27,7 +28,13 @@ from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.progress import LiveLine
 from koord.cli.systems import system_of
 from koord.cli.terminal import style_of
+from koord.cli.traces import write_trace
+from koord.semantics.configurations import System
 from koord.syntax.diagnostics import KoordError
+
+if TYPE_CHECKING:
+    from koord.verify.verdicts import Report as Verification
+    from koord.verify.verdicts import Verdict
 
 
 class Engine(Enum):
@@ -119,7 +126,7 @@ def _request(arguments: argparse.Namespace) -> Request:
 
 def _verify(program: LoadedProgram, request: Request) -> Exit:
     # Z3 is loaded here and not before, so that the other commands start without it.
-    from koord.cli import verdicts
+    from koord.cli import counterexamples, verdicts
     from koord.verify.portfolio import Choice, verify
     from koord.verify.verdicts import Bounds, Outcome
 
@@ -140,8 +147,15 @@ def _verify(program: LoadedProgram, request: Request) -> Exit:
         style = style_of(sys.stdout)
         for text in verdicts.lines(program.source.name, system, report, style):
             print(text)
+        for verdict in report.verdicts:
+            if verdict.counterexample is not None:
+                print()
+                for text in counterexamples.lines(program, system, verdict, style):
+                    print(text)
         print()
         print(verdicts.summary(system, bounds, report, style))
+    if request.trace is not None:
+        _keep(program, system, report, request.trace)
     if report.interrupted:
         return Exit.INTERRUPTED
     codes = {
@@ -150,3 +164,20 @@ def _verify(program: LoadedProgram, request: Request) -> Exit:
         Outcome.UNKNOWN: Exit.UNKNOWN,
     }
     return codes[report.outcome]
+
+
+def _keep(program: LoadedProgram, system: System, verified: Verification, path: str) -> None:
+    """Write the trace of the first violation, the shortest of several; say so if there is none."""
+    from koord.cli import counterexamples
+
+    broken = [verdict for verdict in verified.verdicts if verdict.counterexample is not None]
+    if not broken:
+        print("koord verify: no claim is violated, so there is no trace to write", file=sys.stderr)
+        return
+    shortest = min(broken, key=_length)
+    write_trace(path, counterexamples.trace_of(program, system, shortest))
+
+
+def _length(verdict: Verdict) -> int:
+    assert verdict.counterexample is not None
+    return verdict.counterexample.round

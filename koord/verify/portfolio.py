@@ -27,7 +27,7 @@ from koord.verify.verdicts import (
     Vacuity,
     Verdict,
 )
-from koord.verify.witness import replayed
+from koord.verify.witness import replayed, simplified
 
 #: How many rounds an inductive step may span.
 MAX_DEPTH = 3
@@ -126,7 +126,13 @@ class _Asked:
 
 
 def _plain_subject(system: System) -> _Subject:
-    return _Subject(system, partial(replayed, system))
+    return _Subject(system, partial(_judged, system))
+
+
+def _judged(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    """The counterexample of a recording that breaks a claim, as simple as can be."""
+    replayed(system, recording, claim, phase)
+    return replayed(system, simplified(system, recording, claim), claim, phase)
 
 
 def _abstract_subject(system: System) -> _Subject | None:
@@ -139,7 +145,7 @@ def _abstract_subject(system: System) -> _Subject | None:
 
     def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
         real = Concretion(abstraction, system).recording(recording)
-        return replayed(system, real, originals[claim], phase)
+        return _judged(system, real, originals[claim], phase)
 
     return _Subject(abstract, judge)
 

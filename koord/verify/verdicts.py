@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from koord.semantics.recording import Recording
+from koord.syntax.source import Span
 from koord.verify.claims import Claim, Phase
 
 
@@ -38,13 +39,16 @@ class Bounds:
 class Counterexample:
     """A run that breaks a claim, replayed on the exact domain.
 
-    ``round`` counts from 1; 0 means INIT. ``robot`` is whose fault it is, where there is one.
+    ``round`` counts from 1; 0 means INIT. ``robot`` is whose turn broke it, None for INIT and the
+    environment. ``span`` is the place in the text that is broken, or where the fault is.
     """
 
     recording: Recording
     round: int
     phase: Phase
     detail: str
+    robot: int | None = None
+    span: Span | None = None
 
 
 @dataclass(frozen=True, slots=True)

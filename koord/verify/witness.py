@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import koord.verify.solving as solving
 from koord.semantics.configurations import Configuration, System
@@ -197,30 +197,81 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
 
     Raises :class:`NotReplayedError` where it did not.
     """
+    last = _broken_at(system, recording, claim)
+    number = len(recording.rounds)
+    fault = last.configuration.fault
+    if claim.kind is ClaimKind.FAULT:
+        assert fault is not None
+        who = f"robot {fault.robot}: " if fault.robot is not None else ""
+        detail = f"{who}{fault.kind.value}" + (f" ({fault.detail})" if fault.detail else "")
+        return Counterexample(recording, number, phase, detail, fault.robot, fault.span)
+    detail = f"{claim.name} is false {phase.value}"
+    if claim.kind is ClaimKind.LOST_UPDATE:
+        detail = f"two robots write {claim.subject} in one round, and one update is lost"
+    elif claim.kind is ClaimKind.CONTRACT:
+        detail = f"the environment's model does not keep contract {claim.subject}"
+    span = claim.stated.span if claim.stated is not None else None
+    robot = last.robot
+    if claim.kind is ClaimKind.CONTRACT:
+        robot, span = next(
+            (robot, contract.span)
+            for robot, contract in last.stepped.promises
+            if contract.name == claim.subject
+        )
+    return Counterexample(recording, number, phase, detail, robot, span)
+
+
+def simplified(system: System, recording: Recording, claim: Claim, tries: int = 200) -> Recording:
+    """A recording that breaks the claim as the given one does, with fewer events, if there is one.
+
+    Leaves out events of robots one by one, from the end, as long as the claim stays broken.
+    """
+    for number in reversed(range(len(recording.rounds))):
+        for robot in range(system.robots):
+            round_ = recording.rounds[number]
+            if round_.events[robot] is None:
+                continue
+            if tries == 0:
+                return recording
+            tries -= 1
+            events = (*round_.events[:robot], None, *round_.events[robot + 1 :])
+            rounds_ = (
+                *recording.rounds[:number],
+                replace(round_, events=events),
+                *recording.rounds[number + 1 :],
+            )
+            try:
+                _broken_at(system, replace(recording, rounds=rounds_), claim)
+            except NotReplayedError:
+                continue
+            recording = replace(recording, rounds=rounds_)
+    return recording
+
+
+def _broken_at(system: System, recording: Recording, claim: Claim) -> Step:
+    """The last step of a recorded run, which breaks the claim. Raises NotReplayedError."""
     try:
         steps = list(execute(EXACT, system, recording))
     except IllegalStepError as error:
         raise NotReplayedError(str(error)) from error
     last = steps[-1]
-    number = len(recording.rounds)
     if claim.kind is ClaimKind.FAULT:
-        fault = last.configuration.fault
-        if fault is None:
+        if last.configuration.fault is None:
             raise NotReplayedError("no fault happened")
-        who = f"robot {fault.robot}: " if fault.robot is not None else ""
-        detail = f"{who}{fault.kind.value} at {fault.span}"
-        detail += f" ({fault.detail})" if fault.detail else ""
-        return Counterexample(recording, number, phase, detail)
+        return last
     if last.configuration.fault is not None:
         raise NotReplayedError("the run faults before it breaks the claim")
     inputs = RecordedInputs(answers=_last_answers(recording))
     findings = _findings(system, recording, steps)
-    violated, legality = broken(EXACT, system, claim, last.configuration, findings, inputs)
+    try:
+        violated, legality = broken(EXACT, system, claim, last.configuration, findings, inputs)
+    except IllegalStepError as error:
+        raise NotReplayedError(str(error)) from error
     if any(needed.condition is not True for needed in legality):
         raise NotReplayedError("an external function's answer does not meet its summary")
     if violated is not True:
         raise NotReplayedError(f"{claim.name} is not broken where the run ends")
-    return Counterexample(recording, number, phase, f"{claim.name} is false {phase.value}")
+    return last
 
 
 def _last_answers(recording: Recording) -> tuple[Answer, ...]:

@@ -1,0 +1,73 @@
+"""Counterexamples as tables of rounds, and as traces that other commands read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from koord.cli.inputs import LoadedProgram
+from koord.cli.run import place
+from koord.cli.tables import Shown, Table
+from koord.cli.terminal import Paint, Style
+from koord.cli.traces import sources_of
+from koord.semantics.configurations import Configuration, System
+from koord.semantics.domain import Constant
+from koord.semantics.names import Names
+from koord.semantics.recording import execute
+from koord.semantics.trace import Numbers, Trace, Violation, ViolationKind, traced
+from koord.verify.claims import ClaimKind
+from koord.verify.verdicts import Counterexample, Verdict
+
+_KINDS = {
+    ClaimKind.PROPERTY: ViolationKind.PROPERTY,
+    ClaimKind.CONTRACT: ViolationKind.CONTRACT,
+    ClaimKind.LOST_UPDATE: ViolationKind.LOST_UPDATE,
+}
+
+
+def lines(loaded: LoadedProgram, system: System, verdict: Verdict, style: Style) -> Iterator[str]:
+    """The run that breaks a claim: a heading, its rounds, and the place in the text."""
+    found = verdict.counterexample
+    assert found is not None
+    yield style.paint(f"{verdict.claim.name}: {_headline(found)}", Paint.ERROR)
+    yield ""
+    yield from _rounds(system, found, Table(Names(system), style))
+    yield ""
+    yield f"  {found.detail}"
+    if found.span is not None:
+        yield from place(loaded, found.span, style)
+
+
+def _headline(found: Counterexample) -> str:
+    if found.round == 0:
+        return "broken by the initial configuration"
+    return f"broken in round {found.round}, {found.phase.value}"
+
+
+def _rounds(system: System, found: Counterexample, table: Table) -> Iterator[str]:
+    """The rounds as ``koord run`` shows them, run by the reference semantics once more."""
+    last: Configuration[Constant] | None = None
+    steps: list[Shown] = []
+    for step in execute(Numbers.EXACT.domain, system, found.recording):
+        if last is None:
+            yield from table.start(step)
+        else:
+            steps.append(Shown(step, last))
+            if step.rule == "ENV-TRANS":
+                yield from table.round(step.round, steps)
+                steps = []
+        last = step.configuration
+    if steps:
+        yield from table.round(steps[0].step.round, steps)
+    yield from table.idle()
+
+
+def trace_of(loaded: LoadedProgram, system: System, verdict: Verdict) -> Trace:
+    """The counterexample as a trace."""
+    found = verdict.counterexample
+    assert found is not None
+    kind = _KINDS.get(verdict.claim.kind)
+    violation = None
+    if kind is not None:
+        name = verdict.claim.subject or verdict.claim.name
+        violation = Violation(kind, name, found.round - 1, found.robot)
+    return traced(sources_of(loaded), system, Numbers.EXACT, found.recording, violation)
