@@ -16,6 +16,10 @@ from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms
 
 
+#: Why Z3 stops on Ctrl-C. It says "canceled" of some deadlines too.
+_INTERRUPTED = frozenset({"interrupted from keyboard", "interrupted", "canceled"})
+
+
 class Answer(Enum):
     """What a solver says of a question."""
 
@@ -36,6 +40,11 @@ class Deadline:
 
     def left_s(self) -> float | None:
         return None if self.at is None else max(0.0, self.at - time.monotonic())
+
+    def is_near(self) -> bool:
+        """Whether a solver that stops now may have done so because of it."""
+        left = self.left_s()
+        return left is not None and left < 0.05
 
     def passed(self) -> bool:
         return self.at is not None and time.monotonic() >= self.at
@@ -88,13 +97,15 @@ class Solver:
             literals.append(literal)
         result = self._solver.check(*literals)
         self._model = self._solver.model() if result == z3.sat else None
+        # Asked for now: the next assertion makes Z3 forget why it stopped.
+        reason = self._solver.reason_unknown() if result == z3.unknown else ""
         # The question is not asked again, so the solver may forget it.
         self._solver.add(*(z3.Not(literal) for literal in literals))
         if result == z3.unsat:
             return Answer.UNSAT
         if result == z3.sat:
             return Answer.SAT
-        if self._solver.reason_unknown() in ("interrupted from keyboard", "interrupted"):
+        if reason in _INTERRUPTED and not deadline.is_near():
             raise KeyboardInterrupt
         return Answer.UNKNOWN
 
