@@ -63,10 +63,11 @@ def said(verdict: Verdict) -> str:
             found = verdict.counterexample
             where = f"in round {found.round}" if found.round else "at the start"
             return f"violated {where}"
+        case Outcome.UNKNOWN if verdict.rounds is None:
+            return "unknown"
         case Outcome.UNKNOWN:
-            if verdict.rounds is None:
-                return "unknown"
             return f"unknown; holds through round {verdict.rounds}"
+    assert_never(verdict.outcome)
 
 
 def _by(verdict: Verdict) -> str:
@@ -74,7 +75,7 @@ def _by(verdict: Verdict) -> str:
         return ""
     if verdict.engine is Engine.INDUCTION and verdict.depth > 1:
         return f"induction over {verdict.depth} rounds"
-    return verdict.engine.value
+    return str(verdict.engine.value)
 
 
 def _fleet(system: System) -> str:

@@ -21,8 +21,8 @@ from koord.semantics.configurations import (
 )
 from koord.semantics.domain import Domain
 from koord.semantics.oracle import Oracle
-from koord.semantics.storage import Cell, Mask, Storage, merge_storage
-from koord.semantics.values import Value, merge
+from koord.semantics.storage import Mask, Storage, merge_storage, set_only_if
+from koord.semantics.values import Value
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.source import Span
 from koord.syntax.types import BOOL
@@ -48,12 +48,12 @@ class Memory(Generic[V]):
     allread: list[Storage[V]]
     allwrite: list[Storage[V]]
     after: list[Storage[V]]
-    bound: list[Cell[V] | None]
+    bound: list[Storage[V] | None]
     stop: V
     trystop: V
     broke: V
     returned: V
-    result: Cell[V] | None = None
+    result: Storage[V] | None = None
 
     def copied(self) -> Memory[V]:
         """A memory that changes on its own from here."""
@@ -78,19 +78,11 @@ class Memory(Generic[V]):
             pairs = zip(left, right, strict=True)
             return [merge_storage(d, condition, a, b) for a, b in pairs]
 
-        def cells(a: Cell[V] | None, b: Cell[V] | None) -> Cell[V] | None:
-            if a is b:
-                return a
-            if a is None or b is None:
-                # Set on one side only: then it depends on the condition whether it is set at all.
-                never = d.const(False, BOOL)
-                some = b if a is None else a
-                assert some is not None
-                is_set = d.ite(
-                    condition, never if a is None else a.is_set, never if b is None else b.is_set
-                )
-                return Cell(is_set, some.value)
-            return Cell(d.ite(condition, a.is_set, b.is_set), merge(d, condition, a.value, b.value))
+        def perhaps(a: Storage[V] | None, b: Storage[V] | None) -> Storage[V] | None:
+            # What is there on one side only is set where that side was taken.
+            if a is None:
+                return b if b is None else set_only_if(d, b, d.unary(UnaryOp.NOT, condition))
+            return set_only_if(d, a, condition) if b is None else merge_storage(d, condition, a, b)
 
         return Memory(
             storages(self.locals, other.locals),
@@ -98,12 +90,12 @@ class Memory(Generic[V]):
             storages(self.allread, other.allread),
             storages(self.allwrite, other.allwrite),
             storages(self.after, other.after),
-            [cells(a, b) for a, b in zip(self.bound, other.bound, strict=True)],
+            [perhaps(a, b) for a, b in zip(self.bound, other.bound, strict=True)],
             d.ite(condition, self.stop, other.stop),
             d.ite(condition, self.trystop, other.trystop),
             d.ite(condition, self.broke, other.broke),
             d.ite(condition, self.returned, other.returned),
-            cells(self.result, other.result),
+            perhaps(self.result, other.result),
         )
 
 

@@ -21,6 +21,7 @@ from koord.semantics.storage import (
     marked,
     part_of,
     stored,
+    unset,
     write,
 )
 from koord.semantics.values import (
@@ -113,8 +114,7 @@ def assign(m: Machine[V], place: core.Place, value: Value[V]) -> None:
     variable = place.variable
     locations = [located(m, step) for step in place.steps]
     if variable.home is Home.BOUND:
-        changed_value = _assigned_value(m, place, locations, value)
-        m.memory.bound[variable.slot] = held(m.d, changed_value)
+        _assign_bound(m, place, locations, value)
         return
     storages = _storages(m, variable.home)
     storage = storages[variable.slot]
@@ -189,22 +189,24 @@ def _check_write(
             return
 
 
-def _assigned_value(
+def _assign_bound(
     m: Machine[V], place: core.Place, locations: Sequence[Location[V]], value: Value[V]
-) -> Value[V]:
-    """A bound variable with a part replaced. Bound variables hold values, not storage."""
-    if not locations:
-        return value
-    old = m.memory.bound[place.variable.slot]
-    is_set = m.truth(False) if old is None else old.is_set
-    m.fault_unless(is_set, FaultKind.UNSET, place.span, place.variable.name)
-    if old is None:
-        return default(m.d, place.variable.type, m.system.robots)
-    whole = held(m.d, old.value)
-    changed, legal = write(m.d, whole, locations, Cell(m.truth(True), value))
-    _check_write(m, place, whole, locations, legal)
-    assert isinstance(changed, Cell)
-    return changed.value
+) -> None:
+    """Write a variable of a function or loop, or a part of one.
+
+    Parameters and loop variables are held whole, in a cell; locals of functions start unset.
+    """
+    variable = place.variable
+    storage = m.memory.bound[variable.slot]
+    if storage is None:
+        storage = unset(m.d, variable.type, m.system.robots)
+    if isinstance(storage, Cell) and not locations:
+        m.memory.bound[variable.slot] = held(m.d, value)
+        return
+    fresh = _fresh(m, place, storage, locations, value)
+    changed, legal = write(m.d, storage, locations, fresh)
+    _check_write(m, place, storage, locations, legal)
+    m.memory.bound[variable.slot] = changed
 
 
 def _mark(
@@ -297,6 +299,7 @@ def call(m: Machine[V], e: core.Call) -> Value[V]:
     m.memory.bound, m.memory.broke, m.memory.returned, m.memory.result = outer
     if result is None:
         result = Cell(m.truth(False), default(m.d, e.type, m.system.robots))
+    assert isinstance(result, Cell)
     m.fault_unless(result.is_set, FaultKind.UNSET, e.span, f"{e.function} returned nothing")
     return result.value
 

@@ -409,6 +409,13 @@ def restricted(d: Domain[V], mask: Mask[V] | None, condition: V) -> Mask[V] | No
     )
 
 
+def set_only_if(d: Domain[V], storage: Storage[V], condition: V) -> Storage[V]:
+    """The storage, with nothing set where the condition does not hold."""
+    if isinstance(storage, Cell):
+        return Cell(d.binary(BinaryOp.AND, storage.is_set, condition), storage.value)
+    return Tree(tuple(set_only_if(d, part, condition) for part in storage.parts))
+
+
 # --- merging ------------------------------------------------------------------------------------
 
 
