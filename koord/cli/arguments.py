@@ -68,13 +68,6 @@ def seed(text: str) -> int:
     return _whole(text, "a seed", 0, 2**64 - 1)
 
 
-def name(text: str) -> str:
-    """A name as programs have them."""
-    if not _NAME.match(text):
-        raise ArgumentTypeError(f"{text!r} is not a name")
-    return text
-
-
 def seconds(text: str) -> float:
     """A time of the clock on the wall, more than none."""
     amount = number(text.removesuffix("s"))

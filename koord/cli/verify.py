@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -18,7 +19,6 @@ from koord.cli.arguments import (
     add_settings,
     add_trace,
     check_files,
-    name,
     seconds,
 )
 from koord.cli.diagnostics import Report, report_error
@@ -74,7 +74,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--property",
         dest="names",
         metavar="NAME",
-        type=name,
         action="append",
         default=[],
         help="verify this property only; may be given several times",
@@ -127,10 +126,13 @@ def _request(arguments: argparse.Namespace) -> Request:
 def _verify(program: LoadedProgram, request: Request) -> Exit:
     # Z3 is loaded here and not before, so that the other commands start without it.
     from koord.cli import counterexamples, verdicts
+    from koord.verify.claims import claims_of, liveness_of
     from koord.verify.portfolio import Choice, verify
     from koord.verify.verdicts import Bounds, Outcome
 
     system = system_of(program.program, request.fleet, request.delta_s)
+    known = [claim.name for claim in claims_of(system)] + [p.name for p in liveness_of(system)]
+    _check_names(request.properties, known)
     bounds = Bounds(request.rounds, request.timeout_s)
     with LiveLine(sys.stderr) as line:
         report = verify(
@@ -181,3 +183,13 @@ def _keep(program: LoadedProgram, system: System, verified: Verification, path: 
 def _length(verdict: Verdict) -> int:
     assert verdict.counterexample is not None
     return verdict.counterexample.round
+
+
+def _check_names(wanted: Sequence[str], known: Sequence[str]) -> None:
+    """A misspelt name must not pass for a verdict. Raises ArgumentTypeError."""
+    for word in wanted:
+        if word not in known:
+            listed = ", ".join(known)
+            raise argparse.ArgumentTypeError(
+                f"--property: there is no {word!r}; there are {listed}"
+            )

@@ -15,7 +15,6 @@ from koord.syntax.types import BoolType, OpaqueType, StreamType, StringType, Typ
 from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms
 
-
 #: Why Z3 stops on Ctrl-C. It says "canceled" of some deadlines too.
 _INTERRUPTED = frozenset({"interrupted from keyboard", "interrupted", "canceled"})
 

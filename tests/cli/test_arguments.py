@@ -36,8 +36,6 @@ def test_a_fleet() -> None:
         (arguments.rounds, "-1", "from 0"),
         (arguments.rounds, "2.5", "not a whole number"),
         (arguments.seed, "-1", "from 0"),
-        (arguments.name, "two words", "not a name"),
-        (arguments.name, "3x", "not a name"),
         (seconds, "0", "not more than 0"),
         (seconds, "-5", "not more than 0"),
         (seconds, "nan", "not a number"),

@@ -133,3 +133,12 @@ def test_every_flag_of_run_arrives(monkeypatch: pytest.MonkeyPatch, program: str
             trace=f"{program}.json",
         )
     ]
+
+
+def test_a_misspelt_property_is_no_verdict(
+    capsys: pytest.CaptureFixture[str], program: str
+) -> None:
+    assert frame.main(["verify", program, "--property", "Smal"]) == Exit.BAD_INPUT
+    streams = capsys.readouterr()
+    assert "--property: there is no 'Smal'; there are Small, " in streams.err
+    assert streams.out == ""
