@@ -243,6 +243,3 @@ class AskedOracle:
 
     def every(self, type_: Type, body: Callable[[Symbolic], Term]) -> Term:
         return True
-
-    def vouches_for(self, function: core.External) -> bool:
-        return False

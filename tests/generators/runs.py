@@ -80,9 +80,6 @@ class RandomOracle:
     def every(self, type_: Type, body: Callable[[Concrete], Constant]) -> Constant:
         return True
 
-    def vouches_for(self, function: core.External) -> bool:
-        return False
-
     def _noted(self, key: Key) -> Concrete | None:
         answer = self.inputs.answers.get((self.phase, self.robot, key))
         return answer.value if answer is not None else None
