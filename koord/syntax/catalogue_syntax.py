@@ -156,8 +156,9 @@ _LAYOUT = (
         "K112",
         "a line may belong to two blocks",
         """A body may begin on the line of its head and go on in deeper-indented lines. If several
-        bodies begin on one line, a line below goes on with the one whose beginning it reaches; one
-        that reaches none could mean any of them. Put the inner body on lines of its own.""",
+        bodies begin on one line, a line below belongs to the one that it is aligned with, or to
+        the last one if it stands deeper than all. Any other could mean any of them: put the inner
+        body on lines of its own.""",
         """
         local:
           int x = 0

@@ -139,10 +139,13 @@ class _Layout:
         if first not in ("PRE", "EFF"):  # nothing else goes on with an event
             opened = [c for c in opened if c[1].first not in ("PRE", "EFF")] or opened
         if first in ("ELSE", "ELIF"):
-            opened = [candidate for candidate in opened if candidate[1].first in ("IF", "ELIF")]
-            opened = [c for c in opened if c[2] == line.indent] or opened
-        else:
-            opened = [c for c in opened if c[2] <= line.indent][-1:] or opened
+            ifs = [c for c in opened if c[1].first in ("IF", "ELIF")]
+            if not ifs and chain[0].first in ("IF", "ELIF"):
+                return None
+            opened = ifs or opened[:1]
+        elif opened and line.indent > opened[-1][2]:
+            opened = opened[-1:]
+        opened = [c for c in opened if c[2] == line.indent] or opened
         if len(opened) > 1:
             outer, inner = (_head(part) for part in (opened[0][0], opened[-1][0]))
             self._mistake(

@@ -123,18 +123,21 @@ class _Cutter:
 
     def next(self) -> Line:
         start = self.at
-        line = self._gather(start, len(self.lines))
+        line = self._gather(start)
+        if line.brackets and self.at > self.strict_until:
+            self.strict_until = self.at
+            line = self._gather(start)
         if line.brackets:
-            line = self._close(line, start)
+            self._close(line)
         return line
 
-    def _gather(self, start: int, stop: int) -> Line:
+    def _gather(self, start: int) -> Line:
         """The line that begins at ``start``; ``at`` is then the first one not taken."""
         lines = self.lines
         line = Line(lines[start].indent)
         self._scan(line, lines[start].tokens)
         self.at = start + 1
-        while self.at < stop and self._goes_on(line, lines[self.at]):
+        while self.at < len(lines) and self._goes_on(line, lines[self.at]):
             self._scan(line, lines[self.at].tokens)
             self.at += 1
         return line
@@ -144,7 +147,7 @@ class _Cutter:
         if first.type in _OUTSIDE:
             return False
         if line.brackets:
-            return self.at >= self.strict_until or not _falls_back(line, following)
+            return self.at >= self.strict_until or not _is_over(line, following)
         if line.sink and following.indent > line.indent:
             # line.sink is empty or None behind the colon of a block
             last = line.sink[-1].type
@@ -237,30 +240,15 @@ class _Cutter:
         token.type = kind
         return True
 
-    def _close(self, line: Line, start: int) -> Line:
-        """The line again, up to where a bracket that is never closed most likely ends."""
-        stop = self.at
-        opening = line.brackets[-1]
-        if not line.chain[-1].broken:
-            self._unclosed(opening, "on its line or below", None)
-        cut = stop
-        colon = False
-        for position in range(start, stop):
-            text_line = self.lines[position]
-            if position > start and _falls_back(line, text_line):
-                cut = position
-                break
-            if text_line.tokens[0].line == opening.line and text_line.tokens[-1].type == "COLON":
-                cut = position + 1
-                colon = True
-                break
-        self.strict_until = max(self.strict_until, stop)
-        if cut < stop:
-            line = self._gather(start, cut)
+    def _close(self, line: Line) -> None:
+        """Close the brackets of a line that nothing closes, and say so."""
         part = line.chain[-1]
-        part.broken = True
         tokens = part.tokens
-        if colon and tokens and tokens[-1].type == "COLON":
+        opening = line.brackets[-1]
+        if not part.broken:
+            self._unclosed(opening, "on its line or below", None)
+        part.broken = True
+        if _ends_head(part):
             part.colon = tokens.pop()
             line.sink = None
         last = tokens[-1] if tokens else opening
@@ -268,8 +256,6 @@ class _Cutter:
             kind, text = _CLOSER[bracket.type]
             column = last.end_column
             tokens.append(Token(kind, text, last.file, last.line, column, column))
-        self.at = cut
-        return line
 
     def _unclosed(self, opening: Token, where: str, closing: Token | None) -> None:
         closer = _CLOSER[opening.type][1]
@@ -305,8 +291,13 @@ class _Cutter:
         return line.sink
 
 
-def _falls_back(line: Line, following: TextLine) -> bool:
-    """Whether a line begins no deeper than the statement that is being read."""
-    first = following.tokens[0]
-    statement = line.chain[-1].tokens
-    return following.indent < statement[0].column and first.type not in _CLOSING
+def _is_over(line: Line, following: TextLine) -> bool:
+    """Whether a statement with an open bracket most likely ends before the following line."""
+    part = line.chain[-1]
+    falls_back = following.indent < part.tokens[0].column
+    return _ends_head(part) or (falls_back and following.tokens[0].type not in _CLOSING)
+
+
+def _ends_head(part: Part) -> bool:
+    """Whether the last token is likely to be the colon behind the head of a block."""
+    return part.first in ("IF", "ELIF", "FOR", "DEF") and part.tokens[-1].type == "COLON"

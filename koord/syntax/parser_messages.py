@@ -330,10 +330,16 @@ def _two_in_one(m: Mistake) -> Complaint | None:
         message = f"the line should end before `{text}`"
         hint = "one statement per line; or an operator is missing here"
         return Complaint("K135", token, message, hint, repaired)
-    if token.type in _BEGINS_VALUE and "OPERATOR" in m.expected:
-        message = f"an operator is missing before `{text}`"
-        return Complaint("K130", token, message, None, repaired)
     return None
+
+
+def _no_operator(m: Mistake) -> Complaint | None:
+    if m.token.type not in _BEGINS_VALUE or "OPERATOR" not in m.expected:
+        return None
+    missing = "`,` or an operator" if "COMMA" in m.expected else "an operator"
+    message = f"{missing} is missing before `{shown(m.token.text)}`"
+    repaired = m.tokens[: m.position] if m.could_end else None
+    return Complaint("K130", m.token, message, None, repaired)
 
 
 def _nothing(m: Mistake) -> Complaint | None:
@@ -367,4 +373,5 @@ _RULES: tuple[Callable[[Mistake], Complaint | None], ...] = (
     _no_type,
     _value_as_statement,
     _two_in_one,
+    _no_operator,
 )

@@ -1,0 +1,399 @@
+"""What is printed reads back as the same tree, and prints as the same text."""
+
+from __future__ import annotations
+
+from collections import Counter
+from fractions import Fraction
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import koord
+from koord.syntax import ast
+from koord.syntax.format import format_source
+from koord.syntax.parser import parse
+from koord.syntax.printer import print_expr, print_program, print_type
+from koord.syntax.source import Source
+from tests import strategies
+from tests.syntax.reading import expression, program
+
+ROOT = Path(koord.__file__).parents[1]
+TEXTS = [
+    *sorted(ROOT.glob("specs/examples/**/*.krd")),
+    ROOT / "koord" / "syntax" / "prelude.krd",
+]
+
+
+def formatted(text: str) -> str:
+    """The text in the one layout; laying it out again changes nothing, and no comment is lost."""
+    source = Source("t", text)
+    once = format_source(source)
+    assert once.diagnostics == ()
+    again = parse(Source("t", once.text))
+    before = parse(source).program
+    assert again.diagnostics == ()
+    assert again.program == before
+    assert Counter(c.text for c in again.program.comments) == Counter(
+        c.text for c in before.comments
+    )
+    assert format_source(Source("t", once.text)).text == once.text
+    return once.text
+
+
+# --- properties ---------------------------------------------------------------------------------
+
+
+@settings(max_examples=300)
+@given(strategies.programs())
+def test_a_printed_program_reads_back_as_itself(tree: ast.Program) -> None:
+    text = print_program(tree)
+    parsed = parse(Source("t", text))
+    assert parsed.diagnostics == ()
+    assert parsed.program == tree
+    assert print_program(parsed.program) == text
+
+
+@settings(max_examples=300)
+@given(strategies.expressions(5))
+def test_a_printed_expression_reads_back_as_itself(tree: ast.Expr) -> None:
+    assert expression(print_expr(tree)) == tree
+
+
+@settings(max_examples=200)
+@given(strategies.types(4))
+def test_a_printed_type_reads_back_as_itself(tree: ast.TypeExpr) -> None:
+    assert program(f"param {print_type(tree)} x") == ast.Program(
+        (ast.ParamDecl(ast.VarDecl(tree, ast.Ident("x"))),)
+    )
+
+
+@settings(max_examples=200)
+@given(strategies.programs(), st.data())
+def test_comments_and_blank_lines_anywhere_are_kept(tree: ast.Program, data: st.DataObject) -> None:
+    lines = print_program(tree).splitlines()
+    for number in range(data.draw(st.integers(0, 5))):
+        at = data.draw(st.integers(0, len(lines)))
+        kind = data.draw(st.integers(0, 2))
+        if kind == 0:
+            lines.insert(at, " " * data.draw(st.integers(0, 12)) + f"# own {number}")
+        elif kind == 1:
+            lines.insert(at, "")
+        elif at < len(lines) and lines[at] and "#" not in lines[at]:
+            lines[at] += f" // beside {number}"
+    formatted("\n".join(lines))
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem)
+def test_the_examples_keep_their_trees_and_comments(path: Path) -> None:
+    formatted(path.read_text(encoding="utf-8"))
+
+
+# --- expressions --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "printed"),
+    [
+        ("((x))", "x"),
+        ("(x + y) + z", "x + y + z"),
+        ("x + (y + z)", "x + (y + z)"),
+        ("x - (y - z)", "x - (y - z)"),
+        ("(x * y) + (z / x)", "x * y + z / x"),
+        ("(x + y) * z", "(x + y) * z"),
+        ("-(x)", "-x"),
+        ("-(-x)", "-(-x)"),
+        ("(-x) * y", "-x * y"),
+        ("-(x * y)", "-(x * y)"),
+        ("x - (-y)", "x - -y"),
+        ("not (x and y)", "not (x and y)"),
+        ("not (x == y)", "not x == y"),
+        ("(not x) == y", "(not x) == y"),
+        ("x == (not y)", "x == (not y)"),
+        ("not (not x)", "not not x"),
+        ("(x < y) == (y < z)", "(x < y) == (y < z)"),
+        ("(x and y) or z", "x and y or z"),
+        ("x and (y or z)", "x and (y or z)"),
+        ("(x or y) implies (y implies z)", "x or y implies y implies z"),
+        ("(x implies y) implies z", "(x implies y) implies z"),
+        ("x implies (forall i: y)", "x implies forall i: y"),
+        ("(forall i: x) implies y", "(forall i: x) implies y"),
+        ("(x and (forall i: y)) or z", "x and (forall i: y) or z"),
+        ("x == (forall i: y)", "x == (forall i: y)"),
+        ("[(forall i: x), y]", "[forall i: x, y]"),
+        ("(x + y).f", "(x + y).f"),
+        ("(-x)[1]", "(-x)[1]"),
+        ("(x.f)[1]", "x.f[1]"),
+        ("x@(i)", "x@i"),
+        ("x@(i + 1)", "x@(i + 1)"),
+        ("x@(f(i))", "x@(f(i))"),
+        ("x && !y || z", "x and not y or z"),
+        ("x ≠ y and x ≤ z", "x != y and x <= z"),
+        ("forall i,j:x", "forall i, j: x"),
+        ("forall k=0,n:x", "forall k in 0, n: x"),
+        ("{x:1,y:2}", "{x: 1, y: 2}"),
+        ("Task(loc=x)", "Task(loc = x)"),
+        ("True", "true"),
+        ('"a\\"\\n"', '"a\\"\\n"'),
+    ],
+)
+def test_the_fewest_parentheses(text: str, printed: str) -> None:
+    assert print_expr(expression(text)) == printed
+    assert expression(printed) == expression(text)
+
+
+@pytest.mark.parametrize(
+    ("value", "printed"),
+    [
+        (Fraction(0), "0.0"),
+        (Fraction(5, 2), "2.5"),
+        (Fraction(1, 1000), "0.001"),
+        (Fraction(100), "100.0"),
+        (Fraction(1, 10**9), "1e-9"),
+        (Fraction(123, 10**12), "1.23e-10"),
+        (Fraction(10**30), "1e30"),
+        (Fraction(12345, 1), "12345.0"),
+    ],
+)
+def test_decimals_are_short_and_exact(value: Fraction, printed: str) -> None:
+    assert print_expr(ast.FloatLit(value)) == printed
+    assert expression(printed) == ast.FloatLit(value)
+
+
+@pytest.mark.parametrize("op", [ast.BinaryOp.ADD, ast.BinaryOp.IMPLIES])
+def test_long_chains_print_without_recursion(op: ast.BinaryOp) -> None:
+    x: ast.Expr = ast.Name("x")
+    chain = x
+    for _ in range(5000):
+        right = op is ast.BinaryOp.IMPLIES
+        chain = ast.Binary(op, x, chain) if right else ast.Binary(op, chain, x)
+    assert print_expr(chain) == f" {op.value} ".join(["x"] * 5001)
+
+
+# --- layout -------------------------------------------------------------------------------------
+
+
+def lay_out(text: str) -> str:
+    return formatted(dedent(text).lstrip("\n"))
+
+
+def test_one_layout_for_everything() -> None:
+    assert lay_out(
+        """
+        using Motion:
+          actuators:
+            pos[] path
+          sensors:
+              pos psn
+        local: int x = 0
+        enum Mode: a,
+          b
+        allread:
+          int  y[Nsys]
+        def f(int a) -> int: extern fresh
+          ensures: result>0
+            result<9
+
+
+        urgent Go:
+          eff: if x==1: stop
+            else: atomic:
+              for i = 0,3:
+                x=x+i
+          pre: x>0
+            x<9
+        assume: x == 0
+          true
+        """
+    ) == dedent(
+        """\
+        using Motion:
+            sensors:
+                pos psn
+            actuators:
+                pos[] path
+        local:
+            int x = 0
+        enum Mode: a, b
+        allread:
+            int[Nsys] y
+        def fun f(int a) -> int: extern fresh
+            ensures: result > 0
+            ensures: result < 9
+
+        urgent Go:
+            pre: x > 0 and x < 9
+            eff:
+                if x == 1:
+                    stop
+                else:
+                    atomic:
+                        for i = 0, 3:
+                            x = x + i
+        assume: x == 0
+        assume: true
+        """
+    )
+
+
+def test_comments_stay_with_what_they_are_about() -> None:
+    text = """\
+    # the head of the file
+
+    # about x
+    local:  # locals
+        int x  # about x
+
+        # about y
+        int y
+        # at the end of the locals
+
+    # about Go
+    Go:
+        # about pre
+        pre: x == 1  # one
+        eff:  # effect
+            # first
+            if x == 1:  # condition
+                x = 2
+                # at the end of then
+            # before else
+            else:  # otherwise
+                # first of else
+                x = 3
+            # at the end of eff
+        # at the end of Go
+    # the end
+    """
+    assert lay_out(text) == dedent(text)
+
+
+def test_comments_move_with_what_they_are_about() -> None:
+    assert lay_out(
+        """
+        using M:
+          # about actuators
+          actuators:
+            int a  # a
+            # the last actuator
+          # about sensors
+          sensors:  # s
+            int b
+        E:
+          # about eff
+          eff: if x: stop  # why
+            # about else
+            else: y = 1
+          # about pre
+          pre: (x and
+            # between
+            y)  # y
+        """
+    ) == dedent(
+        """\
+        using M:
+            # about sensors
+            sensors:  # s
+                int b
+            # about actuators
+            actuators:
+                int a  # a
+                # the last actuator
+        E:
+            # about pre
+            # between
+            pre: x and y  # y
+            # about eff
+            eff:
+                if x:
+                    stop  # why
+                # about else
+                else:
+                    y = 1
+        """
+    )
+
+
+def test_blank_lines_are_kept_one_at_most() -> None:
+    assert lay_out(
+        """
+
+
+        local:
+
+          int x
+
+
+
+          int y
+        E:
+
+          eff:
+            x = 1
+
+
+            y = 2
+
+            if x == 1:
+
+              stop
+
+            else:
+              stop
+
+
+        """
+    ) == dedent(
+        """\
+        local:
+            int x
+
+            int y
+        E:
+            eff:
+                x = 1
+
+                y = 2
+
+                if x == 1:
+                    stop
+                else:
+                    stop
+        """
+    )
+
+
+def test_trees_without_places_have_a_blank_line_between_long_sections() -> None:
+    x = ast.Ident("x")
+    stop = ast.Event(x, False, None, (ast.Stop(),))
+    use = ast.Using(x, (), (), None, ())
+    assert print_program(ast.Program((use, use, stop, stop, use))) == dedent(
+        """\
+        using x
+        using x
+
+        x:
+            eff:
+                stop
+
+        x:
+            eff:
+                stop
+
+        using x
+        """
+    )
+
+
+def test_only_comments() -> None:
+    assert lay_out("\n\n# one\n\n\n  # two\n") == "# one\n\n# two\n"
+    assert format_source(Source("t", "\n\n")).text == ""
+
+
+def test_a_text_with_mistakes_is_left_alone() -> None:
+    text = "local:\n  int   x =\n"
+    found = format_source(Source("t", text))
+    assert found.text == text
+    assert [d.code for d in found.diagnostics] == ["K130"]
