@@ -59,17 +59,20 @@ def differences(
 ) -> Iterator[Change]:
     """Where a recorded configuration (``new``) is not the expected one (``old``). [REPLAY]
 
-    Two are identical if nothing is yielded: [CONFIG]. Of faults the kind and the robot count; the
-    place in the text does not, for the text may have been laid out anew.
+    Two are identical if nothing is yielded: [CONFIG]. Of a faulted one the fault alone counts, and
+    of the fault its kind and robot: the text may have been laid out anew.
     """
+    if _fault(expected) != _fault(recorded):
+        yield Change(None, "the fault", _fault(expected), _fault(recorded))
+    if expected.fault is not None:
+        # What an evaluator left behind a fault has no meaning.
+        return
     if expected.round != recorded.round:
         yield Change(None, "the number of rounds", str(expected.round), str(recorded.round))
     if expected.turn is not recorded.turn:
         yield Change(None, "the turn", expected.turn.value, recorded.turn.value)
     if expected.taken != recorded.taken:
         yield Change(None, "the lock classes taken", _set(expected.taken), _set(recorded.taken))
-    if _fault(expected) != _fault(recorded):
-        yield Change(None, "the fault", _fault(expected), _fault(recorded))
     yield from changes(names, expected, recorded)
     for number, (old, new) in enumerate(zip(expected.robots, recorded.robots, strict=True)):
         if old.ran != new.ran:

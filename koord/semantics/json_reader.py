@@ -117,8 +117,8 @@ def shortened(text: str, most: int = 40) -> str:
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
-class _DuplicateError(ValueError):
-    """An object has two fields of one name."""
+class _FormError(ValueError):
+    """JSON that Python accepts, and nobody should."""
 
 
 def parse(raw: bytes, file: str) -> Reader:
@@ -132,8 +132,10 @@ def parse(raw: bytes, file: str) -> Reader:
         raise _not_json(file, text, error) from None
     except RecursionError:
         raise refusal(file, "K910", "it is nested too deeply", NO_JSON) from None
-    except ValueError as error:
+    except _FormError as error:
         raise refusal(file, "K910", str(error), NO_JSON) from None
+    except ValueError:  # Python converts no longer ones
+        raise refusal(file, "K910", "a number in it has thousands of digits", NO_JSON) from None
     return Reader(document, "$", file)
 
 
@@ -156,9 +158,9 @@ def _distinct(pairs: list[tuple[str, object]]) -> dict[str, object]:
     if len(found) != len(pairs):
         names = [name for name, _ in pairs]
         twice = next(name for name in names if names.count(name) > 1)
-        raise _DuplicateError(f"an object has the field {shortened(twice)!r} twice")
+        raise _FormError(f"an object has the field {shortened(twice)!r} twice")
     return found
 
 
 def _no_constant(name: str) -> object:
-    raise _DuplicateError(f"{name} is no JSON")
+    raise _FormError(f"{name} is no JSON")
