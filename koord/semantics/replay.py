@@ -19,7 +19,6 @@ from koord.semantics.recording import Answer, RecordedInputs, Step, execute
 from koord.semantics.rendering import show_output
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.sampling import Sampler
-from koord.semantics.settling import unmet
 from koord.semantics.trace import BEFORE_ROUNDS, Emitted, Trace, Violation, ViolationKind, emitted
 from koord.semantics.turns import holds_in, program_turn
 from koord.syntax import core
@@ -216,15 +215,6 @@ class _Replay:
         if found:
             raise self.refusal(step.rule, plan, "the configuration recorded is another", found)
         self.rounds = step.round + 1
-        if step.rule == "INIT":
-            self.check_assumptions(plan, step.configuration)
-
-    def check_assumptions(self, plan: Planned, configuration: Configuration[Constant]) -> None:
-        self.answers_to_properties(BEFORE_ROUNDS)
-        broken = unmet(self.d, self.trace.system, configuration, self.inputs)
-        if broken is not None:
-            name = broken.name or "an assumption"
-            raise self.refusal("PROP-ASSUME", plan, f"{name} does not hold ({broken.span})")
 
     # --- the end --------------------------------------------------------------------------------
 
