@@ -26,8 +26,6 @@ from koord.verify.witness import NotReplayedError, Reader, recording_of
 #: Replays a recording that should break a claim; raises NotReplayedError if it does not.
 Judge = Callable[[Recording, Claim, Phase], Counterexample]
 
-_NOT_REPLAYED = "a candidate violation"
-
 #: Called with the number of the round that is being looked at.
 Progress = Callable[[int], None]
 
@@ -101,7 +99,8 @@ class Bounded:
     """The bounded check of one system, which goes on from where it stopped.
 
     ``completed`` is the last round through which all claims that are still open hold (None: not
-    even INIT is known to satisfy them).
+    even INIT is known to satisfy them). ``unreplayed`` are claims with a candidate violation that
+    is no run, each with the reason and with what was completed before it.
     """
 
     def __init__(self, system: System, judge: Judge, seed: int = 0) -> None:
@@ -109,7 +108,7 @@ class Bounded:
         self._judge = judge
         self._started = time.monotonic()
         self._moments: Iterator[Moment] | None = None
-        self._limit = 0
+        self.unreplayed: dict[Claim, tuple[str, int | None]] = {}
         self.completed: int | None = None
         self.reason = ""
 
@@ -124,10 +123,10 @@ class Bounded:
         """The claims that are violated within ``rounds`` rounds, each in the first possible one.
 
         ``proved`` are taken for granted. Claims that are not in the answer hold through round
-        ``completed``; that is less than ``rounds`` if the deadline passed, the solver gave up, or
-        a candidate did not replay, and then ``reason`` says so.
+        ``completed``; that is less than ``rounds`` if the deadline passed or the solver gave up,
+        and then ``reason`` says so. Those in ``unreplayed`` are an exception.
         """
-        pending = list(claims)
+        pending = [claim for claim in claims if claim not in self.unreplayed]
         verdicts: dict[Claim, Verdict] = {}
         while pending and not self.reason:
             if self.completed is not None and self.completed >= rounds:
@@ -135,11 +134,12 @@ class Bounded:
             progress(0 if self.completed is None else self.completed + 1)
             moment = self._next()
             self._take_for_granted(moment, proved)
-            found, self.reason = _look(
+            found, unreplayed, self.reason = _look(
                 self._unrolling, moment, pending, deadline, self._started, self._judge
             )
             verdicts |= found
-            pending = [claim for claim in pending if claim not in verdicts]
+            self.unreplayed |= {c: (why, self.completed) for c, why in unreplayed.items()}
+            pending = [c for c in pending if c not in verdicts and c not in self.unreplayed]
             if not self.reason and moment.phase in (Phase.INIT, Phase.END):
                 self.completed = moment.configuration.round
         return verdicts
@@ -182,11 +182,6 @@ class Bounded:
             idle -= {(kinds[o.robot], o.position) for o in pending if model.truth(o.chosen)}
 
     @property
-    def spurious(self) -> bool:
-        """Whether the check ended at a candidate that is no run."""
-        return self.reason.startswith(_NOT_REPLAYED)
-
-    @property
     def seconds(self) -> float:
         """Since the check began."""
         return time.monotonic() - self._started
@@ -215,18 +210,22 @@ def _look(
     deadline: Deadline,
     started: float,
     judge: Judge,
-) -> tuple[dict[Claim, Verdict], str]:
-    """The claims that this configuration can break; and why the look was cut short, if it was."""
+) -> tuple[dict[Claim, Verdict], dict[Claim, str], str]:
+    """The claims that this configuration can break; those where only a candidate was found that
+    did not replay, with the reason; and why the look was cut short, if it was.
+    """
     d, solver = unrolling.encoder.d, unrolling.solver
     asked = violations(unrolling.system, d, moment, claims)
     for _, needed in asked.values():
         solver.add(needed)
     verdicts: dict[Claim, Verdict] = {}
+    unreplayed: dict[Claim, str] = {}
     pending = {claim: violated for claim, (violated, _) in asked.items()}
     while pending:
         answer = solver.check([disjunction(d, list(pending.values()))], deadline)
         if answer is Answer.UNKNOWN:
-            return verdicts, "timeout" if deadline.passed() else "the solver gave up"
+            why = "timeout" if deadline.passed() else "the solver gave up"
+            return verdicts, unreplayed, why
         if answer is Answer.UNSAT:
             break
         model = solver.model()
@@ -238,7 +237,9 @@ def _look(
         try:
             counterexample = judge(recording, claim, moment.phase)
         except NotReplayedError as error:
-            return verdicts, f"{_NOT_REPLAYED} of {claim.name} did not replay: {error}"
+            unreplayed[claim] = f"a candidate violation did not replay: {error}"
+            del pending[claim]
+            continue
         verdicts[claim] = Verdict(
             claim,
             Outcome.VIOLATED,
@@ -249,7 +250,7 @@ def _look(
         del pending[claim]
     never = [d.unary(UnaryOp.NOT, violated) for violated in pending.values()]
     solver.add(never)
-    return verdicts, ""
+    return verdicts, unreplayed, ""
 
 
 def violations(

@@ -22,6 +22,9 @@ from koord.verify.symbols import SymbolicInputs
 from koord.verify.terms import Term
 from koord.verify.verdicts import Engine, Outcome, Verdict
 
+#: What a claim may cost as one question (about half a second) before it is asked case by case.
+EFFORT = 5_000_000
+
 
 @dataclass(frozen=True, slots=True)
 class Inductive:
@@ -127,6 +130,10 @@ class _Step:
         deadline: Deadline,
     ) -> dict[Claim, str]:
         """Why a claim fails, case by case; with the other claims that the same step breaks."""
+        if self._unrolling.solver.check([*extra, violated], deadline, effort=EFFORT) is (
+            Answer.UNSAT
+        ):
+            return {}
         for case in cases(self._d, violated):
             answer = self._unrolling.solver.check([*extra, case], deadline)
             if answer is Answer.UNKNOWN:

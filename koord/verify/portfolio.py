@@ -89,13 +89,17 @@ def verify(
     ask = partial(_ask, bounds=bounds, choice=choice, seed=seed, progress=progress)
     subject = _abstract_subject(system) or _plain_subject(system)
     asked = ask(subject, deadline)
+    given = dict(zip(claims_of(system), asked.verdicts, strict=True))
     if subject.system is not system and asked.spurious and not asked.interrupted:
         # Opaque values let something happen that real ones do not: look at those.
-        asked = ask(_plain_subject(system), deadline)
+        again = ask(_plain_subject(system), deadline)
+        for claim, verdict in zip(given, again.verdicts, strict=True):
+            if given[claim].outcome is Outcome.UNKNOWN:
+                given[claim] = verdict
     interrupted, vacuities = asked.interrupted, asked.vacuities
     verdicts = tuple(
         replace(verdict, claim=claim)
-        for claim, verdict in zip(claims_of(system), asked.verdicts, strict=True)
+        for claim, verdict in given.items()
         if not names or claim.name in names
     )
     live = tuple(
@@ -173,7 +177,7 @@ def _ask(
         session.reasons |= dict.fromkeys(session.open(), "interrupted")
     for claim in session.open():
         session.verdicts[claim] = _open_verdict(session, claim, choice)
-    spurious = session.bounded is not None and session.bounded.spurious
+    spurious = session.bounded is not None and bool(session.bounded.unreplayed)
     verdicts = tuple(session.verdicts[claim] for claim in claims)
     return _Asked(verdicts, vacuities, interrupted, spurious)
 
@@ -248,6 +252,8 @@ def _open_verdict(session: _Session, claim: Claim, choice: Choice) -> Verdict:
         reason = session.reasons.get(claim, "not decided")
         return Verdict(claim, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=reason)
     reached, reason = bounded.completed, bounded.reason
+    if claim in bounded.unreplayed:
+        reason, reached = bounded.unreplayed[claim]
     if not reason and reached is not None and reached >= session.bounds.rounds:
         if not bounded.limits:
             return Verdict(claim, Outcome.HOLDS, Engine.BMC, bounded.seconds, rounds=reached)

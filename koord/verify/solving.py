@@ -80,8 +80,13 @@ class Solver:
             if known is not True:
                 self._solver.add(self.d.boolean(constraint))
 
-    def check(self, question: Iterable[Term], deadline: Deadline) -> Answer:
-        """Whether all of the question can hold together with what is required."""
+    def check(self, question: Iterable[Term], deadline: Deadline, *, effort: int = 0) -> Answer:
+        """Whether all of the question can hold together with what is required.
+
+        ``effort`` limits the work in the solver's own units, which do not depend on the machine
+        (0: no limit): a first try that costs little.
+        """
+        self._solver.set("rlimit", effort)
         self._take()
         terms = [self.d.boolean(term) for term in question if self.d.known(term) is not True]
         left = deadline.left_s()
@@ -94,7 +99,9 @@ class Solver:
             literal = z3.FreshBool("q")
             self._solver.add(z3.Implies(literal, term))
             literals.append(literal)
+        spent = self._spent()
         result = self._solver.check(*literals)
+        exhausted = bool(effort) and self._spent() - spent >= effort
         self._model = self._solver.model() if result == z3.sat else None
         # Asked for now: the next assertion makes Z3 forget why it stopped.
         reason = self._solver.reason_unknown() if result == z3.unknown else ""
@@ -104,7 +111,7 @@ class Solver:
             return Answer.UNSAT
         if result == z3.sat:
             return Answer.SAT
-        if reason in _INTERRUPTED and not deadline.is_near():
+        if reason in _INTERRUPTED and not exhausted and not deadline.is_near():
             raise KeyboardInterrupt
         return Answer.UNKNOWN
 
@@ -112,6 +119,12 @@ class Solver:
         """The model of the last question that was answered with SAT."""
         assert self._model is not None
         return Model(self.d, self._model)
+
+    def _spent(self) -> int:
+        """What the solver has done so far, in its own units."""
+        statistics = self._solver.statistics()
+        known = "rlimit count" in statistics.keys()  # noqa: SIM118 - no mapping, though it looks like one
+        return int(statistics.get_key_value("rlimit count")) if known else 0
 
     def _take(self) -> None:
         new = self.unknowns.constraints[self._taken :]
