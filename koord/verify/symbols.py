@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-import z3
-
 from koord.semantics.configurations import System
 from koord.semantics.domain import conjunction
 from koord.semantics.expressions import statement
@@ -69,7 +67,6 @@ class Unknowns:
     constraints: list[Term] = field(default_factory=list)
     limits: list[str] = field(default_factory=list)
     _functions: dict[str, list[tuple[tuple[Symbolic, ...], Symbolic]]] = field(default_factory=dict)
-    _declared: dict[tuple[str, str], z3.FuncDeclRef] = field(default_factory=dict)
     _summarised: set[str] = field(default_factory=set)
 
     def value(self, name: str, type_: Type, length: int | None = None) -> Symbolic:
@@ -95,7 +92,7 @@ class Unknowns:
                 return Table(entries.length, pairs)
             case EnumType(members=members):
                 position = self.d.fresh(name, type_)
-                self.constraints.append(z3.And(position >= 0, position < len(members)))
+                self._require_between(0, position, len(members) - 1)
                 return position
             case _:
                 return self.d.fresh(name, type_)
@@ -182,32 +179,26 @@ class Unknowns:
 
     def _applied(self, external: core.External, shape: str, flat: list[Term]) -> Term:
         """An application of an uninterpreted function symbol of Z3's, one for each shape."""
+        # Lists of other lengths are other arguments, so each shape has a symbol of its own.
+        name = f"{external.name}{shape}" if "[" in shape else external.name
         result = external.result.type
-        lifted = [self._term(scalar) for scalar in flat]
-        key = (external.name, shape)
-        if key not in self._declared:
-            sorts = [term.sort() for term in lifted]
-            name = f"{external.name}{shape}" if "[" in shape else external.name
-            self._declared[key] = z3.Function(name, *sorts, self.d.sort(result))
-        declared = self._declared[key]
-        answer = declared(*lifted)
-        assert isinstance(answer, z3.ExprRef)
+        answer = self.d.applied(name, flat, result)
         if isinstance(result, EnumType):
-            self.constraints.append(z3.And(answer >= 0, answer < len(result.members)))
+            self._require_between(0, answer, len(result.members) - 1)
         return answer
 
-    def _term(self, scalar: Term) -> z3.ExprRef:
-        if isinstance(scalar, z3.ExprRef):
-            return scalar
-        if isinstance(scalar, bool | str | int):
-            return self.d.lifted(scalar, z3.IntSort())
-        return self.d.lifted(scalar, z3.RealSort())
+    def _require_between(self, low: int, value: Term, high: int) -> None:
+        d = self.d
+        self.constraints += [
+            d.binary(BinaryOp.LE, d.const(low, INT), value),
+            d.binary(BinaryOp.LE, value, d.const(high, INT)),
+        ]
 
     def _list(self, name: str, element: Type, length: int | None) -> Symbolic:
         if length is not None:
             return listed(self.d, [self.value(f"{name}[{k}]", element) for k in range(length)])
         size = self.d.fresh(f"{name}.length", INT)
-        self.constraints.append(z3.And(size >= 0, size <= LIST_CAPACITY))
+        self._require_between(0, size, LIST_CAPACITY)
         self.limits.append(f"lists {name} of more than {LIST_CAPACITY} elements")
         items = tuple(self.value(f"{name}[{k}]", element) for k in range(LIST_CAPACITY))
         return Seq(size, items)
@@ -248,7 +239,7 @@ def _has_list(value: Symbolic) -> bool:
     if isinstance(value, Rec):
         return any(_has_list(part) for part in value.fields)
     if isinstance(value, Seq):
-        return isinstance(value.length, z3.ExprRef) or any(_has_list(v) for v in value.items)
+        return not isinstance(value.length, int) or any(_has_list(v) for v in value.items)
     return isinstance(value, Table)
 
 
@@ -270,17 +261,15 @@ class _Axiom:
     """An oracle for summaries as axioms: arguments are variables of a quantifier."""
 
     unknowns: Unknowns
-    variables: list[z3.ExprRef] = field(default_factory=list)
+    variables: list[Term] = field(default_factory=list)
 
     def variable(self, type_: Type) -> Symbolic:
         made = self.unknowns.value("any", type_)
-        self.variables += [term for term in _scalars(made) if isinstance(term, z3.ExprRef)]
+        self.variables += _scalars(made)
         return made
 
     def closed(self, formula: Term) -> Term:
-        if not isinstance(formula, z3.ExprRef) or not self.variables:
-            return formula
-        return z3.ForAll(self.variables, formula)
+        return self.unknowns.d.for_all(self.variables, formula)
 
     def nowhere(self, robots: int) -> System:
         """Summaries speak of no robot, so any system of that size will do."""
@@ -341,8 +330,7 @@ class SymbolicOracle:
     def every(self, type_: Type, body: Callable[[Symbolic], Term]) -> Term:
         d = self.inputs.unknowns.d
         bound = self.inputs.unknowns.value("every", type_)
-        variables = [term for term in _scalars(bound) if isinstance(term, z3.ExprRef)]
-        return z3.ForAll(variables, d.boolean(body(bound)))
+        return d.for_all(list(_scalars(bound)), body(bound))
 
     def vouches_for(self, function: core.External) -> bool:
         return self.inputs.unknowns.vouches_for(function)

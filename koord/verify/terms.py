@@ -8,6 +8,7 @@ uninterpreted sort each.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import TypeAlias, assert_never
 
@@ -119,6 +120,26 @@ class Terms:
         """A constant of a scalar type that occurs nowhere else."""
         self._counter += 1
         return z3.Const(f"{name}!{self._counter}", self.sort(type_))
+
+    def applied(self, name: str, arguments: Sequence[Term], result: Type) -> z3.ExprRef:
+        """An uninterpreted function symbol, the same one for a name each time, at arguments."""
+        lifted = [
+            self.lifted(a, z3.RealSort() if isinstance(a, Fraction | float) else z3.IntSort())
+            for a in arguments
+        ]
+        if not lifted:
+            return z3.Const(name, self.sort(result))
+        symbol = z3.Function(name, *(a.sort() for a in lifted), self.sort(result))
+        applied = symbol(*lifted)
+        assert isinstance(applied, z3.ExprRef)
+        return applied
+
+    def for_all(self, variables: Sequence[Term], body: Term) -> Term:
+        """Whether a Boolean holds whatever its variables are."""
+        terms = [variable for variable in variables if isinstance(variable, z3.ExprRef)]
+        if not isinstance(body, z3.ExprRef) or not terms:
+            return body
+        return z3.ForAll(terms, body)
 
     def text_of(self, number: int) -> str:
         """The string of a number in the table; one made up for a number that is not there."""
