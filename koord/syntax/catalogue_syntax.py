@@ -224,7 +224,8 @@ _LAYOUT = (
         "a statement goes on below without brackets",
         """The end of a line ends a statement, unless a bracket is open. Only the expressions of
         `pre`, `assume`, `requires`, `ensures`, `invariant` and `eventually` go on below by
-        themselves, where a line ends or the next begins with an operator.""",
+        themselves, where a line ends with an operator or the next begins with one (not with
+        `-`, which may begin a condition of its own).""",
         _in_event("x = x", "  + 1"),
         _in_event("x = (x", "  + 1)"),
     ),

@@ -27,9 +27,10 @@ _OUTSIDE = frozenset(word.upper() for word in KEYWORDS) - words(
     "AND EXISTS FALSE FORALL IMPLIES IN LEADSTO NOT OR TRUE"
 )
 
-#: A line that ends, or a deeper-indented one that begins, with one of these goes on.
-_LEADING = words("OPERATOR MINUS LESS GREATER OUTPUT DOT IN LEADSTO")
-_DANGLING = _LEADING | words("NOT COMMA ASSIGN COLON FORALL EXISTS")
+#: A deeper-indented line that begins with one of these goes on with the one before it …
+GOES_ON = words("OPERATOR LESS GREATER OUTPUT DOT IN LEADSTO")
+#: … and one that ends with one of these goes on below.
+UNFINISHED = GOES_ON | words("MINUS NOT COMMA ASSIGN COLON FORALL EXISTS")
 
 
 @dataclass(slots=True)
@@ -151,7 +152,7 @@ class _Cutter:
         if line.sink and following.indent > line.indent:
             # line.sink is empty or None behind the colon of a block
             last = line.sink[-1].type
-            if last in _DANGLING or first.type in _LEADING:
+            if last in UNFINISHED or first.type in GOES_ON:
                 part = line.chain[-1]
                 part.joint = part.joint or first
                 return True

@@ -130,6 +130,12 @@ def _in_words(expected: frozenset[str]) -> Iterator[str]:
 def _assign_for_equal(m: Mistake) -> Complaint | None:
     if m.token.type != "ASSIGN" or "OPERATOR" not in m.expected:
         return None
+    before = [token.type for token in m.tokens[: m.position]]
+    brackets = sum(before.count(kind) for kind in ("LPAR", "LSQB", "LBRACE"))
+    closed = sum(before.count(kind) for kind in ("RPAR", "RSQB", "RBRACE"))
+    if m.form is Form.STATEMENT and brackets == closed:
+        message = "a statement assigns once"
+        return Complaint("K132", m.token, message, "write `==` to compare, or two statements")
     return Complaint(
         "K132", m.token, "`=` assigns; `==` compares", "write `==`", m.replaced(m.token.meant("=="))
     )

@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Any, cast
 
 from koord.syntax import ast
-from koord.syntax.lines import Part
+from koord.syntax.lines import GOES_ON, UNFINISHED, Part
 from koord.syntax.parser_lines import MAX_DEPTH, Form, UnexpectedError, parse_line
 from koord.syntax.parser_messages import explain
 from koord.syntax.parser_operands import MisplacedError
@@ -19,10 +19,6 @@ _MAX_REPAIRS = 10
 
 #: Forms that may go on over several lines without brackets: the expressions of properties.
 _OVER_LINES = frozenset([Form.EXPRESSION, Form.GOAL, Form.MEMBERS])
-#: In a body of expressions a line that begins so goes on with the one before …
-_GOES_ON = words("OPERATOR LESS GREATER DOT LEADSTO IN")
-#: … and one that ends so goes on with the next.
-_UNFINISHED = _GOES_ON | words("MINUS NOT COMMA COLON FORALL EXISTS")
 #: First words of statements that have a body.
 _BLOCKS = words("IF FOR ATOMIC")
 #: Complaints that may as well mean a missing colon.
@@ -72,6 +68,8 @@ class Reader:
             self.complain(part, complaint.code, complaint.span, complaint.message, complaint.hint)
             if complaint.repaired is None:
                 break
+            if complaint.code == "K131":
+                self.lost.add(complaint.token.text)
             tokens = complaint.repaired
         part.broken = True
         self.lose(part)
@@ -153,6 +151,7 @@ class Reader:
         if token.type == "NAME":
             self.ends(part, at + 1 + then)
         elif token.text in KEYWORDS:
+            self.lost.add(token.text)
             self.complain(
                 part,
                 "K131",
@@ -243,7 +242,7 @@ class Reader:
                 and last.tokens
                 and not last.colon
                 and part.tokens
-                and (last.tokens[-1].type in _UNFINISHED or part.first in _GOES_ON)
+                and (last.tokens[-1].type in UNFINISHED or part.first in GOES_ON)
             ):
                 lines[-1] = Part(
                     last.tokens + part.tokens,

@@ -147,6 +147,15 @@ def test_statements_go_on_only_inside_brackets() -> None:
     assert event_.eff == (ast.Assign(ast.Name("x"), ast.Binary(ast.BinaryOp.ADD, A, B)),) * 2
 
 
+def test_a_line_that_begins_with_minus_is_one_of_its_own() -> None:
+    minus = ast.Unary(ast.UnaryOp.NEG, A)
+    assert program("assume: b\n  -a\n  b -\n  a\n").sections == (
+        ast.Assume(None, B),
+        ast.Assume(None, minus),
+        ast.Assume(None, ast.Binary(ast.BinaryOp.SUB, B, A)),
+    )
+
+
 @pytest.mark.parametrize("ends", ["\n", "\r\n", "\r"])
 def test_line_ends_and_marks_of_all_systems(ends: str) -> None:
     text = "\ufefflocal:\n  int x\nE:\n  eff: x = 1"
