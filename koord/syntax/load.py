@@ -66,7 +66,7 @@ def load(
 
 #: Findings that may only be there because a line with an error could not be read.
 _FOLLOWING = frozenset({"K201", "K202", "K203", "K205", "K206", "K207", "K304", "K403"})
-_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_WORD = re.compile(r"\w+")
 
 
 def _words(source: Source, span: Span) -> set[str]:
