@@ -9,7 +9,7 @@ from random import Random
 
 from koord.semantics.answering import SampledInputs
 from koord.semantics.changes import Change, differences, identical
-from koord.semantics.configurations import Configuration, Written
+from koord.semantics.configurations import Written
 from koord.semantics.domain import Constant
 from koord.semantics.names import Names
 from koord.semantics.occurrences import nodes
