@@ -10,6 +10,8 @@ JOBS   ?= 2
 BIN       := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
+BENCHMARKS := $(filter-out benchmarks/harness.py,$(sort $(wildcard benchmarks/*.py)))
+
 .PHONY: check format lint types test slow bench clean
 
 check: lint types test
@@ -28,7 +30,9 @@ slow: $(INSTALLED)
 	$(BIN)/pytest -q -n $(JOBS) -m slow
 
 bench: $(INSTALLED)
-	@set -e; for program in benchmarks/bench_*.py; do echo "== $$program"; $(BIN)/python $$program; done
+	@wrong=; for program in $(BENCHMARKS); do \
+		echo "== $$program"; $(BIN)/python $$program || wrong="$$wrong $$program"; \
+	done; test -z "$$wrong" || { echo "wrong answers:$$wrong"; exit 1; }
 
 format: $(INSTALLED)
 	$(BIN)/ruff format .
