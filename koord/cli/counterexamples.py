@@ -14,7 +14,7 @@ from koord.semantics.domain import Constant
 from koord.semantics.names import Names
 from koord.semantics.recording import execute
 from koord.semantics.trace import Numbers, Trace, Violation, ViolationKind, traced
-from koord.verify.claims import ClaimKind
+from koord.verify.claims import RULES, ClaimKind
 from koord.verify.verdicts import Counterexample, Verdict
 
 _KINDS = {
@@ -32,7 +32,7 @@ def lines(loaded: LoadedProgram, system: System, verdict: Verdict, style: Style)
     yield ""
     yield from _rounds(system, found, Table(Names(system), style))
     yield ""
-    yield f"  {found.detail}"
+    yield f"  {found.detail} [{RULES[verdict.claim.kind]}]"
     if found.span is not None:
         yield from place(loaded, found.span, style)
 

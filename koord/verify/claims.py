@@ -28,6 +28,15 @@ class ClaimKind(Enum):
     CONTRACT = "contract"  #: a module with a model keeps its contracts
 
 
+#: The rule that a violation of a claim breaks.
+RULES = {
+    ClaimKind.PROPERTY: "PROP-INVARIANT",
+    ClaimKind.FAULT: "FAULT",
+    ClaimKind.LOST_UPDATE: "LOST-UPDATE",
+    ClaimKind.CONTRACT: "PROP-CONTRACT",
+}
+
+
 class Phase(Enum):
     """The configurations of a run that are looked at. [T-PREFIX]"""
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import koord.verify.solving as solving
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import EXACT, Constant
+from koord.semantics.expressions import instances, statement
+from koord.semantics.machine import machine
 from koord.semantics.oracle import Phase as Asked
 from koord.semantics.races import overlap
 from koord.semantics.recording import (
@@ -20,9 +22,12 @@ from koord.semantics.recording import (
     Step,
     execute,
 )
+from koord.semantics.rendering import show_value
 from koord.semantics.rounds import IllegalStepError
+from koord.semantics.storage import held
 from koord.semantics.turns import program_turn
 from koord.semantics.values import Rec, Seq, Table, Value
+from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import (
     INT,
@@ -205,8 +210,10 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
         who = f"robot {fault.robot}: " if fault.robot is not None else ""
         detail = f"{who}{fault.kind.value}" + (f" ({fault.detail})" if fault.detail else "")
         return Counterexample(recording, number, phase, detail, fault.robot, fault.span)
-    detail = f"{claim.name} is false {phase.value}"
-    if claim.kind is ClaimKind.LOST_UPDATE:
+    detail = ""
+    if claim.stated is not None:
+        detail = _falsified(system, recording, claim.stated, last.configuration)
+    elif claim.kind is ClaimKind.LOST_UPDATE:
         detail = f"two robots write {claim.subject} in one round, and one update is lost"
     elif claim.kind is ClaimKind.CONTRACT:
         detail = f"the environment's model does not keep contract {claim.subject}"
@@ -219,6 +226,36 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
             if contract.name == claim.subject
         )
     return Counterexample(recording, number, phase, detail, robot, span)
+
+
+def _falsified(
+    system: System,
+    recording: Recording,
+    stated: core.Property,
+    configuration: Configuration[Constant],
+) -> str:
+    """For which values of its quantified variables a property is false, in words."""
+    oracle = RecordedInputs(answers=_last_answers(recording)).oracle(Asked.CHECK, 0)
+    m = machine(EXACT, system, oracle, bound=stated.bound, view=configuration)
+    found: list[str] = []
+    e: core.Expr = stated.condition
+    while (
+        isinstance(e, core.Quantified)
+        and e.quantifier is core.QuantifierKind.FORALL
+        and not isinstance(e.domain, core.AllValues)
+    ):
+        for label, here, value in instances(m, e):
+            m.memory.bound[e.variable.slot] = held(EXACT, value)
+            m.trail.append(label)
+            if here is True and statement(m, e.body) is not True:
+                found.append(f"{e.variable.name} = {show_value(value, e.variable.type)}")
+                break
+            m.trail.pop()
+        else:
+            break
+        e = e.body
+    where = f" for {', '.join(found)}" if found else ""
+    return f"{stated.name} is false{where}"
 
 
 def simplified(system: System, recording: Recording, claim: Claim, tries: int = 200) -> Recording:
