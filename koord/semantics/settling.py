@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 from koord.semantics.answering import SampledInputs
@@ -219,6 +220,7 @@ class _Search:
             if ports[position].direction is Direction.SENSOR
         ]
         broken = best = self.unkept()
+        often = Counter(needed.what for needed in broken)
         for attempt in range(READING_TRIES):
             if not broken:
                 return
@@ -230,12 +232,13 @@ class _Search:
                 for port in sensors if anew else [self.inputs.sampler.rng.choice(sensors)]:
                     self.redraw(port, keep=attempt == 0)
             broken = self.unkept()
+            often.update(needed.what for needed in broken)
             if anew or len(broken) <= len(best):
                 best = broken
             else:
                 self.inputs.readings = before
         if broken:
-            raise self.no_reading(broken[0])
+            raise self.no_reading(max(broken, key=lambda needed: often[needed.what]))
 
     def redraw(self, port: core.Port, *, keep: bool) -> None:
         """Let a sensor read something else, or what it read before."""
@@ -294,7 +297,7 @@ class _Search:
         return _refusal(
             "K922",
             broken.span,
-            f"no reading of robot {self.robot} in round {self.round} was found in "
+            f"no reading of robot {self.robot} in round {self.round + 1} was found in "
             f"{READING_TRIES} tries that keeps {broken.what}",
             "give the module an `environment:` block, or see with `koord verify` whether its "
             "contracts are contradictory",
