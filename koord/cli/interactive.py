@@ -54,11 +54,16 @@ class Interactive:
 
     def _ask(self) -> bool:
         """One question and what follows from it; False to quit."""
-        options = list(self._options())
         print()
         print(self.table.heading(self.run.round))
-        for number, move in enumerate(options, start=1):
-            print(f"  {number:>3}  robot {move.robot}: {self._name(move) or 'skip'}")
+        options: list[Move] = []
+        for move in self._moves():
+            said = f"robot {move.robot}: {self._name(move) or 'skip'}"
+            if self.run.loses(move):
+                print(f"       {said} (its lock is taken)")
+                continue
+            options.append(move)
+            print(f"  {len(options):>3}  {said}")
         answer = _typed(f"which turn (1 to {len(options)}, h)? ")
         match answer:
             case None | "q":
@@ -79,7 +84,7 @@ class Interactive:
                 print(f"{answer!r} is none of the numbers; h lists what can be typed here")
         return True
 
-    def _options(self) -> list[Move]:
+    def _moves(self) -> list[Move]:
         moves = []
         for robot in self.run.waiting:
             moves += [Move(robot, event) for event in self.run.enabled(robot)]

@@ -117,7 +117,10 @@ def main(arguments: argparse.Namespace) -> int:
         check_writable(request.trace)
     report = Report()
     programs = load_programs([arguments.file], Reading.of(arguments), report)
-    report.print(sys.stderr, as_json=False)
+    if report.errors and request.as_json:
+        report.print(sys.stdout, as_json=True)
+    else:
+        report.print(sys.stderr, as_json=False)
     if report.errors:
         return Exit.BAD_INPUT
     try:
@@ -161,10 +164,12 @@ def _by_policy(loaded: LoadedProgram, request: Request, play: Play, table: Table
         sources, recording = sources_of(loaded), play.recording()
         trace = tracer.trace(sources, run.system, run.numbers, recording, violation)
         _keep(trace, request)
+    if interruption.requested:
+        if not request.as_json:
+            print(f"\ninterrupted after {_rounds(run)}")
+        return Exit.INTERRUPTED
     if not request.as_json:
         _conclude(loaded, run, violation)
-    if interruption.requested:
-        return Exit.INTERRUPTED
     return _code(run, violation)
 
 
@@ -222,13 +227,16 @@ def conclusion(
         yield f"{said}: {violation.name} does not hold, {_after(violation, run)}"
         yield from place(loaded, _span_of(violation, run), style)
     else:
-        rounds = f"{run.round} round{'' if run.round == 1 else 's'}"
         ended = ", and then every robot has stopped" if run.all_stopped else ""
         invariants = sum(p.kind in _SAFETY for p in run.system.program.properties)
         held = (
             f"; {invariants} invariant{'' if invariants == 1 else 's'} held" if invariants else ""
         )
-        yield f"{style.paint('done', Paint.ADDED)}: {rounds}{ended}, no fault{held}"
+        yield f"{style.paint('done', Paint.ADDED)}: {_rounds(run)}{ended}, no fault{held}"
+
+
+def _rounds(run: Run) -> str:
+    return f"{run.round} round{'' if run.round == 1 else 's'}"
 
 
 _SAFETY = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)

@@ -125,6 +125,16 @@ class Run:
     def may_skip(self, robot: int) -> bool:
         return may_skip(self.d, self.system, self.configuration, robot, self.inputs)
 
+    def loses(self, move: Move) -> bool:
+        """Whether an event that may be selected enters a lock class that is taken."""
+        if move.event is None:
+            return False
+        try:
+            run_event(self.d, self.system, self.configuration, move.robot, move.event, self.inputs)
+        except IllegalStepError as refused:
+            return refused.rule == "ATOMIC"
+        return False
+
     def make(self, move: Move) -> Step:
         """A program turn. Raises IllegalStepError if the rules do not allow it."""
         before, name = self._now, None

@@ -1,0 +1,194 @@
+"""``koord replay``: legal or not, and where."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from koord.cli import main as frame
+from koord.cli.exits import Exit
+
+PROGRAM = """\
+allwrite:
+  int total = 0
+local:
+  bool done = false
+Add:
+  pre: not done
+  eff:
+    atomic: total = total + pid
+    done = true
+invariant Bounded: total < 100
+"""
+
+
+@pytest.fixture
+def trace(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Any:
+    """The JSON of a run of three rounds."""
+    monkeypatch.chdir(tmp_path)
+    Path("sum.krd").write_text(PROGRAM, encoding="utf-8")
+    assert frame.main(["run", "sum.krd", "--rounds", "3", "--trace", "t.json"]) == Exit.OK
+    capsys.readouterr()
+    return json.loads(Path("t.json").read_text("utf-8"))
+
+
+def replayed(
+    capsys: pytest.CaptureFixture[str], trace: object, *words: str
+) -> tuple[int, str, str]:
+    Path("t.json").write_text(json.dumps(trace), encoding="utf-8")
+    code = frame.main(["replay", "t.json", *words])
+    streams = capsys.readouterr()
+    return code, streams.out, streams.err
+
+
+def test_a_legal_trace(trace: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """[REPLAY]"""
+    assert replayed(capsys, trace) == (
+        Exit.OK,
+        "t.json: legal: 13 steps, 3 rounds, 3 robots, exact numbers\n",
+        "",
+    )
+
+
+def test_the_first_illegal_step_is_named(trace: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """[REPLAY] [SELECT]: rule, round, robot, event."""
+    trace["run"]["rounds"][1]["events"][0] = "Add"
+    code, out, _ = replayed(capsys, trace)
+    assert code == Exit.VIOLATED
+    assert out == (
+        "t.json: round 2, robot 0, event Add: not legal by SELECT\n"
+        "  the pre of Add does not hold for robot 0\n"
+    )
+
+
+def test_what_differs_is_shown(trace: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """[REPLAY] [CONFIG]: by the rules, and as recorded."""
+    trace["run"]["rounds"][2]["after"]["store"]["allwrite"]["total"] = 7
+    code, out, _ = replayed(capsys, trace)
+    assert code == Exit.VIOLATED
+    assert out == (
+        "t.json: round 3, the environment's turn: not legal by ENV-TRANS\n"
+        "  the configuration recorded is another\n"
+        "                                by the rules  recorded\n"
+        "  total                         3             7\n"
+        "  the copy of total of robot 0  3             7\n"
+        "  the copy of total of robot 1  3             7\n"
+        "  the copy of total of robot 2  3             7\n"
+    )
+
+
+def test_a_wrong_start(trace: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """[REPLAY] [INIT]"""
+    trace["run"]["initial"]["robots"][1]["locals"]["done"] = True
+    code, out, _ = replayed(capsys, trace)
+    assert code == Exit.VIOLATED
+    assert out.startswith("t.json: the start: not legal by INIT\n")
+    assert "done of robot 1  false         true" in out
+
+
+def test_the_answer_as_json(trace: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """[REPLAY]: rounds count from 0, as in traces."""
+    code, out, _ = replayed(capsys, trace, "--json")
+    assert (code, json.loads(out)) == (
+        Exit.OK,
+        {"version": 1, "legal": True, "steps": 13, "rounds": 3, "refused": None, "trusted": []},
+    )
+    trace["run"]["rounds"][1]["after"]["robots"][1]["locals"]["done"] = False
+    code, out, _ = replayed(capsys, trace, "--json")
+    found = json.loads(out)
+    assert code == Exit.VIOLATED
+    assert (found["legal"], found["rounds"]) == (False, 1)
+    assert found["refused"] == {
+        "rule": "ENV-TRANS",
+        "round": 1,
+        "robot": None,
+        "event": None,
+        "reason": "the configuration recorded is another",
+        "differences": [{"robot": 1, "location": "done", "expected": "true", "recorded": "false"}],
+    }
+
+
+def test_the_rounds_are_shown_on_demand(trace: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = replayed(capsys, trace, "--show")
+    assert code == Exit.OK
+    assert "round 2, to t = 0.2 s\n  1     Add   total: 0 → 1, done: false → true\n" in out
+    assert out.endswith("\n\nt.json: legal: 13 steps, 3 rounds, 3 robots, exact numbers\n")
+
+
+def test_another_program_behind_the_trace(trace: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """[REPLAY]: the same program laid out otherwise does; a changed one does not."""
+    Path("other.krd").write_text("# moved\n\n" + PROGRAM, encoding="utf-8")
+    assert replayed(capsys, trace, "--program", "other.krd")[0] == Exit.OK
+    Path("other.krd").write_text(PROGRAM.replace("+ pid", "+ 2 * pid"), encoding="utf-8")
+    code, out, _ = replayed(capsys, trace, "--program", "other.krd")
+    assert code == Exit.VIOLATED
+    assert "round 2, the environment's turn" in out
+    Path("other.krd").write_text(PROGRAM.replace("done", "ready"), encoding="utf-8")
+    code, _, err = replayed(capsys, trace, "--program", "other.krd")
+    assert code == Exit.BAD_INPUT
+    assert "K913" in err or "K914" in err
+    Path("other.krd").write_text("local:\n  int x = y\n", encoding="utf-8")
+    code, _, err = replayed(capsys, trace, "--program", "other.krd")
+    assert code == Exit.BAD_INPUT
+    assert "other.krd:2:11: error K2" in err
+    assert "  2 |   int x = y\n" in err
+    Path("other.krd").write_text("invariant P: x > 0\n", encoding="utf-8")
+    code, _, err = replayed(capsys, trace, "--program", "other.krd")
+    assert (code, "K904" in err) == (Exit.BAD_INPUT, True)
+
+
+def test_a_program_mended_by_hand_is_told_apart(
+    trace: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """[TRACE]: text and digest must agree."""
+    trace["program"]["text"] += "\n# later\n"
+    code, _, err = replayed(capsys, trace)
+    assert code == Exit.BAD_INPUT
+    assert err.startswith("t.json: error K915: $.program.text: ")
+    assert "= help: undo the change, or name the program behind --program" in err
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [("", "K910"), ("{", "K910"), ("[1, 2]", "K911"), ('{"format": "koord trace"}', "K913")],
+)
+def test_what_is_no_trace(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, code: str
+) -> None:
+    """[TRACE]: exit 2, and as JSON where JSON was asked for."""
+    path = tmp_path / "t.json"
+    path.write_text(text, encoding="utf-8")
+    assert frame.main(["replay", str(path)]) == Exit.BAD_INPUT
+    streams = capsys.readouterr()
+    assert f"error {code}: " in streams.err
+    assert streams.out == ""
+    assert frame.main(["replay", str(path), "--json"]) == Exit.BAD_INPUT
+    assert json.loads(capsys.readouterr().out)["diagnostics"][0]["code"] == code
+
+
+def test_a_trace_from_standard_input(
+    trace: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raw = json.dumps(trace).encode()
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(raw), encoding="utf-8"))
+    assert frame.main(["replay", "-"]) == Exit.OK
+    assert capsys.readouterr().out.startswith("<stdin>: legal")
+
+
+def test_a_run_into_a_fault_is_legal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """[REPLAY] [FAULT]: and the end is told."""
+    monkeypatch.chdir(tmp_path)
+    Path("f.krd").write_text("local:\n  int x\nGo:\n  pre: true\n  eff: x = x + 1\n", "utf-8")
+    assert frame.main(["run", "f.krd", "--trace", "t.json"]) == Exit.VIOLATED
+    capsys.readouterr()
+    assert frame.main(["replay", "t.json"]) == Exit.OK
+    out = capsys.readouterr().out
+    assert "it ends in a fault of robot 0: read of an unset value (f.krd:5:12)" in out
