@@ -220,20 +220,20 @@ def test_one_layout_for_everything() -> None:
         allread:
             int[Nsys] y
         def fun f(int a) -> int: extern fresh
-            ensures: result > 0
-            ensures: result < 9
+            ensures:
+                result > 0
+                result < 9
 
         urgent Go:
             pre: x > 0 and x < 9
             eff:
-                if x == 1:
-                    stop
-                else:
-                    atomic:
-                        for i = 0, 3:
-                            x = x + i
-        assume: x == 0
-        assume: true
+                if x == 1: stop
+                else: atomic:
+                    for i = 0, 3:
+                        x = x + i
+        assume:
+            x == 0
+            true
         """
     )
 
@@ -307,13 +307,40 @@ def test_comments_move_with_what_they_are_about() -> None:
             pre: x and y  # y
             # about eff
             eff:
-                if x:
-                    stop  # why
+                if x: stop  # why
                 # about else
-                else:
-                    y = 1
+                else: y = 1
         """
     )
+
+
+def test_a_short_block_stays_where_it_stood() -> None:
+    text = """\
+    init: x = 1
+    using M:
+        sensors:
+            int x
+        environment: x = x + 1
+    def fun f(int a) -> int: return a
+    Go:
+        pre: x == 1
+        eff: atomic: for i = 0, 3: x = i  # all
+    Stop:
+        eff:
+            for t in list: atomic:
+                x = 1
+                # last
+                y = 1
+            if x == 1: x = 2
+            elif x == 2: atomic:
+                # why
+                x = 3
+            else: for i = 0, 3:
+                if x == 1: stop
+                else:
+                    x = 2
+    """
+    assert lay_out(text) == dedent(text)
 
 
 def test_blank_lines_are_kept_one_at_most() -> None:
