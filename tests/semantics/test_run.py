@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
+from random import Random
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from koord.semantics.configurations import FaultKind, Status
+from koord.semantics.configurations import NO_EVENT, Configuration, FaultKind, Status
+from koord.semantics.domain import Constant
 from koord.semantics.occurrences import variables
+from koord.semantics.recording import Recording, Round, execute
 from koord.semantics.rounds import IllegalStepError
+from koord.semantics.running import AtRandom
 from koord.semantics.storage import Cell
 from koord.semantics.trace import Numbers
+from koord.semantics.watching import Watch
 from koord.syntax import core
 from koord.syntax.core import Home, ListOp
 from koord.syntax.types import (
@@ -49,7 +57,7 @@ from tests.semantics.building import (
     table,
     when,
 )
-from tests.semantics.driving import Drive, drive
+from tests.semantics.driving import Drive, drive, played
 
 
 def refused(rule: str) -> pytest.RaisesExc[IllegalStepError]:
@@ -672,3 +680,129 @@ def test_a_round_leaves_output_of_each_robot_apart() -> None:
     d = drive(b.program(), 2).go(0, "Tell")
     assert d.output == ["0", "1"]
     assert d.go(1, "Tell").output == ["1", "2"]
+
+
+# --- what the rest of the chapters says ---------------------------------------------------------
+
+
+def test_parts_of_computed_values() -> None:
+    """[E-SELECT] [FAULT]: elements, entries and fields of what a function or a literal gives."""
+    b = Build()
+    n = bound("n", 0, INT)
+    twice = core.Return(lst(INT, n, n * 2).expr)
+    b.function("twice", [n], ListType(INT), twice)
+    x, y = b.local("x", INT, 0), b.local("y", FLOAT, 0)
+    b.event("Both", TRUE, x.set(b.call("twice", 4)[1]), y.set(pos(1, 2, 3).field("z")))
+    b.event("Key", TRUE, x.set(table(INT, INT, (3, 30))[e(3, INT)]))
+    b.event("Far", TRUE, x.set(b.call("twice", 4)[2]))
+    b.event("Below", TRUE, x.set(b.call("twice", 4)[-1]))
+    b.event("NoKey", TRUE, x.set(table(INT, INT, (3, 30))[e(4, INT)]))
+    d = drive(b.program(), 1).round("Both")
+    assert (d.own(0, "x"), d.own(0, "y")) == ("8", "3")
+    assert d.go(0, "Key").own(0, "x") == "30"
+    for event, kind in (
+        ("Far", FaultKind.INDEX),
+        ("Below", FaultKind.INDEX),
+        ("NoKey", FaultKind.KEY),
+    ):
+        fault = drive(b.program(), 1).go(0, event).configuration.fault
+        assert fault is not None
+        assert fault.kind is kind
+
+
+def test_statements_run_in_order_and_branches_alone() -> None:
+    """[S-SEQ] [S-IF]: the branch that is not taken has no effect, no fault and no output."""
+    b = Build()
+    x = b.local("x", INT, 1)
+    bad = x.set(e(1, INT) / (x - x))
+    b.event(
+        "Go",
+        TRUE,
+        x.set(x + 1),
+        x.set(x * 10),
+        when(x.eq(20), x.set(x + 3), otherwise=[bad, output(x)]),
+        when(x.eq(20), bad, output(x), otherwise=[x.set(x + 4)]),
+    )
+    d = drive(b.program(), 1).go(0, "Go")
+    assert (d.own(0, "x"), d.output, d.configuration.fault) == ("27", [], None)
+
+
+def test_a_local_is_its_robots_own() -> None:
+    """[LOCAL-ASSIGN]: seen at once by the robot, by nobody else, and no write to the store."""
+    b = Build()
+    x, y = b.local("x", INT, 1), b.local("y", INT, 0)
+    shared = b.allwrite("shared", INT, 5)
+    b.event("Go", TRUE, x.set(x + PID + 1), y.set(x), when(shared > 9, shared.set(0)))
+    d = drive(b.program(), 2)
+    before = d.configuration.store
+    d.go(1, "Go")
+    assert (d.each("x"), d.each("y")) == (["1", "3"], ["0", "3"])
+    assert d.configuration.store == before
+
+
+def test_properties_read_the_store_and_each_robots_own() -> None:
+    """[PROP-READ]: shared variables of the store, not of a copy; ``v@i`` of robot i, or a fault."""
+    b = Build()
+    total, x = b.allwrite("total", INT, 0), b.local("x", INT, PID * 10)
+    b.event("Go", TRUE, total.set(total + 1))
+    b.invariant("Shared", total.eq(0), bound=0)
+    b.invariant("Own", x.at(0).eq(0) & x.at(1).eq(10), bound=0)
+    b.invariant("Nobody", x.at(7).eq(0), bound=0)
+    shared, own, nobody = b.properties
+    d = drive(b.program(), 2)
+    watch = Watch(d.run.d, d.run.system, d.run.inputs)
+    assert watch.holds(shared, d.configuration)
+    d.go(0, "Go")
+    assert d.own(1, "total") == "0"
+    assert not watch.holds(shared, d.configuration)
+    assert watch.holds(own, d.configuration)
+    assert not watch.holds(nobody, d.configuration)
+
+
+def test_a_faulting_event_faults_whether_or_not_it_gets_its_lock() -> None:
+    """[T-FAULT] [FAULT] [ATOMIC]: whoever goes first, the fault is the robot's own."""
+    b = Build()
+    x = b.allwrite("x", INT, 0)
+    slip = when(PID.eq(1), x.set(e(1, INT) / x), otherwise=[x.set(5)])
+    b.event("Go", TRUE, b.atomic(slip))
+    for order in ((0, 1), (1, 0)):
+        d = drive(b.program(), 2)
+        for robot in order:
+            if d.configuration.fault is None:
+                d.go(robot, "Go")
+        fault = d.configuration.fault
+        assert fault is not None
+        assert (fault.kind, fault.robot) == (FaultKind.DIVISION, 1)
+
+
+#: Without urgent events, and without a robot that stops because another asks (END-PROG).
+FREE_TO_SKIP = [
+    program
+    for program in programs.RUNNING
+    if not any(event.urgent for agent in program.agents for event in agent.events)
+    and program.name != "stopping"
+]
+
+
+@pytest.mark.parametrize("program", FREE_TO_SKIP, ids=lambda p: p.name)
+@given(seed=st.integers(0, 10**6), late=st.integers(0, 2))
+@settings(max_examples=8)
+def test_a_late_message_may_be_a_skip(program: core.Program, seed: int, late: int) -> None:
+    """[T-SKIP] [SKIP]: where a robot skips instead, everyone else is as before."""
+    rng = Random(seed)
+    _, trace = played(program, AtRandom(rng), rounds=3, rng=rng)
+    rounds = trace.recording.rounds
+    last = replace(rounds[-1], cut=True)
+    events = tuple(None if i == late else event for i, event in enumerate(last.events))
+
+    def end(of_last: Round) -> Configuration[Constant]:
+        made = Recording(trace.recording.opening, (*rounds[:-1], of_last))
+        *_, step = execute(trace.numbers.domain, trace.system, made)
+        return step.configuration
+
+    before, after = end(last), end(replace(last, events=events))
+    assert after.robots[late].ran == NO_EVENT
+    for i in {0, 1, 2} - {late}:
+        assert after.robots[i] == before.robots[i]
+    if last.events[late] is None:
+        assert after == before
