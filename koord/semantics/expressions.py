@@ -45,7 +45,7 @@ V = TypeVar("V")
 
 
 def evaluate(m: Machine[V], e: core.Expr) -> Value[V]:
-    """The value of an expression on the machine's memory. Total: faults are logged."""
+    """The value of an expression on the machine's memory. Total: faults are logged. [E-CONST]"""
     match e:
         case core.Read():
             return read(m, e.place)

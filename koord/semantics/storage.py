@@ -1,7 +1,7 @@
 """What a variable holds: atoms that are set or unset, and where a robot wrote.
 
 A scalar, a list, a map or an opaque value is one *atom*, a ``Cell``; records and fixed arrays are
-trees of atoms. A *mask* of the same shape says which locations a robot wrote in its turn, so that
+trees of atoms [ATOM]. A *mask* of the same shape says which locations a robot wrote in its turn, so that
 the writes of several robots can be joined location by location. [SHARED-ASSIGN]
 """
 
@@ -189,7 +189,7 @@ def write(
     locations: Sequence[Location[V]],
     fresh: Storage[V],
 ) -> tuple[Storage[V], V]:
-    """The storage with ``fresh`` at a place below it, and whether the place exists.
+    """The storage with ``fresh`` at a place below it, and whether the place exists. [LOCATION]
 
     ``fresh`` is the storage of the written part where that part is a tree or an atom, and a set
     cell with the part's new value where the part lies inside an atom.

@@ -1,4 +1,4 @@
-"""Values: scalars of a domain, and the records, lists and maps made of them.
+"""Values: scalars of a domain, and the records, lists and maps made of them. [VALUE]
 
 The shape of a value is always concrete; only its scalars belong to a domain. A list that a domain
 knows only in part has a ``length`` scalar and as many ``items`` as it may have at most: items from

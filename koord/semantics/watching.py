@@ -33,7 +33,10 @@ class Watch:
     _held: dict[str, list[object]] = field(default_factory=dict)
 
     def after(self, step: Step) -> Violation | None:
-        """What the step broke: the first contract, or the first property, that does not hold."""
+        """What the step broke: the first contract or property that does not hold.
+
+        [PROP-INVARIANT] [PROP-ROUND] [PROP-CONTRACT]
+        """
         if step.configuration.fault is not None:
             return None
         for robot, contract in step.stepped.promises:
