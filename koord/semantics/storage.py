@@ -1,8 +1,8 @@
 """What a variable holds: atoms that are set or unset, and where a robot wrote.
 
 A scalar, a list, a map or an opaque value is one *atom*, a ``Cell``; records and fixed arrays are
-trees of atoms [ATOM]. A *mask* of the same shape says which locations a robot wrote in its turn, so that
-the writes of several robots can be joined location by location. [SHARED-ASSIGN]
+trees of atoms. [ATOM] A *mask* of the same shape says which locations a robot wrote in its turn, so
+that the writes of several robots can be joined location by location. [SHARED-ASSIGN]
 """
 
 from __future__ import annotations
