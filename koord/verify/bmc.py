@@ -15,7 +15,7 @@ from koord.semantics.domain import disjunction
 from koord.semantics.recording import Recording
 from koord.semantics.turns import holds_in
 from koord.syntax.core import BinaryOp, UnaryOp
-from koord.verify.claims import Claim, Phase, broken
+from koord.verify.claims import Claim, ClaimKind, Phase, broken
 from koord.verify.rounds import Encoder, Moment, Opening, SymbolicRound
 from koord.verify.solving import Answer, Deadline, Solver
 from koord.verify.symbols import Unknowns
@@ -148,11 +148,14 @@ class Bounded:
         """Whether some configuration after INIT satisfies the assumptions (or nobody knows)."""
         return self._unrolling.solver.check([], deadline) is not Answer.UNSAT
 
-    def idle_events(self, rounds: int, deadline: Deadline) -> Idle:
-        """The events that no robot can run within so many rounds. Unrolls as far as needed."""
+    def idle_events(self, seen: set[tuple[int, int]], rounds: int, deadline: Deadline) -> Idle:
+        """The events that no robot can run within so many rounds. Unrolls as far as needed.
+
+        Those in ``seen`` are known to run. Where nobody knows in time, no event is named.
+        """
         kinds = self._unrolling.system.kinds
         agents = self._unrolling.system.program.agents
-        idle = {(k, p) for k in set(kinds) for p in range(len(agents[k].events))}
+        idle = {(k, p) for k in set(kinds) for p in range(len(agents[k].events))} - seen
         number = 0
         while idle and number < rounds:
             while len(self._unrolling.rounds) <= number:
@@ -265,7 +268,7 @@ def violations(
         violated, legality = broken(
             d, system, claim, moment.configuration, moment.findings, moment.checks
         )
-        if claim.is_state_property:
+        if claim.kind is not ClaimKind.FAULT:
             violated = d.binary(BinaryOp.AND, sound, violated)
         violated = d.binary(BinaryOp.AND, moment.real, violated)
         if d.known(violated) is not False:

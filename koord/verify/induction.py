@@ -96,7 +96,11 @@ class _Step:
                 self._asked = [taken.middle, taken.end]
                 if taken.inside is not None:
                     self._asked.insert(0, taken.inside)
-        self.limits = sorted(set(self._unrolling.unknowns.limits))
+
+    @property
+    def limits(self) -> list[str]:
+        """What the step and the questions asked of it so far do not cover."""
+        return sorted(set(self._unrolling.unknowns.limits))
 
     def _go_on(self, moment: Moment) -> None:
         self._unrolling.solver.add([self._d.unary(UnaryOp.NOT, moment.findings.fault)])

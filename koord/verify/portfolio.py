@@ -17,6 +17,7 @@ from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
 from koord.verify.exhaustive import exhaust
 from koord.verify.induction import prove
+from koord.verify.sightings import seen_to_run
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import (
     Bounds,
@@ -34,6 +35,10 @@ MAX_DEPTH = 3
 
 #: What an inductive attempt may cost before other engines get their turn, in seconds.
 PROOF_BUDGET_S = 30.0
+
+#: What the search for events that never run may cost, in seconds; of that, on random runs.
+IDLE_BUDGET_S = 10.0
+RUNS_BUDGET_S = 2.0
 
 
 class Choice(Enum):
@@ -117,6 +122,7 @@ class _Subject:
 
     system: System
     judge: Judge
+    original: System  #: without opaque values
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +136,7 @@ class _Asked:
 
 
 def _plain_subject(system: System) -> _Subject:
-    return _Subject(system, partial(_judged, system))
+    return _Subject(system, partial(_judged, system), system)
 
 
 def _judged(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
@@ -151,7 +157,7 @@ def _abstract_subject(system: System) -> _Subject | None:
         real = Concretion(abstraction, system).recording(recording)
         return _judged(system, real, originals[claim], phase)
 
-    return _Subject(abstract, judge)
+    return _Subject(abstract, judge, system)
 
 
 def _ask(
@@ -265,15 +271,17 @@ def _open_verdict(session: _Session, claim: Claim, choice: Choice) -> Verdict:
 def _vacuities(session: _Session) -> tuple[Vacuity, ...]:
     """Assumptions that contradict each other, and events that can never run within the bound."""
     found: list[Vacuity] = []
-    budget = session.deadline.sooner(PROOF_BUDGET_S)
+    budget = session.deadline.sooner(IDLE_BUDGET_S)
     bounded = session.bounded or Bounded(session.system, session.subject.judge, session.seed)
     if not bounded.start_possible(budget):
         return (Vacuity("assumptions", "no initial configuration satisfies them all"),)
     session.progress("looking for events that never run")
-    idle = bounded.idle_events(session.bounds.rounds, budget)
+    rounds = session.bounds.rounds
+    seen = seen_to_run(session.subject.original, rounds, budget.sooner(RUNS_BUDGET_S), session.seed)
+    idle = bounded.idle_events(seen, rounds, budget)
     if idle.stuck is not None:
         return (Vacuity("contracts", f"no run gets through round {idle.stuck + 1}"),)
     for kind, position in sorted(idle.events):
         name = session.system.program.agents[kind].events[position].name
-        found.append(Vacuity("event", f"{name} cannot run within {session.bounds.rounds} rounds"))
+        found.append(Vacuity("event", f"{name} cannot run within {rounds} rounds"))
     return tuple(found)

@@ -10,7 +10,7 @@ from koord.semantics.domain import EXACT, Constant
 from koord.semantics.expressions import instances, statement
 from koord.semantics.machine import machine
 from koord.semantics.oracle import Phase as Asked
-from koord.semantics.races import overlap
+from koord.semantics.races import overlap, rewritten
 from koord.semantics.recording import (
     Answer,
     Opening,
@@ -332,21 +332,24 @@ def _findings(system: System, recording: Recording, steps: list[Step]) -> Findin
 def _met(
     system: System, start: Configuration[Constant], round_: Round
 ) -> tuple[tuple[Constant, str], ...]:
-    """The allwrite variables that two robots wrote at one location in this round."""
+    """Where a robot's update of an allwrite variable met another's write. [LOST-UPDATE]"""
     inputs = RecordedInputs(answers=round_.answers)
-    masks = []
+    updated = rewritten(system.program)
+    written = []
     for robot in round_.order:
         position = round_.events[robot]
         if position is not None:
             state = start.robots[robot]
             _, turned = program_turn(EXACT, system, robot, state, position, inputs)
-            masks.append(turned.allwrite)
+            updates = updated.get((system.kinds[robot], position), frozenset())
+            written.append((turned.allwrite, updates))
     met: list[tuple[Constant, str]] = []
     for slot, declaration in enumerate(system.program.allwrite):
         both = any(
             overlap(EXACT, mine.get(slot), theirs.get(slot))
-            for k, mine in enumerate(masks)
-            for theirs in masks[k + 1 :]
+            for k, (mine, updates) in enumerate(written)
+            for other, (theirs, _) in enumerate(written)
+            if k != other and slot in updates
         )
         met.append((both, declaration.variable.name))
     return tuple(met)
