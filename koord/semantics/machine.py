@@ -20,8 +20,9 @@ from koord.semantics.configurations import (
     Written,
 )
 from koord.semantics.domain import Domain
+from koord.semantics.masks import Mask
 from koord.semantics.oracle import Oracle
-from koord.semantics.storage import Mask, Storage, merge_storage, set_only_if
+from koord.semantics.storage import Storage, merge_storage, set_only_if
 from koord.semantics.values import Value
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.source import Span

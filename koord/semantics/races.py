@@ -11,7 +11,7 @@ from dataclasses import fields, is_dataclass
 from typing import TypeVar
 
 from koord.semantics.domain import Domain, conjunction, disjunction
-from koord.semantics.storage import Mask, written
+from koord.semantics.masks import Mask, written
 from koord.semantics.values import equal
 from koord.syntax import core
 from koord.syntax.core import Home

@@ -9,6 +9,7 @@ from typing import TypeVar, assert_never
 from koord.semantics.configurations import FaultKind, Written
 from koord.semantics.expressions import condition, evaluate, integers, located
 from koord.semantics.machine import Machine
+from koord.semantics.masks import marked
 from koord.semantics.storage import (
     AtIndex,
     AtKey,
@@ -18,7 +19,6 @@ from koord.semantics.storage import (
     Tree,
     descend,
     held,
-    marked,
     part_of,
     stored,
     unset,

@@ -20,9 +20,10 @@ from koord.semantics.configurations import (
 from koord.semantics.domain import Domain, conjunction
 from koord.semantics.expressions import condition, evaluate, statement
 from koord.semantics.machine import Legality, Machine, machine
+from koord.semantics.masks import Mask, joined
 from koord.semantics.oracle import Inputs, Phase
 from koord.semantics.statements import assign, run
-from koord.semantics.storage import Mask, Storage, joined, stored, unset
+from koord.semantics.storage import Storage, stored, unset
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, Start
 from koord.syntax.types import BOOL, INT, ArrayType, Robots, Type
@@ -134,11 +135,16 @@ def _start_own_entry(m: Machine[V], entry: core.Declaration, inputs: Inputs[V], 
 def guard_of(
     d: Domain[V], system: System, robot: int, state: Robot[V], event: core.Event, inputs: Inputs[V]
 ) -> tuple[V, V]:
-    """Whether an event's ``pre`` holds, and whether it can be evaluated at all. [SELECT]"""
+    """Whether an event's ``pre`` holds, and whether it can be evaluated at all. [SELECT]
+
+    With answers that no external function can give it counts as holding: nobody may skip on the
+    strength of them. [SKIP]
+    """
     m = _machine_for(d, system, robot, state, event.bound, inputs)
     holds = condition(m, event.guard)
     sound = conjunction(d, [m.negated(fault) for fault, _ in m.faults])
-    return m.both(holds, sound), sound
+    legal = conjunction(d, [needed.condition for needed in m.legality])
+    return m.either(m.both(holds, sound), m.negated(legal)), sound
 
 
 def program_turn(

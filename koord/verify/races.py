@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
 from koord.semantics.domain import conjunction, disjunction
-from koord.semantics.storage import Mask, Storage, Tree, joined
+from koord.semantics.masks import Mask, joined
+from koord.semantics.storage import Storage, Tree
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.types import BOOL, ArrayType, ListType, MapType, QueueType, RecordType, Type

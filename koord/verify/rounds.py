@@ -22,8 +22,9 @@ from koord.semantics.configurations import (
     Turn,
 )
 from koord.semantics.domain import conjunction, disjunction
+from koord.semantics.masks import Mask, joined, restricted
 from koord.semantics.races import overlap, rewritten
-from koord.semantics.storage import Mask, Storage, joined, merge_storage, restricted
+from koord.semantics.storage import Storage, merge_storage
 from koord.semantics.turns import (
     Turned,
     declared,
@@ -86,7 +87,8 @@ class SymbolicRound:
     ``urgency`` holds of whole rounds only: inside a round, robots that did not move yet may still
     have to. ``before[i, j]`` (i < j) says that i's turn came before j's; empty where no order is
     needed. ``inside`` is looked at where the end of the program turns is not enough: the
-    configuration in which the robots that run no event have not moved yet. [T-PREFIX]
+    configuration in which the robots that run no event have not moved yet. Where nobody runs, one
+    of them has skipped: ``free[i]`` says that i may do so before anyone else has moved. [T-PREFIX]
     """
 
     options: list[Option]
@@ -96,6 +98,7 @@ class SymbolicRound:
     middle: Moment
     end: Moment
     urgency: list[Term]
+    free: list[Term]
 
 
 class Encoder:
@@ -216,14 +219,27 @@ class Encoder:
         urgency = self._urgency(start, options, inputs) if self._urgent else []
         end = self._environment(middle.configuration, inputs)
         if not self._urgent and not self._stops_show:
-            return SymbolicRound(options, before, inputs, None, middle, end, urgency)
+            return SymbolicRound(options, before, inputs, None, middle, end, urgency, [])
         acting = self._acting(options)
+        # A lone robot that skips has ended the program turns.
+        free = self._free(start, inputs) if self.system.robots > 1 else []
         # Where everyone has moved and asked, nobody sees that they did not all stop yet; where
         # nobody has moved, the round before has not been left.
         ended = self.d.binary(BinaryOp.AND, conjunction(self.d, acting), asked)
-        begun = disjunction(self.d, acting)
+        begun = disjunction(self.d, [*acting, *free])
         inside.real = self.d.binary(BinaryOp.AND, begun, self.d.unary(UnaryOp.NOT, ended))
-        return SymbolicRound(options, before, inputs, inside, middle, end, urgency)
+        return SymbolicRound(options, before, inputs, inside, middle, end, urgency, free)
+
+    def _free(self, start: Configuration[Term], inputs: SymbolicInputs) -> list[Term]:
+        """Robot by robot, whether it may skip while no lock class is taken. [SKIP]"""
+        d, free = self.d, []
+        for i, state in enumerate(start.robots):
+            urgent = [event for event in self.system.agent(i).events if event.urgent]
+            obliged = [guard_of(d, self.system, i, state, e, inputs)[0] for e in urgent]
+            running = self._differs(state.status, Status.STOPPED)
+            waits = d.binary(BinaryOp.AND, running, disjunction(d, obliged))
+            free.append(d.unary(UnaryOp.NOT, waits))
+        return free
 
     def _acting(self, options: list[Option]) -> list[Term]:
         """Robot by robot, whether it runs an event."""

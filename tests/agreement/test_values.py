@@ -8,6 +8,7 @@ from random import Random
 import pytest
 
 from koord.semantics.domain import EXACT, Constant
+from koord.semantics.masks import joined, marked, written
 from koord.semantics.storage import (
     AtField,
     AtIndex,
@@ -17,12 +18,9 @@ from koord.semantics.storage import (
     Storage,
     Tree,
     contents,
-    joined,
-    marked,
     part_of,
     stored,
     write,
-    written,
 )
 from koord.semantics.values import Table, Value, equal, insert, lookup, put_at, without
 from koord.syntax.types import BOOL, INT, MapType, Type
