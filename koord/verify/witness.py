@@ -147,7 +147,8 @@ def _round(
         answers += reader.answers(_moment(symbolic, phase).checks)
     if phase is Phase.INSIDE:
         # Robots that run no event have not moved yet. [T-PREFIX]
-        order = tuple(robot for robot in order if events[robot] is not None)
+        free = (i for i, may_skip in enumerate(symbolic.free) if reader.truth(may_skip))
+        order = tuple(i for i in order if events[i] is not None) or (next(free),)
     else:
         # Who skips because a lock is taken must come behind who took it; skips may always.
         order = tuple(sorted(order, key=lambda robot: events[robot] is None))
