@@ -146,7 +146,11 @@ class Bounded:
 
     def start_possible(self, deadline: Deadline) -> bool:
         """Whether some configuration after INIT satisfies the assumptions (or nobody knows)."""
-        return self._unrolling.solver.check([], deadline) is not Answer.UNSAT
+        if self._unrolling.solver.check([], deadline) is not Answer.UNSAT:
+            return True
+        # It may be a later round that no run gets through: look at INIT alone.
+        alone = Unrolling(self._unrolling.system, self._unrolling.seed)
+        return alone.solver.check([], deadline) is not Answer.UNSAT
 
     def idle_events(self, seen: set[tuple[int, int]], rounds: int, deadline: Deadline) -> Idle:
         """The events that no robot can run within so many rounds. Unrolls as far as needed.
@@ -164,9 +168,19 @@ class Bounded:
             if answer is Answer.UNKNOWN:
                 return Idle(set(), None)
             if idle and self._unrolling.solver.check([], deadline) is Answer.UNSAT:
-                return Idle(set(), number)
+                return Idle(set(), self._stuck(rounds, deadline))
             number += 1
         return Idle(idle, None)
+
+    def _stuck(self, rounds: int, deadline: Deadline) -> int | None:
+        """The first round whose environment's turn no run can take; None if they fault instead."""
+        alone = Unrolling(self._unrolling.system, self._unrolling.seed)
+        for moment in alone.moments():
+            if alone.solver.check([], deadline) is not Answer.SAT:
+                return moment.configuration.round - 1 if moment.phase is Phase.END else None
+            if moment.configuration.round >= rounds:
+                break
+        return None
 
     def _strike(
         self, idle: set[tuple[int, int]], taken: SymbolicRound, deadline: Deadline

@@ -224,12 +224,14 @@ def _by_induction(session: _Session) -> None:
         # A step of ``depth`` rounds proves what holds in the first ``depth - 1`` rounds too.
         _by_unrolling(session, depth - 1)
         assert session.bounded is not None
-        if not session.open() or session.bounded.reason:
+        # What is not known to hold in those rounds is neither to be proved nor to be assumed.
+        claims = [c for c in session.open() if c not in session.bounded.unreplayed]
+        if not claims or session.bounded.reason:
             return
         session.progress(f"induction over {depth} round{'s' if depth > 1 else ''}")
         result = prove(
             session.system,
-            session.open(),
+            claims,
             session.proved(),
             deadline,
             depth=depth,
