@@ -7,6 +7,7 @@ them down as a recording.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -199,7 +200,9 @@ class Unknowns:
             return listed(self.d, [self.value(f"{name}[{k}]", element) for k in range(length)])
         size = self.d.fresh(f"{name}.length", INT)
         self._require_between(0, size, LIST_CAPACITY)
-        self.limits.append(f"lists {name} of more than {LIST_CAPACITY} elements")
+        limit = f"lists {_of_the_text(name)} of more than {LIST_CAPACITY} elements"
+        if limit not in self.limits:
+            self.limits.append(limit)
         items = tuple(self.value(f"{name}[{k}]", element) for k in range(LIST_CAPACITY))
         return Seq(size, items)
 
@@ -211,6 +214,11 @@ class Unknowns:
                 self.constraints.append(
                     self.d.binary(BinaryOp.OR, beyond, self.d.unary(core.UnaryOp.NOT, same))
                 )
+
+
+def _of_the_text(name: str) -> str:
+    """What the program calls it: the name of an unknown without robot, round and element."""
+    return re.split(r"[@#\[]", name, maxsplit=1)[0]
 
 
 def _part_types(type_: Type, count: int) -> list[tuple[str, Type]]:

@@ -1,0 +1,35 @@
+"""What the engines do not cover is said once per variable, and never passes for *holds*."""
+
+from __future__ import annotations
+
+from koord.semantics.configurations import dealt
+from koord.syntax.load import load
+from koord.syntax.source import Source
+from koord.verify.portfolio import Choice, verify
+from koord.verify.verdicts import Bounds, Outcome
+
+LISTENS = """
+using Radio:
+    sensors:
+        int[] heard
+local:
+    int last = 0
+Hear:
+    pre: length(heard) > 0
+    eff:
+        last = heard[0]
+invariant Any: last < 1 or last >= 1
+"""
+
+
+def test_lists_longer_than_the_capacity_are_told_by_the_names_of_the_program() -> None:
+    program = load(Source("listens.krd", LISTENS)).program
+    assert program is not None
+    for choice in (Choice.BMC, Choice.INDUCTION):
+        report = verify(dealt(program, 2), Bounds(rounds=2), choice)
+        assert report.outcome is Outcome.UNKNOWN
+        for verdict in report.verdicts:
+            assert verdict.reason == (
+                "not covered: lists Radio.heard of more than 3 elements; "
+                "lists heard of more than 3 elements"
+            )
