@@ -176,6 +176,23 @@ def along(path: Sequence[Point], here: Point, step: Fraction) -> Point:
         at, here = at + 1, b
 
 
+def toward(here: Point, there: Point, step: Fraction) -> Point:
+    """The point ``step`` nearer to ``there``, about on the straight way and between the two.
+
+    Coordinates are rounded to 1024ths, so that numbers do not grow from round to round.
+    """
+    way = _minus(there, here)
+    if _dot(way, way) <= step * step:
+        return there
+    x, y, z = (
+        min(max(Fraction(round(c * 1024), 1024), min(a, b)), max(a, b))
+        for c, a, b in zip(
+            _along(here, way, step / square_root(_dot(way, way))), here, there, strict=True
+        )
+    )
+    return x, y, z
+
+
 # --- the functions ------------------------------------------------------------------------------
 
 

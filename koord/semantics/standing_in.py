@@ -10,13 +10,13 @@ from fractions import Fraction
 
 from koord.semantics.configurations import Robot
 from koord.semantics.domain import Constant
-from koord.semantics.library import Point, along, as_value, point, points
+from koord.semantics.library import Point, along, as_value, point, points, toward
 from koord.semantics.recording import Concrete
 from koord.semantics.sampling import Sampler
 from koord.semantics.storage import contents
 from koord.semantics.values import Rec, Seq
 from koord.syntax import core
-from koord.syntax.types import BOOL, POS, ArrayType, ListType
+from koord.syntax.types import BOOL, POS, ArrayType, ListType, Type
 
 #: How far a vehicle comes in a round.
 STEP_M = Fraction(1)
@@ -46,14 +46,18 @@ def driven(
     readings = dict[int, Concrete]()
     try:
         place = point(here)
-        way = _way(sampler, state, slots, place)
+        told = _told(sampler, state, slots)
     except (ValueError, OverflowError):  # a double that is no number
         return {}
-    there = along(way, place, STEP_M)
+    if isinstance(told, list):
+        there, end = along(told, place, STEP_M), told[-1]
+    else:
+        end = place if told is None else told
+        there = toward(place, end, STEP_M)
     readings[psn.slot] = Rec(tuple(sampler.real(c) for c in there))
     reached = slots.get("reached")
     if reached is not None and reached.type == BOOL:
-        readings[reached.slot] = there == way[-1]
+        readings[reached.slot] = there == end
     planner = slots.get("planner")
     if planner is not None:
         kept = _held(sampler, state, planner)
@@ -66,22 +70,28 @@ def driven(
     return readings
 
 
-def _way(
-    sampler: Sampler, state: Robot[Constant], slots: dict[str, core.Variable], here: Point
-) -> list[Point]:
-    """The way that the robot was told to go; to where it is, if it was told nothing."""
+def _told(
+    sampler: Sampler, state: Robot[Constant], slots: dict[str, core.Variable]
+) -> list[Point] | Point | None:
+    """Where the robot was told to go: along a path, or to a target."""
     for name in _GOALS:
         variable = slots.get(name)
-        if variable is None or variable.type not in (POS, ListType(POS), ArrayType(POS, 2)):
+        if variable is None or not _is_way(variable.type):
             continue
         match _held(sampler, state, variable):
             case Seq(items=items) as path if items:
                 return points(path)
             case Rec() as target:
-                return [here, point(target)]
+                return point(target)
             case _:
                 pass
-    return [here]
+    return None
+
+
+def _is_way(type_: Type) -> bool:
+    if isinstance(type_, ListType | ArrayType):
+        return type_.element == POS
+    return type_ == POS
 
 
 def _held(sampler: Sampler, state: Robot[Constant], variable: core.Variable) -> Concrete | None:
