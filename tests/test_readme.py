@@ -146,8 +146,28 @@ def test_the_verdicts_listed_are_those_that_are_tested() -> None:
 # --- files ----------------------------------------------------------------------------------------
 
 
-def test_the_files_it_points_to_exist() -> None:
-    targets = re.findall(r"\]\(([^)]+)\)", README)
-    local = [target for target in targets if "://" not in target]
-    assert local
-    assert [target for target in local if not (ROOT / target).exists()] == []
+@pytest.mark.parametrize(
+    "name",
+    [
+        "README.md",
+        "ARCHITECTURE.md",
+        "CHANGELOG.md",
+        "tests/README.md",
+        "specs/semantics/README.md",
+    ],
+)
+def test_the_files_that_are_linked_exist(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    local = [target for target in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in target]
+    missing = [target for target in local if not ((ROOT / name).parent / target).exists()]
+    assert missing == []
+
+
+@pytest.mark.parametrize("name", ["ARCHITECTURE.md", "tests/README.md"])
+def test_the_files_that_are_named_exist(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:\w+/)*\w+\.(?:py|krd|lark|md|yaml))`", text))
+    assert len(named) > 10
+    folders = [path for top in ("koord", "tests", "specs") for path in (ROOT / top).rglob("*")]
+    known = {path.relative_to(ROOT).as_posix() for path in folders}
+    assert [path for path in named if not any(f"/{k}".endswith(f"/{path}") for k in known)] == []
