@@ -9,13 +9,14 @@ from enum import Enum
 from functools import partial
 
 from koord.semantics.configurations import System
+from koord.semantics.limits import Limits
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.recording import Recording
 from koord.verify.abstraction import abstracted
 from koord.verify.bmc import Bounded, Judge
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
-from koord.verify.exhaustive import exhaust
+from koord.verify.exhaustive import FEW_STATES, exhaust
 from koord.verify.induction import prove
 from koord.verify.sightings import seen_to_run
 from koord.verify.solving import Deadline
@@ -63,7 +64,7 @@ class _Session:
     verdicts: dict[Claim, Verdict] = field(default_factory=dict)
     reasons: dict[Claim, str] = field(default_factory=dict)
     bounded: Bounded | None = None
-    exhausted: bool = False
+    searched: dict[Claim, int] = field(default_factory=dict)  #: rounds that the search finished
 
     @property
     def system(self) -> System:
@@ -199,7 +200,8 @@ def _run(session: _Session, choice: Choice) -> None:
     if choice in (Choice.AUTO, Choice.INDUCTION):
         _by_induction(session)
     if choice in (Choice.AUTO, Choice.SEARCH) and session.open():
-        _by_search(session)
+        few = Limits(states=FEW_STATES) if choice is Choice.AUTO else Limits()
+        _by_search(session, few)
     if choice in (Choice.AUTO, Choice.BMC) and session.open():
         _by_unrolling(session, session.bounds.rounds)
 
@@ -243,14 +245,25 @@ def _by_induction(session: _Session) -> None:
             return
 
 
-def _by_search(session: _Session) -> None:
+def _by_search(session: _Session, limits: Limits) -> None:
     """All configurations one by one, where they are few."""
-    result = exhaust(session.system, session.open(), session.deadline, session.progress)
-    session.verdicts |= result.verdicts
-    session.exhausted = result.exhausted
+    if session.system is not session.subject.original:
+        reason = "search: positions or paths have infinitely many values"
+        session.reasons |= {claim: reason for claim in session.open()}
+        return
+    found = exhaust(
+        session.system,
+        session.open(),
+        limits,
+        session.deadline,
+        session.subject.judge,
+        session.progress,
+    )
+    session.verdicts |= found.verdicts
     for claim in session.open():
-        if result.reason:
-            session.reasons[claim] = result.reason
+        session.reasons[claim] = found.reason
+        if found.depth is not None:
+            session.searched[claim] = found.depth
 
 
 def _open_verdict(session: _Session, claim: Claim, choice: Choice) -> Verdict:
@@ -258,7 +271,11 @@ def _open_verdict(session: _Session, claim: Claim, choice: Choice) -> Verdict:
     bounded = session.bounded
     if bounded is None or choice in (Choice.INDUCTION, Choice.SEARCH):
         reason = session.reasons.get(claim, "not decided")
-        return Verdict(claim, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=reason)
+        depth = session.searched.get(claim)
+        engine = Engine.NONE if depth is None else Engine.SEARCH
+        enough = depth is not None and depth >= session.bounds.rounds
+        outcome = Outcome.HOLDS if enough else Outcome.UNKNOWN
+        return Verdict(claim, outcome, engine, 0.0, depth, reason="" if enough else reason)
     reached, reason = bounded.completed, bounded.reason
     if claim in bounded.unreplayed:
         reason, reached = bounded.unreplayed[claim]

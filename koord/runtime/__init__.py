@@ -1,0 +1,1 @@
+"""Compiled programs and their round commit. Not in this version."""

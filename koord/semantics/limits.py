@@ -1,0 +1,71 @@
+"""How far a search may go."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+_STATM = Path("/proc/self/statm")
+_PAGE_BYTES = 4096
+
+#: So many looks at a meter are cheap before one that is not.
+_EVERY = 200
+
+#: Seconds between two reports of progress.
+TELL_EVERY_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds of a search. ``deadline_s`` is a time on the search's clock; None means no bound."""
+
+    states: int = 2_000_000
+    memory_mb: int = 4_000
+    rounds: int | None = None
+    deadline_s: float | None = None
+
+
+class Meter:
+    """Tells when a limit is reached. Looks at the clock and at memory now and then only."""
+
+    def __init__(self, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
+        self.limits = limits
+        self._clock = clock
+        self._countdown = 1
+        self._told_s = clock()
+
+    def reached(self, states: int) -> str:
+        """Which limit is reached, in words; empty if none is."""
+        if states > self.limits.states:
+            return f"more than {self.limits.states} states"
+        self._countdown -= 1
+        if self._countdown > 0:
+            return ""
+        self._countdown = _EVERY
+        deadline = self.limits.deadline_s
+        if deadline is not None and self._clock() >= deadline:
+            return "out of time"
+        if resident_mb() > self.limits.memory_mb:
+            return f"more than {self.limits.memory_mb} MB of memory"
+        return ""
+
+    def is_time_to_tell(self) -> bool:
+        """Whether it is a while since progress was last told."""
+        if self._countdown != _EVERY:
+            return False
+        now = self._clock()
+        if now - self._told_s < TELL_EVERY_S:
+            return False
+        self._told_s = now
+        return True
+
+
+def resident_mb() -> float:
+    """The memory that this process holds, in MB; 0 where the system does not say."""
+    try:
+        pages = int(_STATM.read_text(encoding="ascii").split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0.0
+    return pages * _PAGE_BYTES / 1e6
