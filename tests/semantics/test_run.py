@@ -39,6 +39,7 @@ from tests.semantics.building import (
     STOP,
     TRUE,
     Build,
+    E,
     N,
     array,
     bound,
@@ -440,6 +441,28 @@ def test_integer_division_rounds_down(numbers: Numbers) -> None:
     # Robots 0 to 4 divide -3, -2, -1, 0 and 1 by two; 10 and 100 are added by lazy branches.
     assert d.each("q") == ["-2", "-1", "-1", "0", "0"]
     assert d.each("r") == ["111", "110", "111", "110", "111"]
+
+
+def test_what_is_not_evaluated_asks_nothing() -> None:
+    """[E-SHORT] [S-IF] [RECORDING]: no answer is needed for a right operand that is not looked at."""
+    b = Build()
+    n, up = bound("n", 0, INT), bound("result", 1, INT)
+    b.external("above", [n], up, ensures=[up > n])
+    x, flag = b.local("x", INT, 0), b.local("flag", BOOL, False)
+
+    def ask() -> E:
+        return b.ask("above", 3).eq(4)
+
+    b.event(
+        "Go",
+        ~flag | ask(),
+        when(flag & ask(), x.set(1)),
+        when(~flag | ask(), x.set(2), otherwise=[x.set(b.ask("above", 9))]),
+        when(flag >> ask(), flag.set(False)),
+    )
+    d = drive(b.program(), 1).round("Go")
+    assert d.own(0, "x") == "2"
+    assert d.run.recording().rounds[0].answers == ()
 
 
 def test_remainders_by_negative_numbers() -> None:
