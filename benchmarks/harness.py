@@ -253,8 +253,9 @@ def limited(measured_s: float, limit_s: float | None, unit: str = "s wall") -> d
 
 
 def note(text: str) -> None:
-    """Say on standard error what is being measured."""
-    print(f"  … {text}", file=sys.stderr, flush=True)
+    """Say on standard error what is being measured, if somebody looks on."""
+    if sys.stderr.isatty():
+        print(f"  … {text}", file=sys.stderr, flush=True)
 
 
 def main(name: str, story: str, benchmark: Callable[[Report], None]) -> int:
@@ -271,13 +272,18 @@ def main(name: str, story: str, benchmark: Callable[[Report], None]) -> int:
     arguments = parser.parse_args()
     report = Report(quick=arguments.quick)
     facts = machine()
-    benchmark(report)
-    print(_said_of(facts))
-    print()
+    print(_said_of(facts), end="\n\n", flush=True)
+    stopped = False
+    try:
+        benchmark(report)
+    except KeyboardInterrupt:  # what is known by now is shown, and not kept
+        stopped = True
     for table in report.tables:
         print("\n".join(table.lines()))
     for story in report.wrong:
         print(f"WRONG: {story}")
+    if stopped:
+        return 130
     result = {
         "benchmark": name,
         "quick": report.quick,
