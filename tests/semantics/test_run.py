@@ -444,7 +444,7 @@ def test_integer_division_rounds_down(numbers: Numbers) -> None:
 
 
 def test_what_is_not_evaluated_asks_nothing() -> None:
-    """[E-SHORT] [S-IF] [RECORDING]: no answer is needed for a right operand that is not looked at."""
+    """[E-SHORT] [S-IF] [RECORDING]: a right operand that is not looked at needs no answer."""
     b = Build()
     n, up = bound("n", 0, INT), bound("result", 1, INT)
     b.external("above", [n], up, ensures=[up > n])
@@ -674,6 +674,7 @@ def test_kinds_have_their_own_variables_and_events() -> None:
     """[CONFIG]: one store for all; locals, ports and events by kind."""
     d = drive(programs.two_kinds(), 4)
     assert [d.enabled(i) for i in range(4)] == [["Drive"], ["Climb"], ["Drive"], ["Climb"]]
+    assert [robot.kind for robot in d.configuration.robots] == [0, 1, 0, 1]
     d.round("Drive", "Climb", None, "Climb").round(None, "Look", None, "Climb")
     assert d.own(0, "fuel") == "2"
     assert d.own(3, "Rotor.up") == "0.2"
