@@ -129,15 +129,14 @@ class Unknowns:
         self, external: core.External, arguments: tuple[Symbolic, ...], name: str
     ) -> Symbolic:
         """The answer of a mathematical function: equal for equal arguments. [EXTERNAL]"""
-        flat = [scalar for argument in arguments for scalar in _scalars(argument)]
-        if all(not _has_list(argument) for argument in arguments) and not _is_compound(
-            external.result.type
-        ):
+        # By type, not by value: all calls of a function must be compared in one way.
+        variables = (external.result, *external.parameters)
+        if not any(_has_list(v.type) for v in variables) and not _is_compound(external.result.type):
+            flat = [scalar for argument in arguments for scalar in _scalars(argument)]
             if self.vouches_for(external) and external.name not in self._summarised:
                 self._summarised.add(external.name)
                 self._require_summary(external)
-            shape = "".join(_shape(argument) for argument in arguments)
-            return self._applied(external, shape, flat)
+            return self._applied(external, flat)
         answer = self.value(name, external.result.type)
         asked = self._functions.setdefault(external.name, [])
         for earlier, its_answer in asked:
@@ -178,12 +177,10 @@ class Unknowns:
             holds = self.d.binary(BinaryOp.IMPLIES, conjunction(self.d, met), statement(m, promise))
             self.constraints.append(axiom.closed(holds))
 
-    def _applied(self, external: core.External, shape: str, flat: list[Term]) -> Term:
-        """An application of an uninterpreted function symbol of Z3's, one for each shape."""
-        # Lists of other lengths are other arguments, so each shape has a symbol of its own.
-        name = f"{external.name}{shape}" if "[" in shape else external.name
+    def _applied(self, external: core.External, flat: list[Term]) -> Term:
+        """An application of an uninterpreted function symbol of Z3's."""
         result = external.result.type
-        answer = self.d.applied(name, flat, result)
+        answer = self.d.applied(external.name, flat, result)
         if isinstance(result, EnumType):
             self._require_between(0, answer, len(result.members) - 1)
         return answer
@@ -242,22 +239,15 @@ def _scalars(value: Symbolic) -> Iterator[Term]:
         yield value
 
 
-def _has_list(value: Symbolic) -> bool:
-    """Whether a value has a shape that two equal values need not share."""
-    if isinstance(value, Rec):
-        return any(_has_list(part) for part in value.fields)
-    if isinstance(value, Seq):
-        return not isinstance(value.length, int) or any(_has_list(v) for v in value.items)
-    return isinstance(value, Table)
-
-
-def _shape(value: Symbolic) -> str:
-    """How the scalars of a value are grouped into records and lists."""
-    if isinstance(value, Rec):
-        return f"({''.join(_shape(part) for part in value.fields)})"
-    if isinstance(value, Seq):
-        return f"[{''.join(_shape(part) for part in value.items)}]"
-    return "."
+def _has_list(type_: Type) -> bool:
+    """Whether equal values of a type may be held in different shapes."""
+    match type_:
+        case RecordType(fields=fields):
+            return any(_has_list(field) for _, field in fields)
+        case ArrayType(element=element):
+            return _has_list(element)
+        case _:
+            return isinstance(type_, ListType | QueueType | MapType)
 
 
 def _is_compound(type_: Type) -> bool:
@@ -344,6 +334,13 @@ class SymbolicOracle:
         return self.inputs.unknowns.vouches_for(function)
 
 
+class _SummaryOracle(SymbolicOracle):
+    """Answers for a summary that is looked at afterwards, as a replay will look at it."""
+
+    def every(self, type_: Type, body: Callable[[Symbolic], Term]) -> Term:
+        return True
+
+
 @dataclass(slots=True)
 class SymbolicInputs:
     """Inputs of one step as fresh terms, in the order in which they were asked for."""
@@ -353,6 +350,26 @@ class SymbolicInputs:
     starts: list[tuple[Home, int, int | None, Symbolic]] = field(default_factory=list)
     readings: list[tuple[int, int, Symbolic]] = field(default_factory=list)
     answers: dict[tuple[Phase, int, Key], SymbolicAnswer] = field(default_factory=dict)
+
+    def answer_summaries(self, system: System) -> None:
+        """Note what summaries ask of functions, where they were taken for granted so far.
+
+        A replay checks every summary, so it needs those answers too. [EXTERNAL]
+        """
+        for answer in list(self.answers.values()):
+            if answer.function is None:
+                continue
+            external = system.program.external(answer.function)
+            if not self.unknowns.vouches_for(external):
+                continue
+            d = self.unknowns.d
+            m = machine(d, system, _SummaryOracle(self, answer.phase, answer.robot))
+            m.in_summary = True
+            m.trail = [*answer.key[1:], answer.key[0]]
+            known = [held(d, value) for value in (*answer.arguments, answer.value)]
+            m.memory.bound = [*known, *[None] * (external.bound - len(known))]
+            for promise in external.ensures:
+                statement(m, promise)
 
     def noted(self, phase: Phase, robot: int, key: Key) -> SymbolicAnswer | None:
         """The answer already given for a key: a turn that is looked at twice is one turn."""

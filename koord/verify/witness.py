@@ -76,6 +76,7 @@ class Reader:
         return bool(self.model.truth(condition))
 
     def answers(self, inputs: SymbolicInputs) -> tuple[Answer, ...]:
+        inputs.answer_summaries(self.system)
         return tuple(self._answer(answer) for answer in inputs.answers.values())
 
     def _answer(self, answer: SymbolicAnswer) -> Answer:
