@@ -6,9 +6,10 @@ import sys
 from dataclasses import dataclass, field
 
 from koord.cli.tables import Shown, Table
+from koord.semantics.policies import First, take
 from koord.semantics.recording import Step
 from koord.semantics.rounds import IllegalStepError
-from koord.semantics.running import First, Moment, Move, Run, take
+from koord.semantics.running import Moment, Move, Run
 from koord.semantics.trace import Violation
 from koord.semantics.watching import Watch
 

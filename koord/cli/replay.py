@@ -17,9 +17,9 @@ from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import read_trace
 from koord.semantics.json_reader import shortened
 from koord.semantics.names import Names
+from koord.semantics.policies import Taken
 from koord.semantics.recording import Step
 from koord.semantics.replay import Refused, Replayed, replay
-from koord.semantics.running import Taken
 from koord.semantics.trace import BEFORE_ROUNDS, Trace
 from koord.syntax.diagnostics import KoordError
 

@@ -33,8 +33,9 @@ from koord.cli.traces import sources_of, write_trace
 from koord.semantics.codec import encode
 from koord.semantics.configurations import NO_EVENT, System
 from koord.semantics.names import Names
+from koord.semantics.policies import AtRandom, First, Play
 from koord.semantics.rendering import show_fraction
-from koord.semantics.running import AtRandom, First, Play, Run, new_run
+from koord.semantics.running import Run, new_run
 from koord.semantics.trace import (
     BEFORE_ROUNDS,
     Numbers,

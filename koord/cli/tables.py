@@ -18,9 +18,9 @@ from koord.semantics.changes import Change, changes
 from koord.semantics.configurations import Configuration, System, Written
 from koord.semantics.domain import Constant
 from koord.semantics.names import Named, Names
+from koord.semantics.policies import Taken
 from koord.semantics.recording import Step
 from koord.semantics.rendering import UNSET, show_fraction, show_output, show_storage
-from koord.semantics.running import Taken
 from koord.semantics.storage import Storage
 
 #: Of what one step changed, so many lines are shown.

@@ -6,19 +6,15 @@ and :func:`koord.semantics.recording.execute` makes the same run of it again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from random import Random
-from typing import Protocol
 
 from koord.semantics.answering import SampledInputs
-from koord.semantics.codec_values import LONGEST_NUMBER_BITS
 from koord.semantics.configurations import Configuration, Status, System, Turn
 from koord.semantics.domain import Constant, Domain
-from koord.semantics.json_reader import refusal
+from koord.semantics.lengths import check_lengths
 from koord.semantics.oracle import Phase
-from koord.semantics.recording import Answer, Concrete, Opening, Recording, Round, Step
+from koord.semantics.recording import Answer, Opening, Recording, Round, Step
 from koord.semantics.rounds import (
     IllegalStepError,
     enabled,
@@ -29,10 +25,7 @@ from koord.semantics.rounds import (
 )
 from koord.semantics.sampling import Sampler
 from koord.semantics.settling import settle_readings, settled_start
-from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.trace import Numbers, Violation
-from koord.semantics.values import Rec, Seq, Table
-from koord.semantics.watching import Watch
+from koord.semantics.trace import Numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,150 +192,3 @@ class Run:
 def new_run(system: System, numbers: Numbers, rng: Random) -> Run:
     """A run whose every answer hangs on the generator."""
     return Run(system, numbers, SampledInputs(Sampler(system, numbers, rng)))
-
-
-# --- policies -----------------------------------------------------------------------------------
-
-
-class Policy(Protocol):
-    """Who moves next, and how."""
-
-    def move(self, run: Run, waiting: tuple[int, ...]) -> Move:
-        """A move of one of the robots that wait for their turn. It is made if the rules allow."""
-        ...
-
-
-class First:
-    """What the runtime does: robots in order, and of each the first event that is enabled."""
-
-    def move(self, run: Run, waiting: tuple[int, ...]) -> Move:
-        robot = waiting[0]
-        events = run.enabled(robot)
-        return Move(robot, events[0] if events else None)
-
-
-@dataclass(frozen=True, slots=True)
-class AtRandom:
-    """Any allowed move: any robot, any of its enabled events, now and then a skip."""
-
-    rng: Random
-    skips_percent: int = 15
-
-    def move(self, run: Run, waiting: tuple[int, ...]) -> Move:
-        robot = self.rng.choice(waiting)
-        events = run.enabled(robot)
-        skips = self.rng.randrange(100) < self.skips_percent and run.may_skip(robot)
-        return Move(robot, None if skips or not events else self.rng.choice(events))
-
-
-@dataclass(frozen=True, slots=True)
-class Taken:
-    """A step of a run, and the event that the robot could not run because a lock was taken."""
-
-    step: Step
-    lost: str | None = None
-
-
-def take(run: Run, move: Move) -> Taken:
-    """Make a move, or, where it loses a lock, a skip; where that is not allowed, another event.
-
-    Raises IllegalStepError if the move is not allowed for another reason.
-    """
-    try:
-        return Taken(run.make(move))
-    except IllegalStepError as refused:
-        if refused.rule != "ATOMIC" or move.event is None:
-            raise
-    lost = run.system.agent(move.robot).events[move.event].name
-    others = [Move(move.robot, event) for event in run.enabled(move.robot) if event != move.event]
-    for instead in (Move(move.robot, None), *others):
-        try:
-            return Taken(run.make(instead), lost)
-        except IllegalStepError as refused:
-            if refused.rule not in ("SKIP", "ATOMIC"):
-                raise
-    raise AssertionError("a robot can neither skip nor run an event")
-
-
-@dataclass
-class Play:
-    """A run by a policy, watched: ``steps`` makes it, and then ``violation`` is known."""
-
-    run: Run
-    policy: Policy
-    rounds: int
-    watch: Watch
-    violation: Violation | None = None
-
-    def steps(self) -> Iterator[Taken]:
-        """The steps, up to a fault, a violation, the last round, or until everyone has stopped.
-
-        Raises KoordError where an assumption, a contract or a summary cannot be met.
-        """
-        yield from self._observed(Taken(self.run.begin()))
-        while not self._over:
-            waiting = self.run.waiting
-            if waiting:
-                yield from self._observed(take(self.run, self.policy.move(self.run, waiting)))
-            else:
-                yield from self._observed(Taken(self.run.evolve()))
-
-    def _observed(self, taken: Taken) -> Iterator[Taken]:
-        self.violation = self.watch.after(taken.step)
-        yield taken
-
-    @property
-    def _over(self) -> bool:
-        if self.violation is not None or self.run.configuration.fault is not None:
-            return True
-        begun = len(self.run.waiting) < self.run.system.robots
-        return not begun and (self.run.round >= self.rounds or self.run.all_stopped)
-
-    def recording(self) -> Recording:
-        """The run as it was made."""
-        return self.run.recording(checks=self.violation is not None)
-
-
-# --- numbers that grow without end --------------------------------------------------------------
-
-
-def check_lengths(before: Configuration[Constant], after: Configuration[Constant]) -> None:
-    """Raise KoordError if a step made a number that is too long to go on with."""
-    for old, new in zip(before.robots, after.robots, strict=True):
-        if old is not new:
-            _check_all(old.locals, new.locals)
-            _check_all(old.ports, new.ports)
-    _check_all(before.store.allread, after.store.allread)
-    _check_all(before.store.allwrite, after.store.allwrite)
-
-
-def _check_all(before: tuple[Storage[Constant], ...], after: tuple[Storage[Constant], ...]) -> None:
-    for old, new in zip(before, after, strict=True):
-        if old is not new and _bits(new) > LONGEST_NUMBER_BITS:
-            raise refusal(
-                "koord run",
-                "K923",
-                f"an exact number has grown to more than {LONGEST_NUMBER_BITS} bits",
-                "run with --numbers double, or for fewer rounds",
-            )
-
-
-def _bits(part: Storage[Constant] | Concrete) -> int:
-    """The length of the longest number in storage or a value."""
-    match part:
-        case int():
-            return part.bit_length()
-        case Fraction():
-            return max(part.numerator.bit_length(), part.denominator.bit_length())
-        case Cell(value=value):
-            return _bits(value)
-        case Tree(parts=parts):
-            return max(map(_bits, parts), default=0)
-        case Rec(fields=parts):
-            return max(map(_bits, parts), default=0)
-        case Seq(items=items):
-            return max(map(_bits, items), default=0)
-        case Table(entries=entries):
-            return max((max(_bits(k), _bits(v)) for k, v in entries), default=0)
-        case _:
-            return 0

@@ -5,7 +5,8 @@ from __future__ import annotations
 from random import Random
 
 from koord.semantics.configurations import System
-from koord.semantics.running import AtRandom, First, Play, Policy, new_run
+from koord.semantics.policies import AtRandom, First, Play, Policy
+from koord.semantics.running import new_run
 from koord.semantics.trace import Numbers
 from koord.semantics.watching import Watch
 from koord.syntax.diagnostics import KoordError

@@ -8,9 +8,10 @@ from random import Random
 from koord.semantics.configurations import Configuration, System, dealt
 from koord.semantics.domain import Constant
 from koord.semantics.names import Names
+from koord.semantics.policies import Play, Policy
 from koord.semantics.recording import Step
 from koord.semantics.rendering import show_output, show_storage
-from koord.semantics.running import Move, Play, Policy, Run, new_run
+from koord.semantics.running import Move, Run, new_run
 from koord.semantics.trace import Numbers, Sources, Trace, traced
 from koord.semantics.watching import Watch
 from koord.syntax import core

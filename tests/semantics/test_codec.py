@@ -25,8 +25,8 @@ from koord.semantics.codec_values import (
 )
 from koord.semantics.configurations import FaultKind, System
 from koord.semantics.json_reader import Reader
+from koord.semantics.policies import AtRandom, First
 from koord.semantics.replay import replay
-from koord.semantics.running import AtRandom, First
 from koord.semantics.trace import Numbers, Sources, Trace, Violation, ViolationKind, traced
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from koord.semantics.configurations import Configuration, FaultKind, System, dealt
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Phase
+from koord.semantics.policies import AtRandom, First
 from koord.semantics.recording import Recording, Round
 from koord.semantics.replay import Planned, Refused, planned, replay
-from koord.semantics.running import AtRandom, First
 from koord.semantics.storage import Cell
 from koord.semantics.trace import Numbers, Trace, Violation, ViolationKind, traced
 from koord.syntax import core

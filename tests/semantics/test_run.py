@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from koord.semantics.configurations import NO_EVENT, Configuration, FaultKind, Status
 from koord.semantics.domain import Constant
 from koord.semantics.occurrences import variables
+from koord.semantics.policies import AtRandom
 from koord.semantics.recording import Recording, Round, execute
 from koord.semantics.rounds import IllegalStepError
-from koord.semantics.running import AtRandom
 from koord.semantics.storage import Cell
 from koord.semantics.trace import Numbers
 from koord.semantics.watching import Watch

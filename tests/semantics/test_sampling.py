@@ -30,9 +30,10 @@ from koord.semantics.library import (
     square_root,
 )
 from koord.semantics.oracle import Phase
+from koord.semantics.policies import AtRandom, First, take
 from koord.semantics.recording import Concrete
 from koord.semantics.replay import replay
-from koord.semantics.running import AtRandom, First, Move, take
+from koord.semantics.running import Move
 from koord.semantics.sampling import Sampler
 from koord.semantics.trace import Numbers
 from koord.syntax import core

@@ -14,9 +14,9 @@ from koord.semantics.changes import changes, differences, identical
 from koord.semantics.configurations import FaultKind, dealt
 from koord.semantics.domain import Constant
 from koord.semantics.names import Names, distinct
+from koord.semantics.policies import AtRandom, First
 from koord.semantics.recording import Concrete, Recording, Round, execute
 from koord.semantics.rendering import show_storage, show_value
-from koord.semantics.running import AtRandom, First
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.trace import (
     BEFORE_ROUNDS,

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from koord.semantics.answering import SampledInputs
 from koord.semantics.configurations import System, dealt
+from koord.semantics.policies import AtRandom
 from koord.semantics.recording import Recording, execute
-from koord.semantics.running import AtRandom
 from koord.semantics.sampling import Sampler
 from koord.semantics.trace import Numbers
 from koord.semantics.turns import holds_in
