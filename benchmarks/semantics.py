@@ -36,7 +36,8 @@ def interpreted(name: str, numbers_name: str, policy_name: str, rounds: int) -> 
     """CPU seconds and numbers of steps of a run, and of the same run made again."""
     from koord.semantics.configurations import dealt
     from koord.semantics.recording import execute
-    from koord.semantics.running import AtRandom, First, Play, new_run
+    from koord.semantics.policies import AtRandom, First, Play
+    from koord.semantics.running import new_run
     from koord.semantics.trace import Numbers
     from koord.semantics.watching import Watch
     from koord.syntax.load import load
@@ -99,7 +100,7 @@ def interpreter(report: Report, rounds: int) -> None:
 
 def commands(report: Report, rounds: int) -> None:
     table = report.table(
-        f"koord run --robots {ROBOTS} --rounds {rounds} --delta {DELTA_S}, with start-up and tables",
+        f"koord run --robots {ROBOTS} --rounds {rounds} --delta {DELTA_S}, with start-up",
         Column("program", "program"),
         Column("numbers", "--numbers"),
         Column("policy", "--policy"),

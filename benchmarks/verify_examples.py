@@ -1,0 +1,199 @@
+"""``koord verify`` on the published programs: seconds and verdicts beside the published ones.
+
+The published times are those of Koordinator's bounded checker and of the provers before it, on an
+i7-4960X with 64 GB; where a range was given, the shorter end counts. Theirs are of one property,
+given the lemmas; ours are of every claim of the program, freedom from faults and lost updates
+included, and of one command from start to end. *Ratio* is theirs over our time on the clock.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from typing import Any
+
+from harness import EXAMPLES, TIMES, Column, Measured, Report, koord, main, note, times
+
+PATIENCE_S = 120.0
+
+BROKEN = "broken/"
+
+
+@dataclass(frozen=True)
+class Published:
+    """A row of a published table, and the example that it is compared with.
+
+    ``claim`` is what is violated in an unsafe program; where there is none, all claims hold.
+    """
+
+    program: str
+    file: str
+    robots: int
+    seconds: float
+    rounds: int = 20
+    delta: str = "0.1"
+    claim: str | None = None
+    set: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> str:
+        return "unsafe" if self.claim else "safe"
+
+
+def bounded() -> list[Published]:
+    """The table of the bounded checker."""
+    rows = [Published("Waypoint", "waypoints", n, s, 4, "50") for n, s in zip_to("38.5 59.9 81.2")]
+    rows += [
+        Published("HVAC1", "hvac", 1, 26.2, 10, "40"),
+        Published("HVAC2", BROKEN + "hvac2_wide_band", 1, 39.8, 10, "40", "Comfort"),
+        Published("LineForm", "lineform", 3, 20.2, 4, "10"),
+        Published("LineForm", "lineform", 5, 28.1, 4, "10"),
+        Published("Fischer1", "fischer", 2, 479.9, 10, "1", None, {"Td": "2", "Tk": "3"}),
+        Published("Fischer2", BROKEN + "fischer2_no_deadline", 2, 771.1, 10, "1", "Exclusive"),
+    ]
+    for td, tk, seconds in (("3", "3", 343.8), ("4", "2", 773.1)):
+        timing = {"Td": td, "Tk": tk}
+        rows += [Published("Fischer", "fischer", 2, seconds, 10, "1", "Exclusive", timing)]
+    for slow, fast, seconds, claim in (
+        ("0.0", "0.0", 1079, None),
+        ("-0.3", "0.3", 1519, "Exclusive"),
+        ("-0.3", "0.2", 1430, "Exclusive"),
+    ):
+        drift = {"slow": slow, "fast": fast}
+        rows += [Published("FischerDrift", "fischer_drift", 2, seconds, 20, "1", claim, drift)]
+    rows += [
+        Published("SATS1", "sats", 2, 32.5, 4, "50"),
+        Published("SATS1", "sats", 3, 38.4, 4, "50"),
+        Published("SATS2", BROKEN + "sats2_out_of_turn", 3, 49.2, 4, "50", "Separation"),
+        Published("Traffic", "traffic", 2, 40.5, 5, "3"),
+        Published("Traffic", "traffic", 3, 131.4, 5, "3"),
+    ]
+    for delta, rounds, claim in (
+        ("40", 10, None),
+        ("50", 8, None),
+        ("75", 8, None),
+        ("100", 6, "Comfort"),
+        ("125", 6, "Comfort"),
+    ):
+        rows += [Published("HVAC", "hvac", 1, 24.0, rounds, delta, claim)]
+    return rows
+
+
+def inductive() -> list[Published]:
+    """The table of the provers; all of it holds. Sums are of the lemmas, or of the two steps."""
+    rows = [
+        Published("HVAC", "hvac", 1, 8.0, delta="40"),
+        Published("LeaderElect", "leader_elect", 3, 9.1),
+        Published("LeaderElect", "leader_elect", 4, 11.2),
+        Published("ShortestPath", "shortest_path", 7, 14.2),
+        Published("ShortestPath", "shortest_path", 8, 16.5),
+        Published("LineForm", "lineform", 4, 11.8),
+        Published("Fischer, six lemmas", "fischer", 2, 6 * 5.8, delta="1"),
+        Published("SATS, four lemmas", "sats", 3, 4 * 7.1, delta="50"),
+    ]
+    for file, dimensions in (("lineform_1d", 1), ("lineform", 3)):
+        for robots, seconds in ((3, 9.1), (4, 12.2), (5, 18.5), (10, 32.3), (15, 53.9)):
+            rows += [Published(f"geofence, {dimensions}D", file, robots, 4.2 + seconds)]
+    for robots, seconds in ((3, 10.6), (4, 11.8), (5, 14.9), (10, 18.3)):
+        rows += [Published("Delivery", "delivery", robots, 9.8 + seconds)]
+    for robots, seconds in ((3, 14.5), (4, 19.3), (5, 24.3), (10, 59.8)):
+        rows += [Published("Mapping", "mapping", robots, 9.2 + seconds)]
+    return rows
+
+
+def zip_to(seconds: str) -> list[tuple[int, float]]:
+    """Times for 2, 3, … robots."""
+    return [(robots, float(text)) for robots, text in enumerate(seconds.split(), 2)]
+
+
+def verified(row: Published, *flags: str) -> Measured:
+    words = ["--robots", str(row.robots), "--rounds", str(row.rounds), "--delta", row.delta]
+    for name, value in row.set.items():
+        words += ["--set", f"{name}={value}"]
+    return koord(
+        *("verify", str(EXAMPLES / f"{row.file}.krd"), *words, *flags, "--json"),
+        *("--timeout", str(PATIENCE_S)),
+        timeout_s=PATIENCE_S + 30,
+    )
+
+
+def verdict(row: Published, found: Any) -> str:
+    """What was found, in the words of the published tables."""
+    if found is None:
+        return "unknown"
+    claims = {claim["name"]: claim for claim in found["claims"]}
+    if row.claim is not None and claims[row.claim]["violated"] is not None:
+        return "unsafe"
+    words = {"holds": "safe", "violated": "unsafe", "unknown": "unknown"}
+    return words[found["outcome"]]
+
+
+def reach(row: Published, found: Any) -> str:
+    """How far what was found reaches, and by which engine; of an unsafe program, its claim's."""
+    if found is None:
+        return "given up"
+    claims = [claim for claim in found["claims"] if row.claim in (None, claim["name"])]
+    engines = ", ".join(sorted({claim["engine"] for claim in claims}))
+    if row.claim is not None:
+        broken = claims[0]["violated"]
+        return f"round {broken['round']}, {engines}" if broken else engines
+    if all(claim["all_rounds"] for claim in claims):
+        return f"every round, {engines}"
+    return f"{min(claim['through_round'] or 0 for claim in claims)} rounds, {engines}"
+
+
+def compare(report: Report, title: str, rows: list[Published], *flags: str) -> None:
+    table = report.table(
+        title,
+        Column("program", "program"),
+        Column("settings", "settings"),
+        Column("robots", "robots"),
+        Column("delta", "δ s"),
+        Column("rounds", "rounds"),
+        Column("published_s", "published s", 1),
+        *TIMES,
+        Column("ratio", "ratio", 0),
+        Column("expected", "expected"),
+        Column("verdict", "verdict"),
+        Column("reach", "how far, by what"),
+    )
+    for row in rows:
+        if not (EXAMPLES / f"{row.file}.krd").exists():
+            note(f"there is no {row.file}.krd")
+            continue
+        settings = " ".join(f"{name}={value}" for name, value in row.set.items())
+        what = f"{row.program}, {row.robots} robots{', ' * bool(settings)}{settings}"
+        note(what)
+        done = verified(row, *flags)
+        found = done.json()
+        got = verdict(row, found)
+        said = "" if found is not None else f" ({done.errors[-300:]})"
+        report.expect(got == row.verdict, f"{what}: {got}, published as {row.verdict}{said}")
+        table.rows.append(
+            {
+                "program": row.program,
+                "file": row.file,
+                "settings": settings or None,
+                "robots": row.robots,
+                "delta": row.delta,
+                "rounds": row.rounds,
+                "published_s": row.seconds,
+                **times(done),
+                "ratio": row.seconds / done.wall_s,
+                "expected": row.verdict,
+                "verdict": got,
+                "reach": reach(row, found),
+            }
+        )
+
+
+def verify_examples(report: Report) -> None:
+    most = 4 if report.quick else 100
+    rows = [row for row in bounded() if row.robots <= most]
+    compare(report, "Bounded: koord verify --rounds R", rows)
+    rows = [row for row in inductive() if row.robots <= most]
+    compare(report, "Inductive: koord verify --engine induction", rows, "--engine", "induction")
+
+
+if __name__ == "__main__":
+    sys.exit(main("verify_examples", __doc__ or "", verify_examples))
