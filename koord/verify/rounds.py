@@ -410,9 +410,12 @@ class Encoder:
         places = [self._place_of(i, before) for i in range(robots)]
         for place in range(robots):
             current = target
-            for robot, source, mask in writes:
+            for robot in sorted({robot for robot, _, _ in writes}):
                 here = d.binary(BinaryOp.EQ, places[robot], d.const(place, INT))
-                changed = joined(d, current, source, mask)
+                changed = current
+                for writer, source, mask in writes:
+                    if writer == robot:
+                        changed = joined(d, changed, source, mask)
                 target = (
                     merge_storage(d, here, changed, target)
                     if d.known(here) is None
