@@ -331,10 +331,12 @@ class _Decoding:
     def answer(self, reader: Reader) -> Answer:
         parts = reader.fields(("phase", "robot", "key", "function", "arguments", "value"))
         key = tuple(item.integer() for item in parts["key"].items())
+        if not key:
+            raise parts["key"].refuse("there should be the number of a call here, at least")
         named = parts["function"].value is not None
         function = parts["function"].text() if named else None
         try:
-            result, parameters = _answer_types(self.names, function, key[0] if key else -1)
+            result, parameters = _answer_types(self.names, function, key[0])
         except KeyError:
             what = "no such function" if named else f"no choose with the number {key[:1]}"
             raise parts["function" if named else "key"].refuse(
