@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, TypeAlias
 
-from koord.semantics.codec_runs import decode_run, encode_run
 from koord.semantics.codec_values import Json, decode_fraction, encode_fraction
 from koord.semantics.configurations import System
+from koord.semantics.decode_runs import decode_run
+from koord.semantics.encode_runs import encode_run
 from koord.semantics.json_reader import Reader, parse, refusal
 from koord.semantics.trace import Numbers, Sources, Trace, digest
 from koord.syntax import core

@@ -1,16 +1,13 @@
-"""The run of a trace as JSON: its recording, its configurations, its output. [TRACE]"""
+"""The run of a trace from JSON, every part of it checked against the program. [TRACE]"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from koord.semantics.codec_values import (
-    Json,
     decode_storage,
     decode_value,
-    encode_storage,
-    encode_value,
 )
 from koord.semantics.configurations import (
     NO_EVENT,
@@ -18,15 +15,15 @@ from koord.semantics.configurations import (
     Fault,
     FaultKind,
     Robot,
-    Status,
     Store,
     System,
     Turn,
     Written,
 )
 from koord.semantics.domain import Constant
+from koord.semantics.encode_runs import STATUS_NAMES, answer_types, startable
 from koord.semantics.json_reader import Reader, shortened
-from koord.semantics.names import KindNames, Named, Names, element_type
+from koord.semantics.names import KindNames, Named, Names
 from koord.semantics.oracle import Phase
 from koord.semantics.recording import Answer, Concrete, Opening, Reading, Recording, Round, Start
 from koord.semantics.storage import Storage
@@ -41,188 +38,9 @@ from koord.semantics.trace import (
 )
 from koord.syntax.core import Home
 from koord.syntax.source import Span
-from koord.syntax.types import Type, show
+from koord.syntax.types import Type
 
 _ROUND = ("order", "events", "readings", "answers", "cut", "output", "after")
-
-_STATUS = tuple(status.name.lower() for status in sorted(Status))
-
-
-# --- encoding -----------------------------------------------------------------------------------
-
-
-def encode_run(trace: Trace) -> Json:
-    """The run of a trace."""
-    names = Names(trace.system)
-    opening = trace.recording.opening
-    written: dict[int, list[Json]] = {}
-    for emitted in trace.outputs:
-        written.setdefault(emitted.round, []).append(_encode_output(emitted))
-    first, *after = trace.configurations
-    rounds = zip(trace.recording.rounds, after, strict=True)
-    return {
-        "opening": {
-            "order": list(opening.order),
-            "starts": [_encode_start(names, start) for start in opening.starts],
-            "answers": [_encode_answer(names, answer) for answer in opening.answers],
-            "output": written.get(BEFORE_ROUNDS, []),
-        },
-        "initial": encode_configuration(names, first),
-        "rounds": [
-            {
-                "order": list(round_.order),
-                "events": [
-                    None if position is None else names.of(robot).events[position]
-                    for robot, position in enumerate(round_.events)
-                ],
-                "readings": [
-                    {
-                        "robot": reading.robot,
-                        "port": names.of(reading.robot).ports[reading.slot].name,
-                        "value": encode_value(
-                            reading.value, names.of(reading.robot).ports[reading.slot].type
-                        ),
-                    }
-                    for reading in round_.readings
-                ],
-                "answers": [_encode_answer(names, answer) for answer in round_.answers],
-                "cut": round_.cut,
-                "output": written.get(number, []),
-                "after": encode_configuration(names, configuration),
-            }
-            for number, (round_, configuration) in enumerate(rounds)
-        ],
-        "violation": _encode_violation(trace.violation),
-    }
-
-
-def _encode_output(emitted: Emitted) -> Json:
-    written = emitted.written
-    pairs = zip(written.values, written.types, strict=True)
-    return {
-        "robot": emitted.robot,
-        "stream": written.stream,
-        "types": [show(type_) for type_ in written.types],
-        "values": [encode_value(value, type_) for value, type_ in pairs],
-    }
-
-
-def _encode_start(names: Names, start: Start) -> Json:
-    named = _started(names, start.home, start.robot)[start.slot]
-    return {
-        "home": start.home.value,
-        "variable": named.name,
-        "robot": start.robot,
-        "value": encode_value(start.value, named.type),
-    }
-
-
-def _started(names: Names, home: Home, robot: int | None) -> Sequence[Named]:
-    """What can start arbitrarily in a home, with the type of what starts there."""
-    match home:
-        case Home.ALLWRITE:
-            return names.allwrite
-        case Home.ALLREAD:
-            return tuple(Named(n.name, n.slot, element_type(n)) for n in names.allread)
-        case Home.LOCAL:
-            assert robot is not None
-            return names.of(robot).locals
-        case _:
-            assert robot is not None
-            return names.of(robot).ports
-
-
-def _encode_answer(names: Names, answer: Answer) -> Json:
-    result, parameters = _answer_types(names, answer.function, answer.key[0])
-    pairs = zip(answer.arguments, parameters, strict=True)
-    return {
-        "phase": answer.phase.value,
-        "robot": answer.robot,
-        "key": list(answer.key),
-        "function": answer.function,
-        "arguments": [encode_value(value, type_) for value, type_ in pairs],
-        "value": encode_value(answer.value, result),
-    }
-
-
-def _answer_types(names: Names, function: str | None, site: int) -> tuple[Type, tuple[Type, ...]]:
-    """The type of an answer and those of its arguments. Raises KeyError if there is no such."""
-    if function is None:
-        return names.choices[site], ()
-    external = names.externals[function]
-    return external.result.type, tuple(p.type for p in external.parameters)
-
-
-def _encode_violation(violation: Violation | None) -> Json:
-    if violation is None:
-        return None
-    return {
-        "kind": violation.kind.value,
-        "name": violation.name,
-        "round": violation.round,
-        "robot": violation.robot,
-    }
-
-
-def encode_configuration(names: Names, configuration: Configuration[Constant]) -> Json:
-    """A configuration; a robot's copy of the store is left out where it is the store."""
-    encoded: dict[str, Json] = {"round": configuration.round}
-    if configuration.turn is not Turn.PROG:
-        encoded["turn"] = configuration.turn.value
-    if configuration.taken:
-        encoded["taken"] = list[Json](sorted(configuration.taken))
-    if configuration.fault is not None:
-        encoded["fault"] = _encode_fault(configuration.fault)
-    encoded["store"] = _encode_store(names, configuration.store)
-    encoded["robots"] = [
-        _encode_robot(names, number, robot, configuration.store)
-        for number, robot in enumerate(configuration.robots)
-    ]
-    return encoded
-
-
-def _encode_robot(
-    names: Names, number: int, robot: Robot[Constant], store: Store[Constant]
-) -> Json:
-    own = names.of(number)
-    assert isinstance(robot.status, int)
-    assert isinstance(robot.ran, int)
-    encoded: dict[str, Json] = {
-        "status": _STATUS[robot.status],
-        "ran": None if robot.ran == NO_EVENT else own.events[robot.ran],
-        "turn": robot.turn.value,
-        "locals": _encode_variables(own.locals, robot.locals),
-        "ports": _encode_variables(own.ports, robot.ports),
-    }
-    if robot.copy is not store and robot.copy != store:
-        encoded["copy"] = _encode_store(names, robot.copy)
-    return encoded
-
-
-def _encode_store(names: Names, store: Store[Constant]) -> Json:
-    return {
-        "allread": _encode_variables(names.allread, store.allread),
-        "allwrite": _encode_variables(names.allwrite, store.allwrite),
-    }
-
-
-def _encode_variables(named: Iterable[Named], storages: Iterable[Storage[Constant]]) -> Json:
-    pairs = zip(named, storages, strict=True)
-    return {one.name: encode_storage(storage, one.type) for one, storage in pairs}
-
-
-def _encode_fault(fault: Fault) -> Json:
-    span = fault.span
-    place: list[Json] = [span.file, span.line, span.column, span.end_line, span.end_column]
-    return {
-        "kind": fault.kind.name,
-        "robot": fault.robot,
-        "place": place,
-        "detail": fault.detail,
-    }
-
-
-# --- decoding -----------------------------------------------------------------------------------
 
 
 def decode_run(reader: Reader, sources: Sources, system: System, numbers: Numbers) -> Trace:
@@ -309,7 +127,7 @@ class _Decoding:
         robot = None if home is Home.ALLWRITE else self.robot(parts["robot"])
         if home is Home.ALLWRITE and parts["robot"].value is not None:
             raise parts["robot"].refuse("an allwrite variable belongs to no robot")
-        named = self.named(parts["variable"], _started(self.names, home, robot))
+        named = self.named(parts["variable"], startable(self.names, home, robot))
         return Start(home, named.slot, robot, self.value(parts["value"], named.type))
 
     def reading(self, reader: Reader) -> Reading:
@@ -336,7 +154,7 @@ class _Decoding:
         named = parts["function"].value is not None
         function = parts["function"].text() if named else None
         try:
-            result, parameters = _answer_types(self.names, function, key[0])
+            result, parameters = answer_types(self.names, function, key[0])
         except KeyError:
             what = "no such function" if named else f"no choose with the number {key[:1]}"
             raise parts["function" if named else "key"].refuse(
@@ -405,15 +223,17 @@ class _Decoding:
         parts = reader.fields(("status", "ran", "turn", "locals", "ports"), ("copy",))
         own = self.names.of(number)
         status = parts["status"].text()
-        if status not in _STATUS:
-            raise parts["status"].refuse(f"{shortened(status)!r} is none of {', '.join(_STATUS)}")
+        if status not in STATUS_NAMES:
+            raise parts["status"].refuse(
+                f"{shortened(status)!r} is none of {', '.join(STATUS_NAMES)}"
+            )
         ran = self.event(parts["ran"], own)
         return Robot(
             self.names.system.kinds[number],
             self.variables(parts["locals"], own.locals),
             self.variables(parts["ports"], own.ports),
             self.store(parts["copy"]) if "copy" in parts else store,
-            _STATUS.index(status),
+            STATUS_NAMES.index(status),
             NO_EVENT if ran is None else ran,
             parts["turn"].member(Turn),
         )
