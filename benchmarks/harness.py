@@ -245,6 +245,15 @@ def times(measured: Measured) -> dict[str, Cell]:
     }
 
 
+#: An *unknown* that took longer may be for want of time: koord has limits of its own.
+GIVEN_UP_S = 25.0
+
+
+def gave_up(measured: Measured) -> bool:
+    """Whether a run that knows no answer may be excused with the time that it took."""
+    return measured.timed_out or (measured.code == 3 and measured.wall_s >= GIVEN_UP_S)
+
+
 def limited(measured_s: float, limit_s: float | None, unit: str = "s wall") -> dict[str, Cell]:
     """The cells of the columns ``LIMITS``."""
     if limit_s is None:
