@@ -7,12 +7,16 @@ PYTHON ?= python3
 VENV   ?= .venv
 JOBS   ?= 2
 
+# for how long `make slow` fuzzes the reading of programs, and that of traces
+FUZZ_SECONDS ?= 60
+
 BIN       := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+ATHERIS   := $(VENV)/.atheris
 
 BENCHMARKS := $(filter-out benchmarks/harness.py,$(sort $(wildcard benchmarks/*.py)))
 
-.PHONY: check format lint types test slow bench clean
+.PHONY: check format lint types test slow fuzz bench clean
 
 check: lint types test
 
@@ -28,6 +32,11 @@ test: $(INSTALLED)
 
 slow: $(INSTALLED)
 	$(BIN)/pytest -q -n $(JOBS) -m slow
+	$(MAKE) fuzz
+
+fuzz: $(INSTALLED) $(ATHERIS)
+	$(BIN)/python -m tests.fuzz.fuzz_text -max_total_time=$(FUZZ_SECONDS)
+	$(BIN)/python -m tests.fuzz.fuzz_trace -max_total_time=$(FUZZ_SECONDS)
 
 bench: $(INSTALLED)
 	@wrong=; for program in $(BENCHMARKS); do \
@@ -42,6 +51,12 @@ $(INSTALLED): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "koord needs Python 3.11 or newer; say which with make PYTHON=...")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install -q -e '.[dev]'
+	@touch $@
+
+# There is no wheel of atheris for every Python. Without it the fuzzing says so, and is left out.
+$(ATHERIS): $(INSTALLED)
+	@$(BIN)/python -m pip install -q --only-binary atheris -e '.[fuzz]' \
+		|| echo "atheris cannot be installed for this Python"
 	@touch $@
 
 clean:
