@@ -148,7 +148,7 @@ def run_event(
 def run_skip(
     d: Domain[V], system: System, configuration: Configuration[V], robot: int, inputs: Inputs[V]
 ) -> Stepped[V]:
-    """One robot does nothing. [SKIP]"""
+    """One robot does nothing, as one does whose message comes too late. [SKIP] [T-SKIP]"""
     state = _to_move(configuration, robot)
     if not may_skip(d, system, configuration, robot, inputs):
         raise IllegalStepError("SKIP", f"robot {robot} has an urgent event to run")
