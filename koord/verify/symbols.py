@@ -33,6 +33,7 @@ from koord.syntax.types import (
     Robots,
     Type,
 )
+from koord.syntax.walk import nodes
 from koord.verify.footprint import Written
 from koord.verify.terms import Term, Terms
 
@@ -149,9 +150,17 @@ class Unknowns:
         return answer
 
     def vouches_for(self, external: core.External) -> bool:
-        """Whether the summary of a function was required of all its arguments at once."""
-        return external.kind is core.ExternalKind.FUNCTION and not any(
-            _is_compound(variable.type) for variable in (external.result, *external.parameters)
+        """Whether the summary of a function was required of all its arguments at once.
+
+        That is so where it says more than what one answer must be like. Elsewhere it is required
+        answer by answer: solvers find it hard to come by a function that meets it everywhere.
+        """
+        return (
+            external.kind is core.ExternalKind.FUNCTION
+            and not any(_is_compound(v.type) for v in (external.result, *external.parameters))
+            and any(
+                isinstance(n, core.ExternalCall | core.AllValues) for n in nodes(external.ensures)
+            )
         )
 
     def _require_summary(self, external: core.External) -> None:
