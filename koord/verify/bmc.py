@@ -17,7 +17,7 @@ from koord.semantics.turns import holds_in
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.verify.claims import Claim, ClaimKind, Phase, broken
 from koord.verify.rounds import Encoder, Moment, Opening, SymbolicRound
-from koord.verify.solving import Answer, Deadline, Solver
+from koord.verify.solving import Answer, Deadline, Effort, Solver
 from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms
 from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
@@ -144,15 +144,17 @@ class Bounded:
                 self.completed = moment.configuration.round
         return verdicts
 
-    def start_possible(self, deadline: Deadline) -> bool:
+    def start_possible(self, deadline: Deadline, effort: Effort) -> bool:
         """Whether some configuration after INIT satisfies the assumptions (or nobody knows)."""
-        if self._unrolling.solver.check([], deadline) is not Answer.UNSAT:
+        if self._unrolling.solver.check([], deadline, effort) is not Answer.UNSAT:
             return True
         # It may be a later round that no run gets through: look at INIT alone.
         alone = Unrolling(self._unrolling.system, self._unrolling.seed)
         return alone.solver.check([], deadline) is not Answer.UNSAT
 
-    def idle_events(self, seen: set[tuple[int, int]], rounds: int, deadline: Deadline) -> Idle:
+    def idle_events(
+        self, seen: set[tuple[int, int]], rounds: int, deadline: Deadline, effort: Effort
+    ) -> Idle:
         """The events that no robot can run within so many rounds. Unrolls as far as needed.
 
         Those in ``seen`` are known to run. Where nobody knows in time, no event is named.
@@ -164,10 +166,10 @@ class Bounded:
         while idle and number < rounds:
             while len(self._unrolling.rounds) <= number:
                 self._next()
-            answer = self._strike(idle, self._unrolling.rounds[number], deadline)
+            answer = self._strike(idle, self._unrolling.rounds[number], deadline, effort)
             if answer is Answer.UNKNOWN:
                 return Idle(set(), None)
-            if idle and self._unrolling.solver.check([], deadline) is Answer.UNSAT:
+            if idle and self._unrolling.solver.check([], deadline, effort) is Answer.UNSAT:
                 return Idle(set(), self._stuck(rounds, deadline))
             number += 1
         return Idle(idle, None)
@@ -183,7 +185,11 @@ class Bounded:
         return None
 
     def _strike(
-        self, idle: set[tuple[int, int]], taken: SymbolicRound, deadline: Deadline
+        self,
+        idle: set[tuple[int, int]],
+        taken: SymbolicRound,
+        deadline: Deadline,
+        effort: Effort,
     ) -> Answer:
         """Take the events that can run in this round off the list."""
         kinds, solver = self._unrolling.system.kinds, self._unrolling.solver
@@ -192,7 +198,7 @@ class Bounded:
             question = disjunction(self._unrolling.encoder.d, [o.chosen for o in pending])
             if not pending:
                 return Answer.UNSAT
-            answer = solver.check([question], deadline)
+            answer = solver.check([question], deadline, effort)
             if answer is not Answer.SAT:
                 return answer
             model = solver.model()

@@ -17,13 +17,13 @@ from koord.syntax.core import UnaryOp
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import Claim, Findings, Phase
 from koord.verify.rounds import Moment
-from koord.verify.solving import Answer, Deadline, cases
+from koord.verify.solving import Answer, Deadline, Effort, cases
 from koord.verify.symbols import SymbolicInputs
 from koord.verify.terms import Term
 from koord.verify.verdicts import Engine, Outcome, Verdict
 
 #: What a claim may cost as one question (about half a second) before it is asked case by case.
-EFFORT = 5_000_000
+FIRST_TRY = 5_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +39,7 @@ def prove(
     claims: Sequence[Claim],
     given: Sequence[Claim],
     deadline: Deadline,
+    effort: Effort | None = None,
     *,
     depth: int = 1,
     seed: int = 0,
@@ -50,7 +51,7 @@ def prove(
     started = time.monotonic()
     candidates = list(claims)
     reasons: dict[Claim, str] = {}
-    step = _Step(system, depth, seed)
+    step = _Step(system, depth, seed, effort)
     while candidates:
         failed = step.failing([*given, *candidates], candidates, deadline)
         if not failed:
@@ -71,8 +72,9 @@ def prove(
 class _Step:
     """``depth`` rounds from an arbitrary configuration, with everything asked of the last."""
 
-    def __init__(self, system: System, depth: int, seed: int) -> None:
+    def __init__(self, system: System, depth: int, seed: int, effort: Effort | None) -> None:
         self._system = system
+        self._effort = effort
         # INIT stays part of the question: what never changes is as it was then.
         self._unrolling = Unrolling(system, seed)
         encoder, solver = self._unrolling.encoder, self._unrolling.solver
@@ -134,14 +136,14 @@ class _Step:
         deadline: Deadline,
     ) -> dict[Claim, str]:
         """Why a claim fails, case by case; with the other claims that the same step breaks."""
-        if self._unrolling.solver.check([*extra, violated], deadline, effort=EFFORT) is (
-            Answer.UNSAT
-        ):
+        solver = self._unrolling.solver
+        whole = [*extra, violated]
+        if solver.check(whole, deadline, self._effort, at_most=FIRST_TRY) is Answer.UNSAT:
             return {}
         for case in cases(self._d, violated):
-            answer = self._unrolling.solver.check([*extra, case], deadline)
+            answer = solver.check([*extra, case], deadline, self._effort)
             if answer is Answer.UNKNOWN:
-                return {claim: "timeout" if deadline.passed() else "the solver gave up"}
+                return {claim: "timeout" if deadline.passed() else "too much for the solver"}
             if answer is Answer.SAT:
                 model = self._unrolling.solver.model()
                 also = [other for other, term in pending.items() if model.truth(term)]

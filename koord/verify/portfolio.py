@@ -19,7 +19,7 @@ from koord.verify.concretion import Concretion
 from koord.verify.exhaustive import FEW_STATES, exhaust
 from koord.verify.induction import prove
 from koord.verify.sightings import seen_to_run
-from koord.verify.solving import Deadline
+from koord.verify.solving import Deadline, Effort
 from koord.verify.verdicts import (
     Bounds,
     Counterexample,
@@ -34,12 +34,12 @@ from koord.verify.witness import replayed, simplified
 #: How many rounds an inductive step may span.
 MAX_DEPTH = 3
 
-#: What an inductive attempt may cost before other engines get their turn, in seconds.
-PROOF_BUDGET_S = 30.0
+#: What inductive attempts may cost before other engines get their turn: about so many seconds.
+PROOF_S = 30.0
 
-#: What the search for events that never run may cost, in seconds; of that, on random runs.
-IDLE_BUDGET_S = 10.0
-RUNS_BUDGET_S = 2.0
+#: What the search for events that never run may cost, after random runs of so many seconds.
+IDLE_S = 10.0
+RUNS_S = 2.0
 
 
 class Choice(Enum):
@@ -221,7 +221,7 @@ def _by_unrolling(session: _Session, rounds: int) -> None:
 
 def _by_induction(session: _Session) -> None:
     """Inductive proofs over one round, then two, …: for every number of rounds."""
-    deadline = session.deadline.sooner(PROOF_BUDGET_S)
+    effort = Effort.of_seconds(PROOF_S)
     for depth in range(1, MAX_DEPTH + 1):
         # A step of ``depth`` rounds proves what holds in the first ``depth - 1`` rounds too.
         _by_unrolling(session, depth - 1)
@@ -235,13 +235,14 @@ def _by_induction(session: _Session) -> None:
             session.system,
             claims,
             session.proved(),
-            deadline,
+            session.deadline,
+            effort,
             depth=depth,
             seed=session.seed,
         )
         session.verdicts |= result.proved
         session.reasons |= result.reasons
-        if not session.open() or deadline.passed():
+        if not session.open() or session.deadline.passed() or effort.left <= 0:
             return
 
 
@@ -290,14 +291,14 @@ def _open_verdict(session: _Session, claim: Claim, choice: Choice) -> Verdict:
 def _vacuities(session: _Session) -> tuple[Vacuity, ...]:
     """Assumptions that contradict each other, and events that can never run within the bound."""
     found: list[Vacuity] = []
-    budget = session.deadline.sooner(IDLE_BUDGET_S)
+    deadline, effort = session.deadline, Effort.of_seconds(IDLE_S)
     bounded = session.bounded or Bounded(session.system, session.subject.judge, session.seed)
-    if not bounded.start_possible(budget):
+    if not bounded.start_possible(deadline, effort):
         return (Vacuity("assumptions", "no initial configuration satisfies them all"),)
     session.progress("looking for events that never run")
     rounds = session.bounds.rounds
-    seen = seen_to_run(session.subject.original, rounds, budget.sooner(RUNS_BUDGET_S), session.seed)
-    idle = bounded.idle_events(seen, rounds, budget)
+    seen = seen_to_run(session.subject.original, rounds, deadline.sooner(RUNS_S), session.seed)
+    idle = bounded.idle_events(seen, rounds, deadline, effort)
     if idle.stuck is not None:
         return (Vacuity("contracts", f"no run gets through round {idle.stuck + 1}"),)
     for kind, position in sorted(idle.events):

@@ -54,6 +54,25 @@ class Deadline:
         return Deadline(soon if self.at is None else min(self.at, soon))
 
 
+#: Roughly what a solver does in a second, in its own units.
+PER_SECOND = 10_000_000
+
+
+@dataclass(slots=True)
+class Effort:
+    """Work that a solver may still do, in its own units: the same on every machine, loaded or not.
+
+    So whether a proof is found does not depend on how fast it is looked for.
+    """
+
+    left: int
+
+    @staticmethod
+    def of_seconds(seconds: float) -> Effort:
+        """About what a solver does in that time."""
+        return Effort(int(seconds * PER_SECOND))
+
+
 @dataclass(slots=True)
 class Solver:
     """An incremental solver over the terms of one domain.
@@ -80,13 +99,19 @@ class Solver:
             if known is not True:
                 self._solver.add(self.d.boolean(constraint))
 
-    def check(self, question: Iterable[Term], deadline: Deadline, *, effort: int = 0) -> Answer:
+    def check(
+        self,
+        question: Iterable[Term],
+        deadline: Deadline,
+        effort: Effort | None = None,
+        *,
+        at_most: int = 0,
+    ) -> Answer:
         """Whether all of the question can hold together with what is required.
 
-        ``effort`` limits the work in the solver's own units, which do not depend on the machine
-        (0: no limit): a first try that costs little.
+        ``effort`` is what this question may use up, and ``at_most`` how much of that at once
+        (0: all of it).
         """
-        self._solver.set("rlimit", effort)
         self._take()
         terms = [self.d.boolean(term) for term in question if self.d.known(term) is not True]
         left = deadline.left_s()
@@ -94,6 +119,10 @@ class Solver:
             if left <= 0:
                 return Answer.UNKNOWN
             self._solver.set("timeout", max(1, int(left * 1000)))
+        limit = 0 if effort is None else min(effort.left, at_most or effort.left)
+        if effort is not None and limit <= 0:
+            return Answer.UNKNOWN
+        self._solver.set("rlimit", limit)
         literals = []
         for term in terms:
             literal = z3.FreshBool("q")
@@ -101,7 +130,9 @@ class Solver:
             literals.append(literal)
         spent = self._spent()
         result = self._solver.check(*literals)
-        exhausted = bool(effort) and self._spent() - spent >= effort
+        spent = self._spent() - spent
+        if effort is not None:
+            effort.left -= spent
         self._model = self._solver.model() if result == z3.sat else None
         # Asked for now: the next assertion makes Z3 forget why it stopped.
         reason = self._solver.reason_unknown() if result == z3.unknown else ""
@@ -111,6 +142,7 @@ class Solver:
             return Answer.UNSAT
         if result == z3.sat:
             return Answer.SAT
+        exhausted = bool(limit) and spent >= limit
         if reason in _INTERRUPTED and not exhausted and not deadline.is_near():
             raise KeyboardInterrupt
         return Answer.UNKNOWN
