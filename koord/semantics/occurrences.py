@@ -2,26 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
-
 from koord.semantics.domain import Constant
 from koord.syntax import core
-from koord.syntax.source import Span
 from koord.syntax.types import Type, show
-
-
-def nodes(part: object) -> Iterator[core.Node]:
-    """A part of a program and all nodes below it, outermost first."""
-    if isinstance(part, tuple):
-        for item in part:
-            yield from nodes(item)
-    elif is_dataclass(part) and not isinstance(part, Span | type):
-        if isinstance(part, core.Node):
-            yield part
-        for field in fields(part):
-            if field.name not in ("type", "span"):
-                yield from nodes(getattr(part, field.name))
+from koord.syntax.walk import nodes
 
 
 def variables(part: object) -> frozenset[core.Variable]:

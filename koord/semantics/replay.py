@@ -12,7 +12,6 @@ from koord.semantics.changes import Change, differences, identical
 from koord.semantics.configurations import Written
 from koord.semantics.domain import Constant
 from koord.semantics.names import Names
-from koord.semantics.occurrences import nodes
 from koord.semantics.oracle import Phase
 from koord.semantics.races import overlap, rewritten
 from koord.semantics.recording import Answer, RecordedInputs, Step, execute
@@ -23,6 +22,7 @@ from koord.semantics.trace import BEFORE_ROUNDS, Emitted, Trace, Violation, Viol
 from koord.semantics.turns import holds_in, program_turn
 from koord.syntax import core
 from koord.syntax.core import PropertyKind
+from koord.syntax.walk import nodes
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.expressions import slot_in, statement
 from koord.semantics.machine import machine
-from koord.semantics.occurrences import nodes
 from koord.semantics.oracle import Inputs, Phase
 from koord.semantics.recording import Step
 from koord.semantics.storage import Tree, held
@@ -22,6 +21,7 @@ from koord.semantics.trace import Violation, ViolationKind
 from koord.semantics.turns import holds_in
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, PropertyKind, QuantifierKind
+from koord.syntax.walk import nodes
 
 
 @dataclass
@@ -188,7 +188,7 @@ def _part(system: System, e: core.Expr, robots: dict[int, int], trail: tuple[int
     )
 
 
-def _called(system: System, part: object) -> Iterator[core.Node]:
+def _called(system: System, part: object) -> Iterator[object]:
     """The nodes of the functions and summaries that a part of a program calls."""
     for node in nodes(part):
         match node:
