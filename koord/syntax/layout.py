@@ -40,6 +40,9 @@ class _Level:
     depth: int
     #: Columns of lines that were told to be wrongly indented and belong here.
     mistaken: set[int] = field(default_factory=set)
+    #: Whether the block began on the line of its head, with one `if`: an `else` that is not below
+    #: that may still be meant.
+    inline: bool = False
 
 
 def lay_out(text: Text, report: Report) -> list[Part]:
@@ -87,7 +90,7 @@ class _Layout:
         if column > top.column and column not in top.mistaken:
             found = self._continued(line)
             if found:
-                self.levels.append(_Level(column, found[0], top.depth + found[1]))
+                self._open(column, *found)
                 return self.levels[-1]
             self._mistake(
                 "K110",
@@ -99,6 +102,9 @@ class _Layout:
         while top.column > column and column not in top.mistaken:
             outer = self.levels[-2]
             if outer.column < column and column not in outer.mistaken:
+                if _goes_on_with_if(top, line):
+                    top.column, top.inline = column, False
+                    break
                 self._mistake(
                     "K111",
                     line,
@@ -112,6 +118,18 @@ class _Layout:
             self.levels.pop()
             top = outer
         return top
+
+    def _open(self, column: int, head: Part, deeper: int) -> None:
+        """Open the body of a part, and those around it that began on the same line."""
+        assert self.previous is not None
+        top = self.levels[-1]
+        chain = self.previous.chain
+        one_if = sum(part.first in ("IF", "ELIF") for part in chain[:deeper]) == 1
+        for depth, (outer, inner) in enumerate(pairwise(chain[:deeper]), 1):
+            begin = inner.tokens[0].column - 1 if inner.tokens else 0
+            if self.levels[-1].column < begin < column:
+                self.levels.append(_Level(begin, outer, top.depth + depth, inline=one_if))
+        self.levels.append(_Level(column, head, top.depth + deeper))
 
     def _mistake(self, code: str, line: Line, message: str, cure: str) -> None:
         if not self.tabs:
@@ -166,6 +184,14 @@ def _opens(part: Part, *, alone: bool) -> bool:
     return part.tokens[0].text in _OPENERS or (
         alone and len(part.tokens) == 1 and part.first == "NAME"
     )
+
+
+def _goes_on_with_if(level: _Level, line: Line) -> bool:
+    """Whether a line is the `else` of the one `if` on the line where the level's head stands."""
+    body = level.head.body
+    if not level.inline or not body or line.roots[0].first not in ("ELSE", "ELIF"):
+        return False
+    return body[-1].first in ("IF", "ELIF")
 
 
 def _is_statement(part: Part) -> bool:

@@ -8,7 +8,7 @@ from koord.syntax.parser_blocks import block, reach
 from koord.syntax.parser_lines import Form
 from koord.syntax.parser_nodes import LeadsTo, Signature
 from koord.syntax.parser_reader import Reader
-from koord.syntax.parser_strays import PIECES, Strays, adopted, stray_section
+from koord.syntax.parser_strays import PIECES, Strays, adopted, stray_piece, stray_section
 
 
 def sections(reader: Reader, parts: list[Part], *, agent: bool = False) -> tuple[ast.Section, ...]:
@@ -96,12 +96,7 @@ def _event(reader: Reader, part: Part, *, urgent: bool) -> ast.Event:
                 reader.head(line)
                 eff += block(reader, reader.body(line))
             case _:
-                strays.add(
-                    line,
-                    "`pre:` or `eff:` is expected here",
-                    "the statements of an event stand below its `eff:`",
-                    lost=False,
-                )
+                strays.add(line, *stray_piece(line), lost=False)
                 loose.append(line)
                 continue
         strays.over()

@@ -87,6 +87,14 @@ def stray_section(part: Part) -> tuple[str, str | None]:
     return expected, "such as `local:`, `init:`, `invariant NAME:` or `Event:`"
 
 
+def stray_piece(part: Part) -> tuple[str, str]:
+    """What to say about a line of an event that is neither guard nor effect, with its cure."""
+    if part.first in ("ELSE", "ELIF"):
+        word = part.tokens[0].text
+        return f"this `{word}` stands outside of `eff:`", "indent it deeper than the `eff:`"
+    return "`pre:` or `eff:` is expected here", "the statements of an event stand below its `eff:`"
+
+
 def adopted(reader: Reader, parts: list[Part]) -> list[Part]:
     """The parts; what stands at the level of its head is put below it."""
     kept: list[Part] = []

@@ -66,6 +66,33 @@ def test_elif_there_as_well() -> None:
     assert event(text) == (ast.If(((A, (X1,)), (B, (X2,))), (X3,)),)
 
 
+@pytest.mark.parametrize("indent", [3, 4, 6, 7])
+def test_else_of_an_if_that_began_there_with_its_body_below(indent: int) -> None:
+    text = f"E:\n  eff: if a:\n         x = 1\n{' ' * indent}else: x = 2\n"
+    assert event(text) == (ast.If(((A, (X1,)),), (X2,)),)
+    assert event(f"{text}{' ' * indent}x = 3\n") == (ast.If(((A, (X1,)),), (X2,)), X3)
+
+
+def test_a_statement_below_the_if_goes_on_with_the_effect() -> None:
+    text = "E:\n  eff: if a:\n         x = 1\n       x = 2\n"
+    assert event(text) == (ast.If(((A, (X1,)),), None), X2)
+    text = "E:\n  eff: if a: x = 1\n             x = 2\n       else: x = 3\n"
+    assert event(text) == (ast.If(((A, (X1, X2)),), (X3,)),)
+
+
+def test_statements_between_the_head_and_the_if_are_told() -> None:
+    text = "E:\n  eff: if a:\n         x = 1\n    x = 2\n"
+    assert told(text) == [("K111", 4, 5)]
+    text = "E:\n  eff: if a: if b:\n         x = 1\n    else: x = 2\n"
+    assert told(text) == [("K111", 4, 5)]
+
+
+def test_an_else_at_the_level_of_eff_is_outside_of_it() -> None:
+    text = "E:\n  eff: if a: x = 1\n  else: x = 2\n"
+    found = read(text).diagnostics
+    assert [(d.code, d.hint) for d in found] == [("K141", "indent it deeper than the `eff:`")]
+
+
 @pytest.mark.parametrize(("indent", "inner"), [(7, False), (13, True), (20, True)])
 def test_of_two_bodies_on_a_line_the_column_decides(indent: int, inner: bool) -> None:
     found = event(f"E:\n  eff: if a: x = 1\n{' ' * indent}x = 2\n")
