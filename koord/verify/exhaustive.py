@@ -31,9 +31,13 @@ FEW_STATES = 20_000
 
 @dataclass(frozen=True, slots=True)
 class Searching:
-    """What the search said. ``states`` counts what it saw; ``reason`` is why it did not finish."""
+    """What the search said. ``states`` counts what it saw; ``reason`` is why it did not finish.
+
+    ``unreplayed`` are claims with a violation that did not replay, each with the reason.
+    """
 
     verdicts: dict[Claim, Verdict] = field(default_factory=dict)
+    unreplayed: dict[Claim, str] = field(default_factory=dict)
     states: int = 0
     depth: int | None = None
     reason: str = ""
@@ -61,21 +65,24 @@ def exhaust(
     seconds = time.monotonic() - started
     violated = {each.claim: each for each in found.violated}
     verdicts: dict[Claim, Verdict] = {}
+    unreplayed: dict[Claim, str] = {}
     for claim in claims:
         shown = violated.get(_searched(claim))
         if shown is not None:
-            verdict = _violation(claim, shown, judge, seconds)
-            if verdict is not None:
-                verdicts[claim] = verdict
+            try:
+                verdicts[claim] = _violation(claim, shown, judge, seconds)
+            except NotReplayedError as error:
+                unreplayed[claim] = f"search: a candidate violation did not replay: {error}"
         elif isinstance(found.end, Exhausted):
             verdicts[claim] = Verdict(claim, Outcome.HOLDS, Engine.SEARCH, seconds)
     match found.end:
         case Exhausted(states=states, depth=depth):
-            return Searching(verdicts, states, depth)
+            return Searching(verdicts, unreplayed, states, depth)
         case OutOfBounds(reason=reason, states=states, depth=depth):
-            return Searching(verdicts, states, depth, f"search: {reason} through round {depth}")
+            reason = f"search: {reason} through round {depth}"
+            return Searching(verdicts, unreplayed, states, depth, reason)
         case NotFinite(reason=reason, span=span):
-            return Searching(verdicts, reason=f"search: {reason} ({span})")
+            return Searching(verdicts, unreplayed, reason=f"search: {reason} ({span})")
 
 
 def _searched(claim: Claim) -> Searched:
@@ -85,14 +92,11 @@ def _searched(claim: Claim) -> Searched:
     return Searched(_SUBJECTS[claim.kind], claim.subject or claim.name)
 
 
-def _violation(claim: Claim, shown: Violated, judge: Judge, seconds: float) -> Verdict | None:
-    """The verdict on a claim that a run breaks, once it was replayed."""
+def _violation(claim: Claim, shown: Violated, judge: Judge, seconds: float) -> Verdict:
+    """The verdict on a claim that a run breaks, once it was replayed; or NotReplayedError."""
     recording = shown.recording
     phase = Phase.INIT
     if recording.rounds:
         phase = Phase.INSIDE if recording.rounds[-1].cut else Phase.END
-    try:
-        counterexample = judge(recording, claim, phase)
-    except NotReplayedError:
-        return None
+    counterexample = judge(recording, claim, phase)
     return Verdict(claim, Outcome.VIOLATED, Engine.SEARCH, seconds, counterexample=counterexample)

@@ -96,13 +96,14 @@ def verify(
     subject = _abstract_subject(system) or _plain_subject(system)
     asked = ask(subject, deadline)
     given = dict(zip(claims_of(system), asked.verdicts, strict=True))
+    interrupted, vacuities = asked.interrupted, asked.vacuities
     if subject.system is not system and asked.spurious and not asked.interrupted:
         # Opaque values let something happen that real ones do not: look at those.
         again = ask(_plain_subject(system), deadline)
+        interrupted = again.interrupted
         for claim, verdict in zip(given, again.verdicts, strict=True):
             if given[claim].outcome is Outcome.UNKNOWN:
                 given[claim] = verdict
-    interrupted, vacuities = asked.interrupted, asked.vacuities
     verdicts = tuple(
         replace(verdict, claim=claim)
         for claim, verdict in given.items()
@@ -262,8 +263,8 @@ def _by_search(session: _Session, limits: Limits) -> None:
     )
     session.verdicts |= found.verdicts
     for claim in session.open():
-        session.reasons[claim] = found.reason
-        if found.depth is not None:
+        session.reasons[claim] = found.unreplayed.get(claim, found.reason)
+        if found.depth is not None and claim not in found.unreplayed:
             session.searched[claim] = found.depth
 
 
