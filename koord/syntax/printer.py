@@ -12,6 +12,7 @@ from typing import assert_never
 
 from koord.syntax import ast
 from koord.syntax.printer_comments import weave
+from koord.syntax.printer_conditions import conjuncts
 from koord.syntax.printer_exprs import print_expr, print_type
 from koord.syntax.printer_statements import Writer, beginning, declaration, known
 from koord.syntax.source import Span
@@ -68,12 +69,27 @@ def _head(word: str, name: ast.Ident | None) -> str:
 def _conditions(w: Writer, head: str, word: str, conditions: Sequence[ast.Expr]) -> None:
     """A head with a condition, or with several below it."""
     first = w.head(word, conditions)
-    if len(conditions) == 1:
-        w.line(f"{head}: {print_expr(conditions[0])}", first, conditions[0].span)
-        return
-    with w.block(head, first):
-        for condition in conditions:
-            w.line(print_expr(condition), condition.span, condition.span)
+    if len(conditions) > 1 or not _on_line(w, head, first, conditions[0]):
+        with w.block(head, first):
+            for condition in conditions:
+                w.condition(condition)
+
+
+def _conjunction(w: Writer, head: str, first: Span, condition: ast.Expr) -> None:
+    """A head with a condition; if it is long, with those below it that must hold together."""
+    if not _on_line(w, head, first, condition):
+        with w.block(head, first):
+            for part in conjuncts(condition):
+                w.condition(part)
+
+
+def _on_line(w: Writer, head: str, first: Span, condition: ast.Expr) -> bool:
+    """Write a condition on the line of its head, if there is room for it."""
+    text = f"{head}: {print_expr(condition)}"
+    if len(text) > w.room:
+        return False
+    w.line(text, first, condition.span)
+    return True
 
 
 def _section(w: Writer, section: ast.Section) -> None:
@@ -156,7 +172,7 @@ def _event(w: Writer, event: ast.Event) -> None:
     urgent = "urgent " if event.urgent else ""
     with w.block(f"{urgent}{event.name.name}", event.span):
         if event.pre:
-            _conditions(w, "pre", "pre", [event.pre])
+            _conjunction(w, "pre", w.head("pre", [event.pre]), event.pre)
         head = w.head("eff", event.eff)
         w.suite("eff", head, head, event.eff)
 
@@ -168,12 +184,23 @@ def _property(w: Writer, p: ast.Assume | ast.Invariant | ast.Eventually | ast.Le
             _conditions(w, _head("assume", name), "assume", [condition])
         case ast.Invariant(name=name, condition=condition, at_round=at_round):
             when = " at round" if at_round else ""
-            text = f"{_head('invariant', name)}{when}: {print_expr(condition)}"
-            w.line(text, p.span, p.span)
+            _conjunction(w, f"{_head('invariant', name)}{when}", p.span, condition)
         case ast.Eventually(name=name, goal=goal):
-            w.line(f"{_head('eventually', name)}: {print_expr(goal)}", p.span, p.span)
-        case ast.LeadsTo(name=name, trigger=trigger, goal=goal):
-            both = f"{print_expr(trigger)} leadsto {print_expr(goal)}"
-            w.line(f"{_head('eventually', name)}: {both}", p.span, p.span)
+            if not _on_line(w, _head("eventually", name), p.span, goal):
+                with w.block(_head("eventually", name), p.span):
+                    w.condition(goal)
+        case ast.LeadsTo(name=name):
+            _leads_to(w, _head("eventually", name), p)
         case _:
             assert_never(p)
+
+
+def _leads_to(w: Writer, head: str, p: ast.LeadsTo) -> None:
+    """One condition that leads to another."""
+    text = f"{head}: {print_expr(p.trigger)} leadsto {print_expr(p.goal)}"
+    if len(text) <= w.room:
+        w.line(text, p.span, p.span)
+        return
+    with w.block(head, p.span):
+        w.condition(p.trigger)
+        w.condition(p.goal, "leadsto ")

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 
 from koord.syntax.ast import Comment
 
-_INDENT = "    "
+#: What a block is indented with.
+INDENT = "    "
 
 
 @dataclass(slots=True, eq=False)
@@ -118,14 +119,14 @@ def _emit(lines: Sequence[Written], footer: list[_Placed]) -> Iterator[tuple[str
     for line in [*lines, None]:
         while open_ and (line is None or open_[-1] is not line.parent):
             closed = open_.pop()
-            indent = _INDENT * (len(open_) + 1)
+            indent = INDENT * (len(open_) + 1)
             for placed in closed.closing:
                 yield indent + placed.text, placed.blank and not first
                 first = False
             first = False
         if line is None:
             break
-        indent = _INDENT * len(open_)
+        indent = INDENT * len(open_)
         for placed in line.before:
             yield indent + placed.text, placed.blank and not first
             first = False

@@ -14,12 +14,12 @@ _ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t"})
 
 def print_expr(expression: ast.Expr) -> str:
     """The expression as a user writes it, on one line."""
-    return _text(expression, 0, last=True)
+    return print_within(expression, 0, last=True)
 
 
 def print_base(expression: ast.Expr) -> str:
     """The expression with parentheses, unless something may stand right behind it."""
-    return _text(expression, POSTFIX, last=False)
+    return print_within(expression, POSTFIX, last=False)
 
 
 def print_type(type_: ast.TypeExpr) -> str:
@@ -35,7 +35,7 @@ def print_type(type_: ast.TypeExpr) -> str:
             assert_never(type_)
 
 
-def _text(e: ast.Expr, binds: int, *, last: bool) -> str:
+def print_within(e: ast.Expr, binds: int, *, last: bool) -> str:
     """An expression where only what binds as tightly as ``binds`` stands without parentheses.
 
     ``last`` tells that nothing follows that a quantifier at its end would swallow.
@@ -47,11 +47,10 @@ def _text(e: ast.Expr, binds: int, *, last: bool) -> str:
         case ast.Unary(op=op, operand=operand):
             own = BINDS[op]
             needs = POSTFIX if op is ast.UnaryOp.NEG else NOT  # `--x` would be something else
-            text = _text(operand, needs, last=last or own < binds)
+            text = print_within(operand, needs, last=last or own < binds)
             return _within(f"-{text}" if op is ast.UnaryOp.NEG else f"not {text}", own < binds)
         case ast.Quantified(quantifier=quantifier, binders=binders, body=body):
-            head = ", ".join(map(_binder, binders))
-            text = f"{quantifier.value} {head}: {print_expr(body)}"
+            text = f"{print_binders(quantifier, binders)}{print_expr(body)}"
             return _within(text, not last or binds > NOT)
         case ast.IntLit(value=value):
             return _within(str(value), value < 0 and binds > NEG)
@@ -59,6 +58,11 @@ def _text(e: ast.Expr, binds: int, *, last: bool) -> str:
             return _within(_decimal(value), value < 0 and binds > NEG)
         case _:
             return _postfix(e)
+
+
+def print_binders(quantifier: ast.Quantifier, binders: Sequence[ast.Binder]) -> str:
+    """A quantifier up to what it says."""
+    return f"{quantifier.value} {', '.join(map(_binder, binders))}: "
 
 
 def _within(text: str, parentheses: bool) -> str:
@@ -72,17 +76,17 @@ def _binary(e: ast.Binary, *, last: bool) -> str:
     own = BINDS[e.op]
     if own == IMPLIES:
         while isinstance(node, ast.Binary) and node.op is ast.BinaryOp.IMPLIES:
-            pieces.append(_text(node.left, own + 1, last=False))
+            pieces.append(print_within(node.left, own + 1, last=False))
             node = node.right
-        pieces.append(_text(node, own, last=last))
+        pieces.append(print_within(node, own, last=last))
         return " implies ".join(pieces)
     while isinstance(node, ast.Binary) and BINDS[node.op] == own:
-        pieces.append(f" {node.op.value} {_text(node.right, own + 1, last=last)}")
+        pieces.append(f" {node.op.value} {print_within(node.right, own + 1, last=last)}")
         last = False
         node = node.left
         if own == COMPARISON:
             break
-    pieces.append(_text(node, own + (own == COMPARISON), last=False))
+    pieces.append(print_within(node, own + (own == COMPARISON), last=False))
     return "".join(reversed(pieces))
 
 

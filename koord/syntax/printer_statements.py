@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from typing import assert_never
 
 from koord.syntax import ast
-from koord.syntax.printer_comments import Written
+from koord.syntax.printer_comments import INDENT, Written
+from koord.syntax.printer_conditions import WIDTH, rows
 from koord.syntax.printer_exprs import print_base, print_expr, print_type
 from koord.syntax.source import NOWHERE, Span
 
@@ -46,6 +47,21 @@ class Writer:
         self._parent = self.line(f"{text}:", first, last)
         yield self._parent
         self._parent = outer
+
+    @property
+    def room(self) -> int:
+        """How many columns there are at the present depth."""
+        depth = 0
+        parent = self._parent
+        while parent:
+            depth += 1
+            parent = parent.parent
+        return WIDTH - len(INDENT) * depth
+
+    def condition(self, condition: ast.Expr, before: str = "") -> None:
+        """Write a condition on lines of its own, the first behind ``before``."""
+        for number, row in enumerate(rows(condition, self.room, before)):
+            self.line(row.text, row.first, row.last).tight = number > 0
 
     def suite(
         self, head: str, first: Span, last: Span, body: ast.Block, *, tight: bool = False

@@ -6,6 +6,7 @@ from collections import Counter
 from fractions import Fraction
 from pathlib import Path
 from textwrap import dedent
+from unittest.mock import patch
 
 import pytest
 from hypothesis import given, settings
@@ -16,9 +17,10 @@ from koord.syntax import ast
 from koord.syntax.format import format_source
 from koord.syntax.parser import parse
 from koord.syntax.printer import print_expr, print_program, print_type
+from koord.syntax.printer_conditions import rows
 from koord.syntax.source import Source
 from tests import strategies
-from tests.syntax.reading import expression, program
+from tests.syntax.reading import expression, program, section
 
 ROOT = Path(koord.__file__).parents[1]
 TEXTS = [
@@ -70,9 +72,31 @@ def test_a_printed_type_reads_back_as_itself(tree: ast.TypeExpr) -> None:
     )
 
 
+@settings(max_examples=300)
+@given(strategies.expressions(5), st.integers(1, 60))
+def test_a_condition_in_rows_reads_back_as_itself(tree: ast.Expr, room: int) -> None:
+    text = "\n".join(f"  {row.text}" for row in rows(tree, room))
+    assert section(f"invariant:\n{text}\n") == ast.Invariant(None, False, tree)
+
+
 @settings(max_examples=200)
-@given(strategies.programs(), st.data())
-def test_comments_and_blank_lines_anywhere_are_kept(tree: ast.Program, data: st.DataObject) -> None:
+@given(strategies.programs(), st.integers(20, 60))
+def test_programs_on_narrow_pages_read_back_as_themselves(tree: ast.Program, width: int) -> None:
+    with patch("koord.syntax.printer_statements.WIDTH", width):
+        text = formatted(print_program(tree))
+    assert program(text) == tree
+
+
+@settings(max_examples=200)
+@given(strategies.programs(), st.sampled_from([30, 100]), st.data())
+def test_comments_and_blank_lines_anywhere_are_kept(
+    tree: ast.Program, width: int, data: st.DataObject
+) -> None:
+    with patch("koord.syntax.printer_statements.WIDTH", width):
+        _with_comments(tree, data)
+
+
+def _with_comments(tree: ast.Program, data: st.DataObject) -> None:
     lines = print_program(tree).splitlines()
     for number in range(data.draw(st.integers(0, 5))):
         at = data.draw(st.integers(0, len(lines)))
@@ -89,6 +113,78 @@ def test_comments_and_blank_lines_anywhere_are_kept(tree: ast.Program, data: st.
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem)
 def test_the_examples_keep_their_trees_and_comments(path: Path) -> None:
     formatted(path.read_text(encoding="utf-8"))
+
+
+# --- conditions of several lines ----------------------------------------------------------------
+
+A, B, C = ("alpha" * 7, "bravo" * 7, "gamma" * 7)
+
+
+@pytest.mark.parametrize(
+    ("condition", "laid_out"),
+    [
+        (f"{A} and x", f"invariant X: {A} and x\n"),
+        (f"{A} and {B}", f"invariant X: {A} and {B}\n"),
+        (f"f({A}, {B}, {C})", f"invariant X:\n    f({A}, {B}, {C})\n"),
+        (f"{A} and {B} and {C}", f"invariant X:\n    {A}\n    {B}\n    {C}\n"),
+        (f"{A} or {B} or {C}", f"invariant X:\n    {A} or {B}\n        or {C}\n"),
+        (
+            f"{A} implies {B} or {C} or {A}",
+            f"invariant X:\n    {A}\n        implies {B} or {C}\n            or {A}\n",
+        ),
+        (
+            f"forall i: {A} and {B} and {C} implies x",
+            f"invariant X:\n    forall i: {A} and {B}\n            and {C}\n        implies x\n",
+        ),
+        (
+            f"not ({A} or {B} or x and (forall i: {C}))",
+            f"invariant X:\n    not ({A} or {B}\n        or x and forall i: {C})\n",
+        ),
+        (
+            f"(forall i: {A} or {B}) implies {C}",
+            f"invariant X:\n    (forall i: {A} or {B})\n        implies {C}\n",
+        ),
+    ],
+)
+def test_long_conditions_are_broken_before_their_operators(condition: str, laid_out: str) -> None:
+    assert formatted(f"invariant X: {condition}\n") == laid_out
+
+
+@pytest.mark.parametrize("word", ["assume", "assume N", "invariant at round", "eventually"])
+def test_every_property_may_have_several_lines(word: str) -> None:
+    text = f"{word}:\n    {A} or {B}\n        or {C}\n"
+    assert formatted(f"{word}: {A} or {B} or {C}\n") == text
+
+
+def test_what_leads_to_something_may_have_several_lines() -> None:
+    assert formatted(f"eventually: {A} or {B} leadsto {C}\n") == (
+        f"eventually:\n    {A} or {B}\n    leadsto {C}\n"
+    )
+
+
+def test_guards_and_contracts_may_have_several_lines() -> None:
+    assert formatted(f"E:\n  pre: {A} and {B} and {C}\n  eff: stop\n") == (
+        f"E:\n    pre:\n        {A}\n        {B}\n        {C}\n    eff: stop\n"
+    )
+    text = f"def fun f(int a) -> int: extern\n    ensures:\n        {A}\n            or {B}\n"
+    with patch("koord.syntax.printer_statements.WIDTH", 60):
+        assert formatted(f"def fun f(int a) -> int: extern\n  ensures: {A} or {B}\n") == text
+
+
+def test_the_assumptions_of_a_list_stay_several() -> None:
+    text = f"assume:\n    {A} or {B}\n        or {C}\n    x\n"
+    assert formatted(text) == text
+
+
+def test_comments_stay_with_their_rows() -> None:
+    text = (
+        f"invariant X:  # the head\n    {A} or {B}  # first\n"
+        f"    # before the second\n        or {C}  # second\n\n# behind\ninvariant: y\n"
+    )
+    assert formatted(text) == text
+    assert formatted(f"invariant: {A} or {B} or {C} # all\n") == (
+        f"invariant:\n    {A} or {B}\n        or {C}  # all\n"
+    )
 
 
 # --- expressions --------------------------------------------------------------------------------
