@@ -41,6 +41,9 @@ from koord.syntax import core
 from koord.syntax.core import PropertyKind
 from koord.syntax.source import NOWHERE
 
+#: So many ways to start, most of them assumed away, are tried for each state that is allowed.
+_STARTS_PER_STATE = 20
+
 #: Told now and then: states seen, rounds finished, states waiting in this round.
 Progress = Callable[[int, int, int], None]
 
@@ -199,8 +202,11 @@ class _Search:
 
     def _begin(self, frontier: list[State]) -> Iterator[_Found]:
         count = self._system.robots
-        for opened in openings(self._system, self._vault, self._commits):
+        most = _STARTS_PER_STATE * self._meter.limits.states
+        for tried, opened in enumerate(openings(self._system, self._vault, self._commits)):
             self._tick(0)
+            if tried > most:
+                raise _LimitError(f"more than {most} ways to start")
             if not all(each.holds(opened.state) for each in self._assumptions):
                 continue
             state = self._representative(opened.state[:count], opened.state[count:])

@@ -59,7 +59,8 @@ def literal(c: Context, type_: Type, depth: int) -> core.Expr:
     draft, span = c.draft, c.draft.span()
     match type_:
         case IntType():
-            return core.Const(draft.pick((-1, 0, 0, 1, 1, 2, 3)), INT, span=span)
+            numbers = (-1, 0, 0, 1, 1, 2, 3) if draft.profile.calculates else (*(-1,) * 15, 0)
+            return core.Const(draft.pick(numbers), INT, span=span)
         case FloatType():
             return core.Const(draft.pick(_FLOATS), FLOAT, span=span)
         case BoolType():
@@ -150,6 +151,8 @@ def _on_ints(c: Context, depth: int) -> list[tuple[float, Maker]]:
         op = draft.pick((UnaryOp.NEG, UnaryOp.ABS))
         return core.Unary(op, operand(), INT, span=draft.span())
 
+    if not draft.profile.calculates:
+        return [(1.0, lambda: core.Pid(INT, span=draft.span()))] if c.pid else []
     makers: list[tuple[float, Maker]] = [
         (1.5, arithmetic),
         (0.6, divided),
@@ -219,6 +222,8 @@ def _on_bools(c: Context, depth: int) -> list[tuple[float, Maker]]:
 
     def compared() -> core.Expr:
         number: Type = FLOAT if FLOAT in draft.palette.scalars and draft.chance(0.4) else INT
+        if number == INT and not draft.profile.calculates:
+            return equated()
         op = draft.pick((BinaryOp.LT, BinaryOp.LE))
         left, right = expression(c, number, depth), expression(c, number, depth)
         return core.Binary(op, left, right, BOOL, span=draft.span())

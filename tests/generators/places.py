@@ -138,13 +138,15 @@ def index(c: Context, above: Type, depth: int) -> core.Expr:
         ]
         if c.pid:
             names += [core.Pid(INT, span=draft.span())] * 2
+        if names and not draft.profile.calculates:
+            return draft.pick(names)
         return draft.pick([*names, core.Const(0, INT, span=draft.span())])
     if isinstance(above, ArrayType):
         assert isinstance(above.size, int)
-        if depth > 0 and draft.chance(0.3):
+        if depth > 0 and draft.profile.calculates and draft.chance(0.3):
             return _within(c, above.size, depth)
         return core.Const(draft.random.randrange(above.size), INT, span=draft.span())
-    counters = [b for b in c.bound if b.type == INT]
+    counters = [b for b in c.bound if b.type == INT and draft.profile.calculates]
     if counters and draft.chance(0.4):
         return core.Read(core.Place(draft.pick(counters), span=draft.span()), span=draft.span())
     return core.Const(draft.weighted([(6, 0), (2, 1), (1, 2)]), INT, span=draft.span())

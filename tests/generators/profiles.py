@@ -29,6 +29,7 @@ class Profile:
     unset: float  #: variables without an initial value
     urgent: float
     arbitrary: float  #: variables that start arbitrary
+    calculates: bool = True  #: if not, integers are robots: stored, compared, used as indices
 
 
 GENERAL = Profile(
@@ -71,3 +72,6 @@ FINITE = Profile(
     urgent=0.15,
     arbitrary=0.1,
 )
+
+#: As ``FINITE``, of programs in which most robots may change places.
+SYMMETRIC = replace(FINITE, robots=(3, 3), agents=(1, 1), shared=(2, 3), calculates=False)

@@ -166,7 +166,9 @@ def _open_type(draft: Draft, *, ints: bool) -> Type:
     """A type for something that is left open."""
     if not draft.profile.finite:
         return draft.type()
-    suitable = [t for t in draft.palette.all if is_finite(t, ints=ints)]
+    suitable = [
+        t for t in draft.palette.all if is_finite(t, ints=ints and draft.profile.calculates)
+    ]
     return draft.pick(suitable)
 
 
@@ -299,7 +301,8 @@ class _Agent:
             self.locals.append(core.Declaration(variable, initial, length, span=draft.span()))
 
     def _may_be_open(self, type_: Type) -> bool:
-        return not self.draft.profile.finite or is_finite(type_, ints=True)
+        profile = self.draft.profile
+        return not profile.finite or is_finite(type_, ints=profile.calculates)
 
     def _event(self) -> core.Event:
         draft = self.draft

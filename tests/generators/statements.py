@@ -164,12 +164,30 @@ def _if(c: Context, nesting: int) -> core.Stmt:
 
 
 def _for_range(c: Context, nesting: int) -> core.Stmt:
+    if not c.draft.profile.calculates:
+        return _over_robots(c)
     inner = c.inner()
     inner.loops += 1
     variable = inner.slots.fresh(c.draft, INT)
     low, high = _bound(c, low=True), _bound(c, low=False)
     inner.bound.append(variable)
     return core.ForRange(variable, low, high, block(inner, nesting - 1), span=c.draft.span())
+
+
+def _over_robots(c: Context) -> core.Stmt:
+    """A loop over all robots in which each trip may do the same thing."""
+    draft, inner = c.draft, c.inner()
+    variable = inner.slots.fresh(draft, INT)
+    inner.bound.append(variable)
+    # As in a property, a robot's entries may be asked for by the loop's variable.
+    inner.robots.append((variable, None))
+    condition = expression(inner, BOOL, draft.profile.depth)
+    then = _assign(c, 1)
+    if draft.chance(0.4):
+        then.append(core.Break(span=draft.span()))
+    body = core.If(condition, tuple(then), (), span=draft.span())
+    zero, everybody = core.Const(0, INT, span=draft.span()), core.NumAgents(INT, span=draft.span())
+    return core.ForRange(variable, zero, everybody, (body,), span=draft.span())
 
 
 def _bound(c: Context, *, low: bool) -> core.Expr:
