@@ -282,16 +282,10 @@ def main(name: str, story: str, benchmark: Callable[[Report], None]) -> int:
     report = Report(quick=arguments.quick)
     facts = machine()
     print(_said_of(facts), end="\n\n", flush=True)
-    stopped = False
     try:
         benchmark(report)
     except KeyboardInterrupt:  # what is known by now is shown, and not kept
-        stopped = True
-    for table in report.tables:
-        print("\n".join(table.lines()))
-    for story in report.wrong:
-        print(f"WRONG: {story}")
-    if stopped:
+        show(report)
         return 130
     result = {
         "benchmark": name,
@@ -302,7 +296,16 @@ def main(name: str, story: str, benchmark: Callable[[Report], None]) -> int:
     }
     arguments.json.parent.mkdir(parents=True, exist_ok=True)
     arguments.json.write_text(json.dumps(result, indent=2, ensure_ascii=False) + "\n", "utf-8")
+    show(report)
     return 1 if report.wrong else 0
+
+
+def show(report: Report) -> None:
+    """Print the tables, and what is wrong."""
+    for table in report.tables:
+        print("\n".join(table.lines()))
+    for story in report.wrong:
+        print(f"WRONG: {story}")
 
 
 def _shown(cell: Cell, places: int) -> str:
