@@ -10,13 +10,13 @@ ENTRIES: dict[str, Entry] = {
         warning(
             "K401",
             "an update may be lost",
-            """An effect reads an `allwrite` variable and writes it, outside of `atomic`. Reads are
-            of the state at the start of the round: if two robots run the effect in one round, both
-            read the old value, and the later write wins. Under `atomic:` at most one robot a round
-            runs the event.
+            """An event reads an `allwrite` variable, in its guard or its effect, and writes it
+            outside of `atomic`. Reads are of the state at the start of the round: if two robots run
+            the event in one round, both read the old value, and the later write wins. Under
+            `atomic:` at most one robot a round runs the event.
 
-            It is no error: some algorithms mean it (in Fischer's, robots race for a variable and
-            look later who won).""",
+            It is no error. An algorithm that lets robots race for a variable looks later who won,
+            in another event (as Fischer's does): of that nothing is said.""",
             """
             allwrite:
               int sum = 0

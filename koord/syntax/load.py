@@ -50,17 +50,19 @@ def load(
     program = ast.Program(tuple(sections), parsed.program.comments, span=parsed.program.span)
     elaborated = elaborate(program, settings)
     texts = {file.name: file for file in (source, *properties)}
+    damaged = _has_errors(diagnostics)
     independent = [
         found
         for found in elaborated.diagnostics
         if found.span.file not in texts or not _follows(found, lost, texts[found.span.file])
+        if not (damaged and found.code == "K405")  # perhaps it only seems to be empty
     ]
     files = {name: number for number, name in enumerate(texts)}
     together = sorted(
         (*diagnostics, *independent),
         key=lambda d: (files.get(d.span.file, -1), d.span.line, d.span.column),
     )
-    kept = elaborated.program if not _has_errors(diagnostics) else None
+    kept = elaborated.program if not damaged else None
     return Elaborated(kept, tuple(together))
 
 

@@ -232,6 +232,9 @@ def _point_of_number(m: Mistake) -> Complaint | None:
         message = "a number begins with a digit"
         return Complaint("K103", m.token, message, hint, m.replaced(number, count=2))
     before = m.at(m.position - 2)
+    if m.token.type == "DOT" and m.at(m.position - 1).type == "DOT" and before.type == "INT":
+        hint = "a range is written `0, n`, in `for i = 0, n:` and `forall k in 0, n:`"
+        return Complaint("K133", m.token, "`..` is not a sign of the language", hint)
     if m.at(m.position - 1).type == "DOT" and before.type == "INT" and m.token.type != "NAME":
         number = Token("FLOAT", f"{before.text}.0", *_rest(before)[1:])
         tokens = [*m.tokens[: m.position - 2], number, *m.tokens[m.position :]]

@@ -8,7 +8,15 @@ from koord.syntax.parser_blocks import block, reach
 from koord.syntax.parser_lines import Form
 from koord.syntax.parser_nodes import LeadsTo, Signature
 from koord.syntax.parser_reader import Reader
-from koord.syntax.parser_strays import PIECES, Strays, adopted, stray_piece, stray_section
+from koord.syntax.parser_strays import (
+    PIECES,
+    Strays,
+    adopted,
+    misspelt_section,
+    stray_piece,
+    stray_port,
+    stray_section,
+)
 
 
 def sections(reader: Reader, parts: list[Part], *, agent: bool = False) -> tuple[ast.Section, ...]:
@@ -74,7 +82,11 @@ def _is_event(part: Part) -> bool:
     if not (part.colon or part.body) or len(part.tokens) != 1:
         return False
     if part.tokens[0].text not in PIECES:
-        return True
+        return _has_pieces(part) or misspelt_section(part) is None
+    return _has_pieces(part)
+
+
+def _has_pieces(part: Part) -> bool:
     return any(line.first in ("PRE", "EFF") for line in part.body)
 
 
@@ -148,11 +160,7 @@ def _using(reader: Reader, part: Part) -> ast.Using:
                 requires, ensures = _summary(reader, reader.body(line))
                 contracts.append(ast.ContractDef(contract, requires, ensures, span=reach(line)))
             case _:
-                strays.add(
-                    line,
-                    "a piece of a module is expected here",
-                    "one of `sensors:`, `actuators:`, `environment:`, `contract NAME:`",
-                )
+                strays.add(line, *stray_port(line))
                 continue
         strays.over()
     return ast.Using(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 from koord.syntax.lines import Part
 from koord.syntax.parser_lines import type_end
 from koord.syntax.parser_reader import Reader
@@ -11,6 +14,12 @@ _OF_MODULES = frozenset(["sensors", "actuators", "environment", "contract"])
 #: Words that begin a piece of a module or of a contract.
 PIECES = _OF_MODULES | frozenset(["requires", "ensures"])
 _STATEMENTS = words("IF FOR ATOMIC BREAK RETURN STOP TRYSTOP PASS ELSE ELIF")
+_SECTIONS = ("local", "allread", "allwrite", "init", "assume", "invariant", "eventually", "using")
+#: The pieces of an event, and what they are called elsewhere.
+_OF_EVENTS = {
+    "pre": words("precondition preconditions guard when if"),
+    "eff": words("effect effects action do then"),
+}
 #: What other languages call the sections.
 _OTHER_SECTIONS = {
     "event": "an event is written `NAME:`, with `pre:` and `eff:` below",
@@ -26,6 +35,21 @@ _OTHER_SECTIONS = {
     "property": "a property is written `invariant NAME: …`",
     "assert": "a property is written `invariant NAME: …`",
 }
+
+
+def _closest(word: str, known: Iterable[str]) -> str | None:
+    """The word that was probably meant by one that differs in a letter or two."""
+    found = get_close_matches(word.lower()[:30], known, n=1, cutoff=0.8)
+    return found[0] if found else None
+
+
+def misspelt_section(part: Part) -> tuple[str, str] | None:
+    """What to say about a line that begins like a section, but for a letter or two."""
+    word = part.tokens[0].text if part.tokens else ""
+    found = _closest(word, _SECTIONS)
+    if found is None or not part.colon:
+        return None
+    return f"`{shown(word)}` is not a section", f"did you mean `{found}`?"
 
 
 class Strays:
@@ -62,6 +86,9 @@ class Strays:
 
 def stray_section(part: Part) -> tuple[str, str | None]:
     """What to say about a line that is no section, with its cure."""
+    misspelt = misspelt_section(part)
+    if misspelt:
+        return misspelt
     word = shown(part.tokens[0].text) if part.tokens else ":"
     expected = "a section or an event is expected here"
     if part.first in ("PRE", "EFF"):
@@ -92,7 +119,21 @@ def stray_piece(part: Part) -> tuple[str, str]:
     if part.first in ("ELSE", "ELIF"):
         word = part.tokens[0].text
         return f"this `{word}` stands outside of `eff:`", "indent it deeper than the `eff:`"
+    word = part.tokens[0].text if part.colon and part.tokens else ""
+    for piece, others in _OF_EVENTS.items():
+        if word.lower() in others or _closest(word, [piece]):
+            return f"`{shown(word)}` is no part of an event", f"did you mean `{piece}:`?"
     return "`pre:` or `eff:` is expected here", "the statements of an event stand below its `eff:`"
+
+
+def stray_port(part: Part) -> tuple[str, str]:
+    """What to say about a line of a module that is no piece of one, with its cure."""
+    word = part.tokens[0].text if part.colon and part.tokens else ""
+    found = _closest(word, sorted(_OF_MODULES))
+    if found:
+        return f"`{shown(word)}` is no piece of a module", f"did you mean `{found}`?"
+    pieces = "one of `sensors:`, `actuators:`, `environment:`, `contract NAME:`"
+    return "a piece of a module is expected here", pieces
 
 
 def adopted(reader: Reader, parts: list[Part]) -> list[Part]:

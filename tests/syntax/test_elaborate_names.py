@@ -117,6 +117,44 @@ def test_one_mistake_is_told_once() -> None:
     """) == ["K208"]
 
 
+@pytest.mark.parametrize(
+    ("declared", "cure"),
+    [
+        ("int x", "write `int[] x`, and `x[pid]` for the own"),
+        ("int[3] x", "write `int[] x`, or `int[3][] x`: one `int[3]` for each robot"),
+        ("int[][3] x", "write `int[][3][] x`: one `int[][3]` for each robot"),
+        ("int[Nsys][3] x", "write `int[3][numAgents] x`"),
+    ],
+)
+def test_an_allread_variable_that_is_no_array_over_the_robots(declared: str, cure: str) -> None:
+    found = only(f"allread:\n  {declared}\n")
+    assert (found.code, found.hint) == ("K211", cure)
+
+
+@pytest.mark.parametrize(
+    ("line", "cure"),
+    [
+        ("n = list.length", "the length of a list is `length(…)`"),
+        ("n = list.size()", "did you mean `length`?"),
+        ("list.add(task)", "did you mean `append`?"),
+        ("for i in range(0, 3): n = i", "a loop over numbers is written `for i = 0, n:`"),
+        ("n = list[0].asigned", "did you mean `assigned`?"),
+    ],
+)
+def test_what_other_languages_say(line: str, cure: str) -> None:
+    text = "local:\n  int n\n  Task task\n  Task[] list\nUse:\n  pre: list[n] == task\n"
+    assert only(f"{text}  eff: {line}\n").hint == cure
+
+
+def test_a_type_of_another_language() -> None:
+    assert only("local:\n  double x\nE:\n  eff: x = 1\n").hint == "did you mean `float`?"
+
+
+def test_a_text_that_cannot_be_read_is_not_called_empty() -> None:
+    assert codes("locl:\n  int x\n") == ["K141"]  # an error, and no K405
+    assert codes("# nothing\n") == ["K405"]
+
+
 def test_all_mistakes_of_a_file_are_told() -> None:
     assert errors("""
         local:

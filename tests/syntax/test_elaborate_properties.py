@@ -156,6 +156,11 @@ def test_properties_that_are_wrong(text: str, code: str) -> None:
     assert errors(f"{ABOVE}\n    invariant: {text}\n") == [code]
 
 
+def test_a_quantifier_that_hides_a_local_is_named() -> None:
+    hint = only(f"{ABOVE}\n    invariant: forall n: n@n > 0\n").hint
+    assert hint == "`n` is what a quantifier binds here: give that another name"
+
+
 def test_statements_of_a_program_are_not_those_of_properties() -> None:
     for text, code in [
         ("forall i: i > 0", "K301"),

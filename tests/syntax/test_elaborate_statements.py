@@ -271,6 +271,38 @@ Use:
     assert ("K401" in codes(text)) == warned
 
 
+@pytest.mark.parametrize(
+    ("guard", "statement", "warned"),
+    [
+        ("turn == -1", "turn = pid", True),
+        ("turn == -1", "n = turn\n    turn = n + pid", True),
+        ("turn == -1", "if n > 0: turn = n", True),
+        ("turn == -1", "atomic: turn = pid", False),
+        ("turn == pid", "turn = -1", False),
+        ("n > 0", "turn = pid", False),
+        ("marks[pid] == 0", "marks[pid] = n", False),
+    ],
+)
+def test_guards_that_read_what_the_effect_writes(guard: str, statement: str, warned: bool) -> None:
+    text = f"""
+local:
+  int n = 0
+allwrite:
+  int turn = -1
+  int[numAgents] marks
+init:
+  marks[pid] = 0
+Go:
+  pre: {guard}
+  eff:
+    {statement}
+Use:
+  pre: n > turn + marks[0]
+  eff: n = 0
+"""
+    assert codes(text) == (["K401"] if warned else [])
+
+
 def test_entries_of_ones_own_are_never_lost() -> None:
     assert (
         codes("""

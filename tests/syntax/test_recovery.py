@@ -285,3 +285,31 @@ def test_no_message_names_a_terminal_of_the_grammar() -> None:
         for found in read(text).diagnostics:
             said = found.message + (found.hint or "")
             assert not terminals & set(said.replace("`", " ").split()), said
+
+
+@pytest.mark.parametrize(
+    ("text", "cure"),
+    [
+        ("locl:\n  int x\n", "did you mean `local`?"),
+        ("allredd:\n  int[] x\n", "did you mean `allread`?"),
+        ("invarient A: x > 0\n", "did you mean `invariant`?"),
+        ("invarient: x > 0\n", "did you mean `invariant`?"),
+        ("assum: x > 0\n", "did you mean `assume`?"),
+        ("E:\n  pree: x > 0\n  eff: stop\n", "did you mean `pre:`?"),
+        ("E:\n  guard: x > 0\n  eff: stop\n", "did you mean `pre:`?"),
+        ("E:\n  pre: x > 0\n  effect: stop\n", "did you mean `eff:`?"),
+        ("using M:\n  sensor:\n    int x\n", "did you mean `sensors`?"),
+    ],
+)
+def test_misspelt_words_of_the_language(text: str, cure: str) -> None:
+    found = read(text).diagnostics
+    assert [(d.code, d.hint) for d in found] == [("K141", cure)]
+
+
+def test_events_may_be_called_almost_like_sections() -> None:
+    assert read("Init:\n  pre: x\n  eff: stop\nLocals:\n  eff: stop\n").diagnostics == ()
+
+
+def test_a_range_of_another_language() -> None:
+    found = read("E:\n  eff:\n    for i in 0..3: x = i\n").diagnostics
+    assert [d.code for d in found] == ["K133"]

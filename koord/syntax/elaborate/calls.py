@@ -116,6 +116,8 @@ def _unknown(body: Body, e: ast.Call) -> core.Expr | None:
         *CHANGES,
     ]
     hint = did_you_mean(name, known)
+    if name == "range":
+        hint = "a loop over numbers is written `for i = 0, n:`"
     if hint is None:
         hint = f"declare it: `def fun {name}(…) -> …:`"
     body.error("K202", e.function.span, f"there is no function `{name}`", hint)

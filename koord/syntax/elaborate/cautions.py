@@ -11,6 +11,7 @@ from koord.syntax.elaborate.folding import constant
 from koord.syntax.elaborate.session import Confusion, Session
 from koord.syntax.elaborate.symbols import Named, ParamSymbol, VariableSymbol
 from koord.syntax.types import ArrayType, show
+from koord.syntax.walk import nodes
 
 
 def never_enabled(session: Session, event: ast.Event, guard: core.Expr) -> None:
@@ -24,22 +25,37 @@ def never_enabled(session: Session, event: ast.Event, guard: core.Expr) -> None:
         )
 
 
-def lost_updates(body: Body) -> None:
-    """Allwrite variables that an effect reads, and writes outside of `atomic`."""
+def lost_updates(body: Body, guarded: frozenset[int], effect: core.Block) -> None:
+    """Allwrite variables that an event reads, and writes outside of `atomic`.
+
+    ``guarded`` are those that its guard reads. There, a write that is the same for every robot (a
+    flag that is taken back) is no matter of who comes first.
+    """
     told: set[int] = set()
+    differing = {s.place.span for s in nodes(effect) if isinstance(s, core.Assign) and _differs(s)}
     for write in body.writes:
         slot = write.variable.slot
-        if write.block is not None or write.own or slot not in body.shared_reads or slot in told:
+        if write.block is not None or write.own or slot in told:
+            continue
+        if slot in body.shared_reads:
+            read, cure = "read and written", "put both under `atomic:`"
+        elif slot in guarded and write.span in differing:
+            read, cure = "read in the guard and written", "put the write under `atomic:`"
+        else:
             continue
         told.add(slot)
-        name = write.variable.name
         body.findings.warning(
             "K401",
             write.span,
-            f"`{name}` is read and written outside `atomic`: "
+            f"`{write.variable.name}` is {read} outside `atomic`: "
             "of two robots that do so in one round, one loses its update",
-            "put both under `atomic:`",
+            cure,
         )
+
+
+def _differs(statement: core.Assign) -> bool:
+    """Whether two robots may write different values."""
+    return any(isinstance(node, core.Place | core.Pid) for node in nodes(statement.value))
 
 
 def contradictions(

@@ -38,9 +38,10 @@ def event(session: Session, scope: AgentScope, section: ast.Event) -> core.Event
             guard = found
             never_enabled(session, section, guard)
     body.where = Where.EFFECT
+    guarded = frozenset(body.shared_reads)
     body.shared_reads.clear()
     effect = body.block(section.eff)
-    lost_updates(body)
+    lost_updates(body, guarded, effect)
     return core.Event(
         section.name.name,
         section.urgent,

@@ -104,10 +104,10 @@ def field(body: Body, base: core.Place | core.Expr, e: ast.Attribute) -> Meaning
     if not isinstance(record, RecordType):
         hint = None
         element = element_of(record)
-        if isinstance(element, RecordType):
-            hint = f"its elements have fields: `…[i].{e.name.name}`"
-        elif e.name.name == "length" and element is not None:
+        if element is not None and e.name.name in ("length", "len", "size"):
             hint = "the length of a list is `length(…)`"
+        elif isinstance(element, RecordType):
+            hint = f"its elements have fields: `…[i].{e.name.name}`"
         body.error("K205", e.name.span, f"{a(record)} has no fields", hint)
         return None
     found = field_position(record, e.name.name)

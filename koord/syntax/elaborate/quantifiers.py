@@ -145,11 +145,14 @@ def at_robot(body: Body, e: ast.AtRobot, base: Callable[[], Meaning]) -> Meaning
         ):
             found = robot_entry(body, found, e)
         if found is not None and not body.robot.used:
+            cure = "leave out the `@`"
+            if isinstance(e.base, ast.Name) and body.lookup(e.base.name) is not None:
+                cure = f"`{e.base.name}` is what a quantifier binds here: give that another name"
             body.error(
                 "K302",
                 e.span,
                 "this is the same for all robots, so that there is nothing for `@` to choose",
-                "leave out the `@`",
+                cure,
             )
             return None
     finally:

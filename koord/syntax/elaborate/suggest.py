@@ -5,6 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+#: Words of other languages for what Koord has under another name.
+_ELSEWHERE = {
+    "double": "float",
+    "real": "float",
+    "number": "float",
+    "str": "string",
+    "text": "string",
+    "long": "int",
+    "vector": "pos",
+    "position": "pos",
+    "add": "append",
+    "push": "append",
+    "enqueue": "append",
+    "delete": "remove",
+    "dequeue": "pop",
+    "size": "length",
+    "count": "length",
+}
+
 
 def closest(name: str, known: Iterable[str]) -> str | None:
     """The known name most like ``name``, or None if none is much like it."""
@@ -17,5 +36,7 @@ def closest(name: str, known: Iterable[str]) -> str | None:
 
 def did_you_mean(name: str, known: Iterable[str]) -> str | None:
     """A hint that names the closest known name."""
-    found = closest(name, known)
+    known = list(known)
+    elsewhere = _ELSEWHERE.get(name.lower())
+    found = elsewhere if elsewhere in known else closest(name, known)
     return f"did you mean `{found}`?" if found else None

@@ -177,9 +177,18 @@ def _per_robot(session: Session, decl: ast.VarDecl, type_: Type) -> Type | None:
     match type_:
         case ListType(element=element) | ArrayType(element=element, size=Robots.ALL):
             return ArrayType(element, Robots.ALL)
+        case ArrayType(element=ArrayType(element=element, size=Robots.ALL), size=size):
+            message = "the last brackets of an `allread` variable are those of the robots"
+            meant = show(ArrayType(ArrayType(element, size), Robots.ALL))
+            cure = f"write `{meant} {decl.name.name}`"
         case ArrayType(element=element):
             message = "an `allread` variable has as many entries as there are robots"
-            cure = f"write `{show(element)}[] {decl.name.name}`"
+            own = show(type_)
+            cure = f"write `{own}[] {decl.name.name}`: one `{own}` for each robot"
+            if not isinstance(element, ArrayType | ListType):
+                cure = (
+                    f"write `{show(element)}[] {decl.name.name}`, or {cure.removeprefix('write ')}"
+                )
         case _:
             message = "an `allread` variable has one entry per robot: it is an array"
             cure = (
