@@ -14,7 +14,12 @@ from random import Random
 import pytest
 
 from koord.semantics.configurations import System
+from koord.semantics.findings import Claim as Searched
+from koord.semantics.findings import Exhausted, Subject
+from koord.semantics.finite import NotFinite
+from koord.semantics.limits import Limits
 from koord.semantics.machine import NotFiniteError
+from koord.semantics.search import survey
 from koord.verify.claims import ClaimKind, claims_of
 from tests.generators.profiles import FINITE
 from tests.generators.programs import system
@@ -63,6 +68,36 @@ def violations_agree(cases: list[Compared]) -> Counter[str]:
     return count
 
 
+def searches_agree(cases: list[Compared], rounds: int = ROUNDS) -> Counter[str]:
+    """The explicit search finds the same."""
+    count: Counter[str] = Counter()
+    for case in cases:
+        claims = claims_of(case.system)
+        properties = [claim.stated for claim in claims if claim.stated is not None]
+        limits = Limits(states=20_000, rounds=rounds)
+        found = survey(case.system, properties, limits, subjects=frozenset(Subject))
+        if isinstance(found.end, NotFinite):
+            continue
+        count["systems"] += 1
+        assert {_name(v.claim): v.rounds for v in found.violated} == case.seen.first, case.seed
+        if isinstance(found.end, Exhausted):
+            count["exhausted"] += 1
+    return count
+
+
+def _name(claim: Searched) -> str:
+    """The name that the verifier gives to what the search calls so."""
+    match claim.subject:
+        case Subject.FAULT:
+            return "no fault"
+        case Subject.CONTRACT:
+            return f"contract {claim.name}"
+        case Subject.LOST_UPDATE:
+            return f"no lost update of {claim.name}"
+        case Subject.PROPERTY:
+            return claim.name
+
+
 def proofs_agree(cases: list[Compared], depths: tuple[int, ...]) -> Counter[str]:
     """What induction proves breaks nowhere. Where all runs were seen, that is for ever."""
     count: Counter[str] = Counter()
@@ -82,6 +117,12 @@ def test_bounded_model_checking_finds_what_is_there() -> None:
     assert all(count[kind.value] for kind in ClaimKind)
 
 
+def test_the_search_finds_the_same() -> None:
+    count = searches_agree(some(0, 330))
+    assert count["systems"] >= 200
+    assert count["exhausted"] >= 100
+
+
 def test_what_is_proved_breaks_nowhere() -> None:
     count = proofs_agree(some(0, 80), (1,))
     assert count["proved and all runs seen"] >= 20
@@ -91,6 +132,7 @@ def test_what_is_proved_breaks_nowhere() -> None:
 @pytest.mark.parametrize("block", range(8))
 def test_many_generated_programs(block: int) -> None:
     cases = some(100 + 100 * block, 200 + 100 * block, rounds=3)
+    searches_agree(cases, rounds=3)
     count = violations_agree(cases) + proofs_agree(cases, (1, 2, 3))
     assert count["systems"] >= 40
     assert count["proved and all runs seen"] >= 40

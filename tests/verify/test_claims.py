@@ -1,0 +1,99 @@
+"""What is claimed of a system, and which configurations each claim is about."""
+
+from __future__ import annotations
+
+from koord.semantics.configurations import System, dealt
+from koord.syntax import core
+from koord.syntax.types import BOOL, INT
+from koord.verify.claims import NO_FAULT, Claim, ClaimKind, Phase, claims_of, liveness_of
+from tests.semantics import programs
+from tests.semantics.building import TRUE, Build, I, bound, contract, forall
+
+
+def names(program: core.Program, robots: int = 2) -> list[str]:
+    return [claim.name for claim in claims_of(dealt(program, robots))]
+
+
+def test_everything_that_the_program_says_and_what_is_asked_of_every_program() -> None:
+    """[PROP-INVARIANT] [PROP-CONTRACT] [FAULT] [LOST-UPDATE]"""
+    assert names(programs.sum_of_ids()) == ["Bounded", "Sure", "no fault"]
+    assert names(programs.counter_race()) == ["Counted", "no fault", "no lost update of count"]
+    assert names(programs.thermostat()) == ["Comfort", "no fault", "contract KeepsWarm"]
+    # Contracts of modules without a model are assumed.
+    assert names(programs.rover()) == ["no fault"]
+
+
+def test_a_robot_that_is_alone_loses_no_updates() -> None:
+    """[LOST-UPDATE]"""
+    assert names(programs.counter_race(), robots=1) == ["Counted", "no fault"]
+
+
+def test_updates_in_atomic_blocks_are_not_asked_about() -> None:
+    """[LOST-UPDATE] [ATOMIC]: nor is a write that reads another variable."""
+    b = Build()
+    x, y = b.allwrite("x", INT, 0), b.allwrite("y", INT, 0)
+    b.event("Go", TRUE, b.atomic(x.set(x + 1)), y.set(x))
+    assert names(b.program()) == ["no fault"]
+
+
+def test_one_claim_for_contracts_of_one_name() -> None:
+    """Two kinds of robot with the same module, say."""
+    b = Build()
+    for kind in ("One", "Two"):
+        b.agent(kind)
+        heat = b.sensor("heat", INT, 0)
+        b.module("Unit", [heat.set(0)], contracts=[contract("Cold", [], [heat.primed.eq(0)])])
+    claims = claims_of(System(b.program(), (0, 1)))
+    assert [claim.name for claim in claims] == ["no fault", "contract Cold"]
+
+
+def test_liveness_is_kept_apart() -> None:
+    b = Build()
+    truth = core.Const(True, BOOL)
+    live = core.Property("Some", core.PropertyKind.EVENTUALLY, truth, 0)
+    b.properties.append(live)
+    assert names(b.program()) == ["no fault"]
+    assert liveness_of(dealt(b.program(), 2)) == (live,)
+
+
+def phases(claim: Claim) -> set[Phase]:
+    return {phase for phase in Phase if claim.looked_at(phase)}
+
+
+def test_each_claim_is_about_some_configurations() -> None:
+    """[PROP-INVARIANT] [PROP-ROUND] [T-PREFIX]"""
+    b = Build()
+    x, heat = b.local("x", INT, 0), b.sensor("heat", INT, 0)
+    b.module("Unit", [heat.set(0)], contracts=[contract("Cold", [], [heat.primed.eq(0)])])
+    shared = b.allwrite("s", INT, 0)
+    b.event("Go", TRUE, shared.set(shared + 1), x.set(1))
+    b.invariant("Local", forall(I, x.at(I).eq(0)))
+    b.invariant("Port", forall(I, heat.at(I).eq(0)))
+    b.invariant("AtRound", forall(I, x.at(I).eq(0)), at_round=True)
+    about = {claim.name: phases(claim) for claim in claims_of(dealt(b.program(), 2))}
+    assert about == {
+        # The environment's turn changes ports only.
+        "Local": {Phase.INIT, Phase.INSIDE, Phase.MIDDLE},
+        "Port": set(Phase),
+        "AtRound": {Phase.INIT, Phase.END},
+        "no fault": set(Phase),
+        "no lost update of s": {Phase.INSIDE, Phase.MIDDLE},
+        "contract Cold": {Phase.END},
+    }
+
+
+def test_a_port_may_be_read_in_a_function() -> None:
+    b = Build()
+    heat, n = b.sensor("heat", INT, 0), bound("n", 0, INT)
+    b.module("Unit", [heat.set(1)])
+    b.function("warm", [n], BOOL, core.Return((heat > n).expr))
+    b.invariant("Cold", ~b.call("warm", 0))
+    (claim, _) = claims_of(dealt(b.program(), 1))
+    assert Phase.END in phases(claim)
+
+
+def test_only_properties_speak_of_configurations() -> None:
+    """The others are about steps, and may not be assumed of a configuration."""
+    assert not NO_FAULT.is_state_property
+    kinds = {kind: Claim("", kind).is_state_property for kind in ClaimKind}
+    assert [kind for kind, is_one in kinds.items() if is_one] == [ClaimKind.PROPERTY]

@@ -1,0 +1,357 @@
+"""What ``koord verify`` says in the end: scopes, reasons, what was left out, and what is empty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+
+import pytest
+
+from koord.semantics.configurations import dealt
+from koord.semantics.domain import EXACT
+from koord.semantics.recording import execute
+from koord.syntax import core
+from koord.syntax.types import BOOL, FLOAT, INT, ListType
+from koord.verify import portfolio
+from koord.verify.claims import ClaimKind
+from koord.verify.portfolio import Choice, verify
+from koord.verify.verdicts import Bounds, Engine, Outcome, Report
+from tests.semantics import programs
+from tests.semantics.building import (
+    PID,
+    STOP,
+    TRUE,
+    Build,
+    E,
+    I,
+    bound,
+    contract,
+    e,
+    for_range,
+    forall,
+    length,
+    lst,
+)
+from tests.verify.asking import ask
+
+
+@pytest.fixture(autouse=True)
+def _small_searches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Programs here are small, or infinite: a short search tells them apart as well."""
+    monkeypatch.setattr(portfolio, "FEW_STATES", 300)
+
+
+def late(rounds: int, states: int = 6) -> core.Program:
+    """An invariant that breaks in a round; robots have so many states."""
+    b = Build("late")
+    n = b.local("n", INT, 0)
+    b.event("Count", n < states - 1, n.set(n + 1))
+    b.invariant("Small", forall(I, n.at(I) < rounds))
+    return b.program()
+
+
+def growing() -> Build:
+    """Infinitely many configurations, and an invariant that no induction here proves."""
+    b = Build("growing")
+    x, y = b.local("x", INT, 0), b.local("y", INT, 0)
+    b.event("Go", TRUE, y.set(y + x * x), x.set(x + 1))
+    b.invariant("NotSeven", forall(I, y.at(I).ne(7)))
+    return b
+
+
+# --- scopes ---------------------------------------------------------------------------------------
+
+
+def test_a_proof_says_for_all_rounds() -> None:
+    for verdict in ask(programs.sum_of_ids(), robots=3):
+        assert (verdict.outcome, verdict.rounds) == (Outcome.HOLDS, None)
+        assert verdict.engine in (Engine.INDUCTION, Engine.SEARCH)
+
+
+def test_bounded_model_checking_says_through_which_round() -> None:
+    asked = ask(growing().program(), robots=1, rounds=4)
+    assert asked["no fault"].rounds is None
+    verdict = asked["NotSeven"]
+    assert (verdict.outcome, verdict.engine, verdict.rounds) == (Outcome.HOLDS, Engine.BMC, 4)
+    asked = ask(programs.sum_of_ids(), rounds=2, choice=Choice.BMC)
+    assert all((v.engine, v.rounds) == (Engine.BMC, 2) for v in asked)
+
+
+def test_a_violation_says_in_which_round_and_is_shortest() -> None:
+    for choice in (Choice.AUTO, Choice.BMC, Choice.SEARCH):
+        verdict = ask(late(4), rounds=9, choice=choice)["Small"]
+        assert verdict.outcome is Outcome.VIOLATED
+        shown = verdict.counterexample
+        assert shown is not None
+        assert shown.round == len(shown.recording.rounds) == 4
+
+
+@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BMC, Choice.SEARCH])
+@pytest.mark.parametrize(
+    "program",
+    [programs.counter_race(), late(3), programs.stopping()],
+    ids=lambda p: p.name,
+)
+def test_every_violation_replays(program: core.Program, choice: Choice) -> None:
+    """What is shown is a legal run of the exact semantics, to the step that breaks the claim."""
+    system = dealt(program, 3)
+    shown = [v for v in ask(system, rounds=5, choice=choice) if v.counterexample is not None]
+    for verdict in shown:
+        assert verdict.counterexample is not None
+        steps = list(execute(EXACT, system, verdict.counterexample.recording))
+        assert steps[-1].configuration.round <= verdict.counterexample.round
+
+
+def test_what_is_shown_has_no_event_that_need_not_be() -> None:
+    """Three robots could count, and one is enough."""
+    shown = ask(late(3), robots=3, rounds=4, choice=Choice.BMC)["Small"].counterexample
+    assert shown is not None
+    ran = [e for round_ in shown.recording.rounds for e in round_.events if e is not None]
+    assert len(ran) == 3
+
+
+def test_what_shows_a_lost_update_keeps_the_update() -> None:
+    """[LOST-UPDATE]: leaving out events must not leave out the one that loses or is lost."""
+    for updater in range(3):
+        b = Build()
+        x = b.allwrite("x", INT, 0)
+        b.event("Set", PID.ne(updater), x.set(5))
+        b.event("Up", PID.eq(updater), x.set(x + 1))
+        for choice in (Choice.BMC, Choice.SEARCH):
+            asked = ask(b.program(), robots=3, rounds=1, choice=choice)
+            shown = asked["no lost update of x"].counterexample
+            assert shown is not None
+            assert shown.recording.rounds[-1].events[updater] == 1
+            assert sum(e is not None for e in shown.recording.rounds[-1].events) == 2
+
+
+def test_the_outcome_of_a_report_is_its_worst() -> None:
+    assert ask(programs.sum_of_ids()).report.outcome is Outcome.HOLDS
+    assert ask(late(2)).report.outcome is Outcome.VIOLATED
+    assert ask(growing().program(), choice=Choice.INDUCTION).report.outcome is Outcome.UNKNOWN
+
+
+def test_one_claim_can_be_asked_for_and_the_others_still_help() -> None:
+    b = Build()
+    x, y = b.local("x", INT, 0), b.local("y", INT, 0)
+    b.event("Go", TRUE, y.set(x), x.set(0))
+    b.invariant("Lemma", forall(I, x.at(I).eq(0)))
+    b.invariant("Goal", forall(I, y.at(I).eq(0)))
+    report = verify(dealt(b.program(), 2), Bounds(3), Choice.INDUCTION, names=("Goal",))
+    (verdict,) = report.verdicts
+    assert (verdict.claim.name, verdict.outcome, verdict.depth) == ("Goal", Outcome.HOLDS, 1)
+
+
+def test_liveness_is_left_open() -> None:
+    b = growing()
+    kind = core.PropertyKind.EVENTUALLY
+    b.properties.append(core.Property("Some", kind, core.Const(True, BOOL), 0))
+    verdict = ask(b.program(), rounds=1)["Some"]
+    assert verdict.outcome is Outcome.UNKNOWN
+    assert "liveness" in verdict.reason
+
+
+# --- running out ----------------------------------------------------------------------------------
+
+
+def test_without_time_everything_is_unknown() -> None:
+    report = verify(dealt(growing().program(), 2), Bounds(5, 0.0))
+    assert {v.outcome for v in report.verdicts if v.claim.kind is ClaimKind.PROPERTY} == {
+        Outcome.UNKNOWN
+    }
+    assert any("timeout" in v.reason or "out of time" in v.reason for v in report.verdicts)
+
+
+def test_out_of_time_says_how_far_it_holds() -> None:
+    """The solver cannot tell whether three cubes add up; until then it could."""
+    b = Build()
+    n = b.local("n", INT, 0)
+    x, y, z = (b.sensor(name, INT, 0) for name in "xyz")
+    b.module()
+    cubes = x * x * x + y * y * y + z * z * z
+    b.event("Count", n < 2, n.set(n + 1), urgent=True)
+    b.event("Find", n.eq(2) & cubes.eq(114), n.set(5))
+    b.invariant("NotFound", forall(I, n.at(I) < 5))
+    report = verify(dealt(b.program(), 1), Bounds(9, 2.0), Choice.BMC)
+    (verdict,) = [v for v in report.verdicts if v.claim.name == "NotFound"]
+    assert (verdict.outcome, verdict.engine) == (Outcome.UNKNOWN, Engine.BMC)
+    assert verdict.reason == "timeout"
+    assert verdict.rounds in (2, 3)
+
+
+class _CtrlC:
+    """Presses Ctrl-C when progress is told for the n-th time, or of something."""
+
+    def __init__(self, when: Callable[[int, str], bool]) -> None:
+        self.told: list[str] = []
+        self._when = when
+
+    def __call__(self, text: str) -> None:
+        self.told.append(text)
+        if self._when(len(self.told), text):
+            raise KeyboardInterrupt
+
+
+def interrupted(program: core.Program, when: Callable[[int, str], bool]) -> Report:
+    return verify(dealt(program, 1), Bounds(9), progress=_CtrlC(when))
+
+
+def test_ctrl_c_ends_in_what_is_known() -> None:
+    program = growing().program()
+    report = interrupted(program, lambda n, text: "bmc, round 5" in text)
+    verdicts = {v.claim.name: v for v in report.verdicts}
+    assert report.interrupted
+    assert verdicts["no fault"].outcome is Outcome.HOLDS
+    assert verdicts["NotSeven"].outcome is Outcome.UNKNOWN
+    assert verdicts["NotSeven"].rounds == 4
+    assert verdicts["NotSeven"].reason == "interrupted"
+
+
+def test_ctrl_c_at_any_moment() -> None:
+    """A report comes of it whenever it is pressed, and never says what is not so."""
+    for moment in range(1, 12):
+        report = interrupted(late(3), lambda n, _, moment=moment: n == moment)  # type: ignore[misc]
+        assert report.interrupted or moment > 6
+        assert [v.claim.name for v in report.verdicts] == ["Small", "no fault"]
+        assert report.verdicts[0].outcome is not Outcome.HOLDS
+
+
+# --- what is not covered --------------------------------------------------------------------------
+
+
+def test_a_loop_without_a_known_bound_is_unknown_with_its_place() -> None:
+    """A range that depends on a variable is more than the formula can follow."""
+    b = Build()
+    n, x, k = b.local("n", FLOAT, 0), b.local("x", INT, 0), bound("k", 0, INT)
+    b.event("Go", TRUE, for_range(k, 0, x, n.set(n + Fraction(1, 3))), x.set(x + 1), bound=1)
+    b.invariant("Low", forall(I, n.at(I) < 2))
+    asked = ask(b.program(), rounds=6, choice=Choice.BMC)
+    assert asked.outcome("Low") is Outcome.UNKNOWN
+    assert "no bound" in asked["Low"].reason
+    assert asked.outcome("no fault") is Outcome.UNKNOWN
+
+
+def test_long_lists_are_told_and_never_claimed() -> None:
+    """A sensor's list may be longer than what the formula looks at."""
+    b = Build()
+    seen, most = b.sensor("seen", ListType(INT), lst(INT)), b.local("most", INT, 0)
+    b.module()
+    b.event("Look", TRUE, most.set(length(seen)))
+    b.invariant("Few", forall(I, most.at(I) < 50))
+    b.invariant("One", forall(I, most.at(I) < 1))
+    for choice in (Choice.AUTO, Choice.BMC, Choice.INDUCTION):
+        asked = ask(b.program(), robots=1, rounds=3, choice=choice)
+        assert asked.outcome("Few") is Outcome.UNKNOWN
+        assert asked.outcome("One") is not Outcome.HOLDS
+        assert "seen" in asked["Few"].reason or choice is Choice.INDUCTION
+    shown = ask(b.program(), robots=1, rounds=3)["One"].counterexample
+    assert shown is not None
+    assert shown.round == 2
+
+
+def test_candidates_that_do_not_replay_are_unknown_and_prove_nothing() -> None:
+    """No rational number is the root of 2, so no run of numbers shows it; it is still so."""
+    b = Build()
+    x, n = b.local("x", FLOAT, core.Start.ARBITRARY), b.local("n", INT, 0)
+    b.event("Go", TRUE, n.set(n + 1))
+    b.assume(forall(I, (x.at(I) * x.at(I)).eq(2)))
+    b.invariant("NoRoot", forall(I, (x.at(I) * x.at(I)).ne(2)))
+    b.invariant("Small", forall(I, n.at(I) < 3))
+    for choice in (Choice.AUTO, Choice.BMC, Choice.INDUCTION):
+        asked = ask(b.program(), robots=1, rounds=5, choice=choice)
+        # NoRoot is false from the start: as a lemma it would prove everything.
+        assert asked.outcome("NoRoot") is Outcome.UNKNOWN
+        assert asked.outcome("Small") is Outcome.UNKNOWN
+    asked = ask(b.program(), robots=1, rounds=5, choice=Choice.BMC)
+    assert "did not replay" in asked["NoRoot"].reason
+    assert asked["NoRoot"].rounds is None
+    assert asked["Small"].rounds == 2
+
+
+# --- emptiness ------------------------------------------------------------------------------------
+
+
+def test_assumptions_that_contradict_each_other_are_told() -> None:
+    """[PROP-ASSUME]: everything holds then, for no reason."""
+    b = growing()
+    z = b.local("z", INT, core.Start.ARBITRARY)
+    b.assume(forall(I, z.at(I) > 3))
+    b.assume(forall(I, z.at(I) < 3))
+    asked = ask(b.program(), robots=1)
+    assert asked.report.outcome is Outcome.HOLDS
+    assert asked.empty == ["assumptions: no initial configuration satisfies them all"]
+
+
+@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BMC])
+def test_contracts_that_contradict_each_other_are_told_with_the_round(choice: Choice) -> None:
+    """[ENV-CONTRACT]: no environment's turn meets them in round 3."""
+    b = growing()
+    age = b.sensor("age", INT, 0)
+    ages = contract("Ages", [], [age.primed.eq(age + 1)])
+    b.module(contracts=[ages, contract("Young", [], [age.primed < 3])])
+    b.event("Late", age > 6, STOP)
+    asked = ask(b.program(), robots=1, rounds=6, choice=choice)
+    assert asked.empty == ["contracts: no run gets through round 3"]
+    asked = ask(programs.rover(contradictory=True), rounds=4, choice=choice)
+    assert asked.empty == ["contracts: no run gets through round 1"]
+
+
+def test_events_that_never_run_are_told() -> None:
+    b = growing()
+    z = b.local("z", INT, 0)
+    b.event("Never", z > 0, z.set(0))
+    b.event("InRound6", core_local(b, 0) > 4, STOP)
+    assert ask(b.program(), robots=1, rounds=5).empty == [
+        "event: Never cannot run within 5 rounds",
+        "event: InRound6 cannot run within 5 rounds",
+    ]
+    assert ask(b.program(), robots=1, rounds=6).empty == ["event: Never cannot run within 6 rounds"]
+
+
+def core_local(b: Build, slot: int) -> E:
+    return E(core.Read(core.Place(b.kind.locals[slot].variable)))
+
+
+def test_a_run_that_must_fault_is_no_matter_of_contracts() -> None:
+    b = growing()
+    z = b.local("z", INT, 0)
+    b.kind.events.clear()
+    b.event("Slip", TRUE, z.set(e(1, INT) / z), urgent=True)
+    b.event("Never", z > 0, z.set(0))
+    asked = ask(b.program(), robots=1, rounds=4, choice=Choice.BMC)
+    assert asked.outcome("no fault") is Outcome.VIOLATED
+    assert not any("contracts" in line for line in asked.empty)
+
+
+def test_kinds_of_robot_that_are_not_there_have_no_idle_events() -> None:
+    program = programs.two_kinds()
+    asked = ask(dealt(program, 1), rounds=3)
+    assert not any("Look" in line or "Climb" in line for line in asked.empty)
+
+
+# --- the same every time --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("program", [programs.rover(), programs.lock_demo()], ids=lambda p: p.name)
+def test_equal_seeds_give_equal_reports(program: core.Program) -> None:
+    def told(seed: int) -> list[object]:
+        return [
+            (v.claim.name, v.outcome, v.engine, v.rounds, v.reason, v.counterexample)
+            for v in ask(program, robots=2, rounds=3, seed=seed)
+        ]
+
+    assert told(3) == told(3)
+    # Another seed may show another run, and says the same.
+    assert [row[:2] for row in told(3)] == [row[:2] for row in told(11)]  # type: ignore[index]
+
+
+def test_engines_agree_on_programs_written_by_hand() -> None:
+    """Whoever knows says the same."""
+    for program in (*programs.RUNNING, late(2)):
+        said: dict[str, set[Outcome]] = {}
+        # The search alone would go on as long as it finds something new.
+        for choice in (Choice.AUTO, Choice.BMC, Choice.INDUCTION):
+            for verdict in ask(program, robots=2, rounds=3, choice=choice):
+                if verdict.outcome is not Outcome.UNKNOWN:
+                    said.setdefault(verdict.claim.name, set()).add(verdict.outcome)
+        assert all(len(outcomes) == 1 for outcomes in said.values()), (program.name, said)
