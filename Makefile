@@ -55,9 +55,8 @@ $(INSTALLED): pyproject.toml
 
 # There is no wheel of atheris for every Python. Without it the fuzzing says so, and is left out.
 $(ATHERIS): $(INSTALLED)
-	@$(BIN)/python -m pip install -q --only-binary atheris -e '.[fuzz]' \
-		|| echo "atheris cannot be installed for this Python"
-	@touch $@
+	@if $(BIN)/python -m pip install -q --only-binary atheris -e '.[fuzz]'; then touch $@; else \
+		echo "atheris cannot be installed for this Python"; fi
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis

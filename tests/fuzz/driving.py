@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import io
 import shutil
 import sys
 from collections.abc import Sequence
+from contextlib import redirect_stderr
 from pathlib import Path
 from random import Random
 from typing import Protocol
@@ -15,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 NO_ATHERIS = "atheris is not installed for this Python: fuzzing is left out"
 
 #: libFuzzer's flags, unless others are given: the same inputs in every run, for a minute.
-DEFAULTS = ("-seed=1", "-max_total_time=60", "-timeout=30", "-print_final_stats=1")
+DEFAULTS = ("-seed=1", "-max_total_time=60", "-timeout=30", "-verbosity=0", "-print_final_stats=1")
 
 
 class Subject(Protocol):
@@ -38,7 +40,8 @@ def fuzz(module: str, flags: Sequence[str]) -> int:
     except ImportError:
         print(NO_ATHERIS, file=sys.stderr)
         return 0
-    with atheris.instrument_imports(include=["koord", "lark"]):
+    listed = io.StringIO()  # every module that is instrumented
+    with redirect_stderr(listed), atheris.instrument_imports(include=["koord", "lark"]):
         subject: Subject = importlib.import_module(module)
 
     def mutated(data: bytes, most: int, seed: int) -> bytes:
