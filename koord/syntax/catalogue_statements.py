@@ -37,8 +37,9 @@ ENTRIES: dict[str, Entry] = {
             "K215",
             "the bound of a loop is not known at its start",
             """Every event must end, and a verifier must know how often a loop runs at most. The
-            bounds of `for i = a, b:` are therefore made of numbers, params, `pid`, `numAgents` and
-            lengths of lists. A loop that may end earlier leaves with `break`.""",
+            bounds of `for i = a, b:` are therefore made of numbers, params, `pid`, `numAgents`,
+            lengths of lists, and the numbers that the loops around it are at. A loop that may end
+            earlier leaves with `break`.""",
             """
             local:
               int n = 3

@@ -51,11 +51,14 @@ def load(
     elaborated = elaborate(program, settings)
     texts = {file.name: file for file in (source, *properties)}
     damaged = _has_errors(diagnostics)
+    # a string without an end: what stood behind it is not known
+    unended = {(d.span.file, d.span.line) for d in diagnostics if d.code == "K102"}
     independent = [
         found
         for found in elaborated.diagnostics
         if found.span.file not in texts or not _follows(found, lost, texts[found.span.file])
         if not (damaged and found.code == "K405")  # perhaps it only seems to be empty
+        if (found.span.file, found.span.line) not in unended
     ]
     files = {name: number for number, name in enumerate(texts)}
     together = sorted(

@@ -155,6 +155,10 @@ def test_a_text_that_cannot_be_read_is_not_called_empty() -> None:
     assert codes("# nothing\n") == ["K405"]
 
 
+def test_nothing_is_made_of_a_string_without_end() -> None:
+    assert codes('local:\n  int n = 0\nE:\n  pre: n > 0\n  eff: n = "abc\n') == ["K102"]
+
+
 def test_all_mistakes_of_a_file_are_told() -> None:
     assert errors("""
         local:

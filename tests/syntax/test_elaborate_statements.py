@@ -58,13 +58,32 @@ def test_nested_loops_have_slots_of_their_own() -> None:
     assert event.bound == 3
 
 
+def test_a_loop_may_begin_and_end_where_one_around_it_is() -> None:
+    assert (
+        codes("""
+        local:
+          int n = 0
+          int[] list = [3, 1]
+        Go:
+          eff:
+            for i = 0, numAgents:
+              for j = i + 1, numAgents: n = n + j
+              for j = 0, i: n = n + j
+            for i, x in list:
+              for j = i, length(list): n = n + x * list[j]
+    """)
+        == []
+    )
+
+
 @pytest.mark.parametrize(
     ("statement", "code"),
     [
         ("for i = 0, n: n = i", "K215"),
         ("for i = n, 3: n = i", "K215"),
         ("for i = 0, 2.5: n = i", "K204"),
-        ("for i = 0, 3: for j = i, 3: n = j", "K215"),
+        ("for i = 0, 3: for j = n, i: n = j", "K215"),
+        ("for i, x in list: for j = x, 3: n = j", "K215"),
         ("for x in n: n = x", "K229"),
         ("for x in names: n = 1", "K229"),
         ("break", "K220"),

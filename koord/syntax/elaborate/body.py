@@ -98,6 +98,8 @@ class Body:
     closing: core.Variable | None = None
     result: Type | None = None
     loops: list[Loop] = field(default_factory=list)
+    #: The variables of loops over numbers: nothing else writes them.
+    counters: set[core.Variable] = field(default_factory=set)
     breakable: int = 0
     atomic: AtomicBlock | None = None
     writes: list[Write] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Loops. Their bounds are known at the start: constants, ids, the number of robots, lengths."""
+"""Loops. Their bounds are known: constants, ids, numbers of robots, lengths, outer loops."""
 
 from __future__ import annotations
 
@@ -31,6 +31,8 @@ def for_range(body: Body, s: ast.ForRange) -> core.Block:
     body.session.loop_variables.add(s.variable.name)
     with body.frame():
         symbol = body.declare(s.variable, INT, Role.LOOP)
+        if symbol.variable is not None:
+            body.counters.add(symbol.variable)
         inner = _inside(body, s.body)
     body.loops.pop()
     if low is None or high is None or symbol.variable is None:
@@ -47,27 +49,30 @@ def _inside(body: Body, statements: ast.Block) -> core.Block:
 
 def _bound(body: Body, e: ast.Expr, what: str) -> core.Expr | None:
     bound = fit(body, body.expr(e, INT), INT, e.span, what)
-    if bound is None or _known_beforehand(bound):
+    if bound is None or _known_beforehand(body, bound):
         return bound
     body.error(
         "K215",
         e.span,
-        f"{what} is known beforehand: a constant, `pid`, `numAgents`, or the `length` of a list",
+        f"{what} is known beforehand: a constant, `pid`, `numAgents`, the `length` of a list, or "
+        "the number that a loop around it is at",
         "loop over a range that is large enough, and test or `break` inside",
     )
     return None
 
 
-def _known_beforehand(bound: core.Expr) -> bool:
+def _known_beforehand(body: Body, bound: core.Expr) -> bool:
     match bound:
         case core.Const() | core.Pid() | core.NumAgents():
             return True
         case core.Builtin(op=core.ListOp.LENGTH):
             return True
+        case core.Read(place=core.Place(variable=variable, steps=())):
+            return variable in body.counters
         case core.Unary(operand=operand):
-            return _known_beforehand(operand)
+            return _known_beforehand(body, operand)
         case core.Binary(op=op, left=left, right=right):
-            return op in _BOUND_OPS and _known_beforehand(left) and _known_beforehand(right)
+            return op in _BOUND_OPS and all(_known_beforehand(body, e) for e in (left, right))
         case _:
             return False
 
@@ -103,6 +108,8 @@ def for_each(body: Body, s: ast.ForEach) -> core.Block:
     body.loops.append(Loop(s.variables[-1].name, s.sequence, value_type, by_position=False))
     with body.frame():
         key = body.declare(s.variables[0], key_type, Role.LOOP) if len(s.variables) > 1 else None
+        if key and key.variable and sequence and not isinstance(sequence.type, MapType):
+            body.counters.add(key.variable)
         value = body.declare(s.variables[-1], value_type, Role.ELEMENT)
         inner = _inside(body, s.body)
     body.loops.pop()
