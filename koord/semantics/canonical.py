@@ -1,44 +1,23 @@
 """Configurations at the start of a round as short tuples of numbers.
 
-Whatever a variable may hold has a number, per variable; whatever a robot may be is a tuple of such
-numbers, and has a number too. Copies equal the store at the start of a round, and the round's
-number is of no consequence, so neither is part of a state.
+What each variable holds has a number (:mod:`cells`); a robot is a tuple of such numbers, and has a
+number too. Copies equal the store at the start of a round, and the round's number is of no
+consequence, so neither is part of a state.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from typing import Generic, NamedTuple, TypeAlias, TypeVar
+from collections.abc import Sequence
+from typing import NamedTuple
 
+from koord.semantics.cells import Cells, Interner, Scalars
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store, System
 from koord.semantics.domain import Constant
 from koord.semantics.storage import Storage, Tree
-
-H = TypeVar("H", bound=Hashable)
+from koord.syntax.types import ArrayType, Type
 
 #: The robots' numbers, then those of what the allwrite variables hold.
 State = tuple[int, ...]
-
-
-class Interner(Generic[H]):
-    """Numbers for values, in the order of their coming. Equal values have one number."""
-
-    __slots__ = ("numbers", "values")
-
-    def __init__(self) -> None:
-        self.numbers: dict[H, int] = {}
-        self.values: list[H] = []
-
-    def number(self, value: H) -> int:
-        """The number of a value."""
-        known = self.numbers.get(value)
-        if known is None:
-            known = self.numbers[value] = len(self.values)
-            self.values.append(value)
-        return known
-
-    def __len__(self) -> int:
-        return len(self.values)
 
 
 class Own(NamedTuple):
@@ -52,9 +31,6 @@ class Own(NamedTuple):
     ran: int
 
 
-Cells: TypeAlias = "Interner[Storage[Constant]]"
-
-
 class Vault:
     """The numbers of one search. ``tracks_ran`` says whether a property asks who ran what."""
 
@@ -62,11 +38,20 @@ class Vault:
         program = system.program
         self.system = system
         self.tracks_ran = tracks_ran
-        self.locals: list[list[Cells]] = [[Interner() for _ in a.locals] for a in program.agents]
-        self.ports: list[list[Cells]] = [[Interner() for _ in a.ports] for a in program.agents]
-        self.entries: list[Cells] = [Interner() for _ in program.allread]
-        self.allwrite: list[Cells] = [Interner() for _ in program.allwrite]
+        self.scalars = Scalars()
+        self.locals = [
+            [self._cells(x.variable.type) for x in agent.locals] for agent in program.agents
+        ]
+        self.ports = [
+            [self._cells(p.declaration.variable.type) for p in agent.ports]
+            for agent in program.agents
+        ]
+        self.entries = [self._cells(_element(x.variable.type)) for x in program.allread]
+        self.allwrite = [self._cells(x.variable.type) for x in program.allwrite]
         self.robots: Interner[Own] = Interner()
+
+    def _cells(self, type_: Type) -> Cells:
+        return Cells(type_, self.system.robots, self.scalars)
 
     # --- to numbers -----------------------------------------------------------------------------
 
@@ -89,11 +74,6 @@ class Vault:
         """The numbers of what the allwrite variables hold."""
         return _numbers(self.allwrite, store.allwrite)
 
-    def state(self, configuration: Configuration[Constant]) -> State:
-        """The state of a configuration at the start of a round."""
-        robots = (self.robot(i, robot) for i, robot in enumerate(configuration.robots))
-        return (*robots, *self.shared(configuration.store))
-
     # --- from numbers ---------------------------------------------------------------------------
 
     def store(self, state: State) -> Store[Constant]:
@@ -101,18 +81,18 @@ class Vault:
         count = self.system.robots
         owns = [self.robots.values[number] for number in state[:count]]
         allread = tuple(
-            Tree(tuple(cells.values[own.entries[slot]] for own in owns))
+            Tree(tuple(cells.storage(own.entries[slot]) for own in owns))
             for slot, cells in enumerate(self.entries)
         )
-        return Store(allread, _values(self.allwrite, state[count:]))
+        return Store(allread, _storages(self.allwrite, state[count:]))
 
     def state_of(self, number: int, store: Store[Constant]) -> Robot[Constant]:
         """One robot, with a copy of the store."""
         own = self.robots.values[number]
         return Robot(
             own.kind,
-            _values(self.locals[own.kind], own.locals),
-            _values(self.ports[own.kind], own.ports),
+            _storages(self.locals[own.kind], own.locals),
+            _storages(self.ports[own.kind], own.ports),
             store,
             own.status,
             own.ran,
@@ -129,8 +109,13 @@ def _numbers(cells: Sequence[Cells], held: Sequence[Storage[Constant]]) -> tuple
     return tuple(c.number(storage) for c, storage in zip(cells, held, strict=True))
 
 
-def _values(cells: Sequence[Cells], numbers: Sequence[int]) -> tuple[Storage[Constant], ...]:
-    return tuple(c.values[number] for c, number in zip(cells, numbers, strict=True))
+def _storages(cells: Sequence[Cells], numbers: Sequence[int]) -> tuple[Storage[Constant], ...]:
+    return tuple(c.storage(number) for c, number in zip(cells, numbers, strict=True))
+
+
+def _element(type_: Type) -> Type:
+    assert isinstance(type_, ArrayType)
+    return type_.element
 
 
 def _part(storage: Storage[Constant], robot: int) -> Storage[Constant]:

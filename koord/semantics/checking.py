@@ -1,16 +1,21 @@
-"""Properties of states: each is evaluated once for all that it reads."""
+"""Properties of states: each is evaluated once for all that it looks at."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
-from koord.semantics.canonical import Interner, State, Vault
-from koord.semantics.configurations import System
+from koord.semantics.canonical import State, Vault
+from koord.semantics.cells import Cells, Codes, Interner
+from koord.semantics.configurations import Configuration, Robot, Store, System
 from koord.semantics.dependence import Reads, reads_of
-from koord.semantics.domain import EXACT, Constant
-from koord.semantics.oracle import NoOracle, Oracle, Phase
+from koord.semantics.domain import Constant
+from koord.semantics.lazy import Decisions, Lazy, Looking, PlaceOf
+from koord.semantics.oracle import Inputs, NoOracle, Oracle, Phase
 from koord.semantics.recording import Concrete
+from koord.semantics.snapshots import nothing, template
+from koord.semantics.storage import Storage, Tree
 from koord.semantics.turns import holds_in
 from koord.syntax import core
 from koord.syntax.core import Direction, Home
@@ -33,50 +38,132 @@ class NoInputs:
 Closed = core.Property | core.Assumption
 
 
+class View(NamedTuple):
+    """What a statement can see of a robot: the forms of variables, status and ``ran``; codes."""
+
+    kind: int
+    status: int
+    ran: int
+    forms: tuple[int, ...]
+    codes: tuple[Codes, ...]
+
+
 @dataclass(slots=True)
 class Check:
-    """A closed statement with what it reads, and its value for whatever it was asked about.
-
-    A *view* of a robot is the number of what the statement reads of it.
-    """
+    """A closed statement with what it reads, and its value for whatever it was asked about."""
 
     statement: Closed
     kinds: tuple[Reads, ...]
     shared: tuple[int, ...]
     _system: System
     _vault: Vault
-    _views: Interner[tuple[int, ...]] = field(default_factory=Interner)
+    _views: Interner[View] = field(default_factory=Interner)
     _view_of: dict[int, int] = field(default_factory=dict)
-    _values: dict[tuple[int, ...], bool] = field(default_factory=dict)
+    _decisions: Decisions[bool] = field(default_factory=Decisions)
 
     def view(self, robot: int) -> int:
-        """The view of a robot with that number."""
+        """The number of what the statement can see of a robot with a number."""
         known = self._view_of.get(robot)
         if known is None:
             own = self._vault.robots.values[robot]
             reads = self.kinds[own.kind]
-            parts = [own.kind, own.status if reads.status else 0, own.ran if reads.ran else 0]
-            parts += [own.locals[slot] for slot in reads.locals]
-            parts += [own.ports[slot] for slot in reads.ports]
-            parts += [own.entries[slot] for slot in reads.arrays]
-            known = self._view_of[robot] = self._views.number(tuple(parts))
+            held = list(zip(self._cells(own.kind), self._held(own, reads), strict=True))
+            view = View(
+                own.kind,
+                own.status if reads.status else 0,
+                own.ran if reads.ran else 0,
+                tuple(cells.forms[number] for cells, number in held),
+                tuple(cells.codes[number] for cells, number in held),
+            )
+            known = self._view_of[robot] = self._views.number(view)
         return known
+
+    def _held(self, own: Any, reads: Reads) -> list[int]:
+        return [
+            *(own.locals[slot] for slot in reads.locals),
+            *(own.ports[slot] for slot in reads.ports),
+            *(own.entries[slot] for slot in reads.arrays),
+        ]
+
+    def _cells(self, kind: int) -> list[Cells]:
+        reads, vault = self.kinds[kind], self._vault
+        return [
+            *(vault.locals[kind][slot] for slot in reads.locals),
+            *(vault.ports[kind][slot] for slot in reads.ports),
+            *(vault.entries[slot] for slot in reads.arrays),
+        ]
 
     def holds(self, state: State) -> bool:
         """Whether the statement holds in a state."""
         count = self._system.robots
-        view = self.view
-        key = (
-            *[view(robot) for robot in state[:count]],
-            *[state[count + slot] for slot in self.shared],
-        )
-        known = self._values.get(key)
+        views = [self._views.values[self.view(robot)] for robot in state[:count]]
+        root: list[object] = []
+        codes: list[Codes] = []
+        for view in views:
+            root += view[:4]
+            codes += view.codes
+        for slot in self.shared:
+            cells, number = self._vault.allwrite[slot], state[count + slot]
+            root.append(cells.forms[number])
+            codes.append(cells.codes[number])
+        key = tuple(root)
+        known = self._decisions.find(key, codes)
         if known is None:
-            configuration = self._vault.configuration(state)
-            e, bound = self.statement.condition, self.statement.bound
-            value, _ = holds_in(EXACT, self._system, configuration, e, bound, NoInputs())
-            known = self._values[key] = value is True
+            known = self._evaluated(views, key, codes, state)
         return known
+
+    def _evaluated(
+        self, views: list[View], key: tuple[object, ...], codes: list[Codes], state: State
+    ) -> bool:
+        scalars = self._vault.scalars
+
+        def look(place: PlaceOf) -> Constant:
+            return scalars.value(codes[place.variable][place.position], place.type)
+
+        d = Looking(look)
+        configuration = self._configuration(views, state)
+        e, bound = self.statement.condition, self.statement.bound
+        inputs: Inputs[Any] = NoInputs()
+        value, _ = holds_in(d, self._system, configuration, e, bound, inputs)
+        known = d.known(value) is True
+        self._decisions.keep(key, codes, d.seen, known)
+        return known
+
+    # --- configurations to evaluate on ----------------------------------------------------------
+
+    def _configuration(self, views: list[View], state: State) -> Configuration[Lazy]:
+        """The configuration with places in its variables; what is not read holds nothing."""
+        vault, count = self._vault, self._system.robots
+        variable = 0
+        robots: list[Robot[Lazy]] = []
+        rows: list[list[Storage[Lazy]]] = [[nothing(cells)] * count for cells in vault.entries]
+        none: Store[Lazy] = Store((), ())
+        for i, view in enumerate(views):
+            reads = self.kinds[view.kind]
+            made = []
+            for cells, form in zip(self._cells(view.kind), view.forms, strict=True):
+                made.append(template(cells, form, variable))
+                variable += 1
+            held = iter(made)
+            locals_ = _placed(vault.locals[view.kind], reads.locals, held)
+            ports = _placed(vault.ports[view.kind], reads.ports, held)
+            for slot in reads.arrays:
+                rows[slot][i] = next(held)
+            robots.append(Robot(view.kind, locals_, ports, none, view.status, view.ran))
+        allwrite = [nothing(cells) for cells in vault.allwrite]
+        for slot in self.shared:
+            cells = vault.allwrite[slot]
+            allwrite[slot] = template(cells, cells.forms[state[count + slot]], variable)
+            variable += 1
+        store: Store[Lazy] = Store(tuple(Tree(tuple(row)) for row in rows), tuple(allwrite))
+        return Configuration(tuple(robots), store, 0)
+
+
+def _placed(cells: Sequence[Cells], slots: Sequence[int], made: Any) -> tuple[Storage[Lazy], ...]:
+    storages = [nothing(c) for c in cells]
+    for slot in slots:
+        storages[slot] = next(made)
+    return tuple(storages)
 
 
 def check(system: System, vault: Vault, statement: Closed) -> Check:

@@ -2,46 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
 from itertools import permutations
+from typing import NamedTuple
 
-from koord.semantics.canonical import Interner, Vault
+from koord.semantics.canonical import Vault
+from koord.semantics.cells import Interner
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.masks import Mask, joined
+from koord.semantics.masks import Mask
 from koord.semantics.races import overlap
-from koord.semantics.storage import Storage
-from koord.semantics.turns import Turned
+from koord.semantics.recipes import Part
 
 #: The number of the write that writes nothing.
 NOTHING = 0
 
+#: Entries of a cache, beyond which it is emptied.
+CACHE_LIMIT = 400_000
+
+#: The numbers of what the allwrite variables hold.
 Shared = tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Written:
-    """One variable as a robot left it in its own view, and which locations of it it wrote."""
-
-    slot: int
-    source: Storage[Constant]
-    mask: Mask[Constant]
-
-
-@dataclass(frozen=True, slots=True)
-class Write:
+class Write(NamedTuple):
     """All that one turn writes to allwrite variables.
 
     ``updates`` are the variables that it computes from their own old values outside of ``atomic``.
     """
 
-    parts: tuple[Written, ...] = ()
+    parts: tuple[Part, ...] = ()
     updates: frozenset[int] = frozenset()
 
 
-@dataclass(frozen=True, slots=True)
-class End:
+class End(NamedTuple):
     """One way in which a round may leave the store, and an order of the writers that leads there.
 
     ``order`` lists positions in the sequence of writes.
@@ -62,20 +55,13 @@ class Commits:
         self._every_order = every_order
         self._writes: Interner[Write] = Interner()
         assert self._writes.number(Write()) == NOTHING
-        self._committed: dict[tuple[Shared, int], Shared] = {}
         self._overlaps: dict[tuple[int, int], bool] = {}
         self._lost: dict[tuple[int, int], frozenset[int]] = {}
         self._ends: dict[tuple[Shared, tuple[int, ...]], tuple[End, ...]] = {}
 
-    def number(self, turned: Turned[Constant], updates: frozenset[int] = frozenset()) -> int:
+    def number(self, parts: tuple[Part, ...], updates: frozenset[int] = frozenset()) -> int:
         """The number of what a turn wrote."""
-        if not turned.allwrite:
-            return NOTHING
-        copy = turned.robot.copy.allwrite
-        parts = tuple(
-            Written(slot, copy[slot], mask) for slot, mask in sorted(turned.allwrite.items())
-        )
-        return self._writes.number(Write(parts, updates))
+        return self._writes.number(Write(parts, updates)) if parts else NOTHING
 
     def lost(self, mine: int, theirs: int) -> frozenset[int]:
         """The variables whose update by the one write meets the other write. [LOST-UPDATE]"""
@@ -94,12 +80,16 @@ class Commits:
 
     def ends(self, shared: Shared, writes: tuple[int, ...]) -> tuple[End, ...]:
         """Every way in which the writes of a round may end, each once."""
+        if not writes:
+            return (End(shared, ()),)
         known = self._ends.get((shared, writes))
         if known is None:
+            if len(self._ends) > CACHE_LIMIT:
+                self._ends.clear()
             known = self._ends[shared, writes] = tuple(self._worked_out(shared, writes))
         return known
 
-    def _worked_out(self, shared: Shared, writes: tuple[int, ...]) -> Iterable[End]:
+    def _worked_out(self, shared: Shared, writes: tuple[int, ...]) -> Iterator[End]:
         """Writers that meet are tried in every order; for the others any order will do."""
         if self._every_order:
             for order in permutations(range(len(writes))):
@@ -133,8 +123,10 @@ class Commits:
 
     def _orders(
         self, shared: Shared, writes: tuple[int, ...], component: Sequence[int]
-    ) -> list[End]:
+    ) -> Iterable[End]:
         """The ends of one component. Orders that agree so far go on as one."""
+        if len(component) == 1:
+            return [End(self._commit(shared, writes[component[0]]), tuple(component))]
         reached: dict[tuple[frozenset[int], Shared], tuple[int, ...]] = {(frozenset(), shared): ()}
         for _ in component:
             further: dict[tuple[frozenset[int], Shared], tuple[int, ...]] = {}
@@ -148,17 +140,10 @@ class Commits:
 
     def _commit(self, shared: Shared, write: int) -> Shared:
         """The store after one write. [SHARED-ASSIGN]"""
-        known = self._committed.get((shared, write))
-        if known is None:
-            known = reduce(self._put, self._writes.values[write].parts, shared)
-            self._committed[shared, write] = known
-        return known
-
-    def _put(self, shared: Shared, part: Written) -> Shared:
-        cells = self._vault.allwrite[part.slot]
-        before = cells.values[shared[part.slot]]
-        after = cells.number(joined(EXACT, before, part.source, part.mask))
-        return (*shared[: part.slot], after, *shared[part.slot + 1 :])
+        after = list(shared)
+        for part in self._writes.values[write].parts:
+            after[part.slot] = part.put(self._vault.allwrite[part.slot], after[part.slot])
+        return tuple(after)
 
 
 def _meet(mine: Mask[Constant], theirs: Mask[Constant] | None) -> bool:

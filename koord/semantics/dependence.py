@@ -28,6 +28,11 @@ class Reads:
     ran: bool = False
     status: bool = False
 
+    @property
+    def is_placed(self) -> bool:
+        """Whether the robot's number may matter: by name, or as its place among all entries."""
+        return self.pid or bool(self.arrays)
+
 
 def reads_of(
     program: core.Program, *parts: core.Expr | core.Block, agent: core.Agent | None = None

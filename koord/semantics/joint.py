@@ -99,7 +99,9 @@ class Joints:
     def lost(self, joint: Joint) -> frozenset[int]:
         """The variables of which an update is lost. [LOST-UPDATE]"""
         writes = [(i, joint.courses[i].write) for i in joint.writers]
-        found = (self._commits.lost(a, b) for i, a in writes for j, b in writes if i != j)
+        found: Iterator[frozenset[int]] = (
+            self._commits.lost(a, b) for i, a in writes for j, b in writes if i != j
+        )
         return frozenset().union(*found)
 
     def _combined(

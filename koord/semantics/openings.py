@@ -8,10 +8,11 @@ from itertools import product
 
 from koord.semantics.canonical import State, Vault
 from koord.semantics.commits import NOTHING, Commits
-from koord.semantics.configurations import Fault, Store, System, Turn
+from koord.semantics.configurations import Fault, Store, System
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.exploring import ExploringInputs, Given, explored
 from koord.semantics.finite import known_starts
+from koord.semantics.recipes import parts_written
 from koord.semantics.recording import Opening
 from koord.semantics.turns import declared, initial_turn
 
@@ -96,7 +97,5 @@ def _beginnings(
         if all(x.condition is True for x in turned.legality):
             fault = next((fault for condition, fault in turned.faults if condition is True), None)
             number = vault.robot(robot, turned.robot)
-            yield _Beginning(number, commits.number(turned), fault, turn.given)
-
-
-__all__ = ["Opened", "Turn", "openings"]
+            write = commits.number(parts_written(vault, store, turned))
+            yield _Beginning(number, write, fault, turn.given)

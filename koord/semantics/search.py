@@ -273,9 +273,9 @@ class _Search:
         """Faults of models, and promises that they break."""
         courses = joint.courses
         all_stop = joint.all_stop
-        if not any(course.has_news(all_stop) for course in courses):
+        if not any(course.has_news(all_stop=all_stop) for course in courses):
             return
-        outcomes = [course.all_outcomes(all_stop) for course in courses]
+        outcomes = [course.all_outcomes(all_stop=all_stop) for course in courses]
         if not all(outcomes):
             return
         if Subject.FAULT in self._subjects and any(o.fault for each in outcomes for o in each):
