@@ -35,6 +35,19 @@ def test_ports_of_the_library_are_there_without_a_body() -> None:
     assert module.environment is None
 
 
+def test_a_variable_that_is_called_like_a_port_asks_for_no_port() -> None:
+    text = """
+    using Motion
+    allread:
+      pos[][] route
+    Go:
+      eff: route[pid] = [Motion.psn]
+    """
+    assert [p.declaration.variable.name for p in program(text).agents[0].ports] == ["psn"]
+    both = program(f"{text}\n    Tell:\n      eff: Motion.route = route[pid]\n")
+    assert [p.declaration.variable.name for p in both.agents[0].ports] == ["psn", "route"]
+
+
 def test_a_programs_list_adds_to_the_librarys_and_overrides_its_types() -> None:
     made = program("""
         using Motion:

@@ -106,7 +106,7 @@ def _declare(
         for each in robots
         for section in each.kind.using
     )
-    names = mentioned(program) if uses_library else frozenset()
+    names = mentioned(program, _variables(session, robots)) if uses_library else frozenset()
     for each in robots:
         each.modules = tuple(modules.merge(session, each.kind.using, names))
     modules.declare_ports(session, [(each.scope, each.modules) for each in robots])
@@ -114,6 +114,12 @@ def _declare(
     declared_types.check_defaults(session, sections.records)
     for each in robots:
         events.name_events(session, each.scope, each.kind.events)
+
+
+def _variables(session: Session, robots: list[_Robots]) -> frozenset[str]:
+    """The names that are variables of every kind of robot."""
+    scopes = [frozenset(each.scope.variables) for each in robots]
+    return frozenset(session.shared) | frozenset.intersection(*scopes)
 
 
 def _entries(

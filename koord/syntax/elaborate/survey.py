@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import fields
 from enum import Enum
 from fractions import Fraction
@@ -12,8 +13,8 @@ from koord.syntax.source import Span
 _LEAVES = (str, int, Fraction, Enum, type(None), Span, ast.Comment)
 
 
-def mentioned(program: ast.Program) -> frozenset[str]:
-    """The names in expressions, and those behind dots."""
+def mentioned(program: ast.Program, variables: Container[str]) -> frozenset[str]:
+    """The names in expressions that are not those of variables, and all names behind dots."""
     parts: dict[type, tuple[str, ...]] = {}
     names: set[str] = set()
     stack: list[object] = [program.sections]
@@ -25,7 +26,8 @@ def mentioned(program: ast.Program) -> frozenset[str]:
         kind = type(node)
         if kind is ast.Name:
             assert isinstance(node, ast.Name)
-            names.add(node.name)
+            if node.name not in variables:
+                names.add(node.name)
             continue
         if kind is ast.Attribute:
             assert isinstance(node, ast.Attribute)
