@@ -24,13 +24,20 @@ _ELSEWHERE = {
     "count": "length",
 }
 
+#: How many names one misspelt name is compared with.
+MOST_COMPARED = 100
+
 
 def closest(name: str, known: Iterable[str]) -> str | None:
     """The known name most like ``name``, or None if none is much like it."""
     folded = {candidate.lower(): candidate for candidate in known}
     if name.lower() in folded:
         return folded[name.lower()]
-    found = get_close_matches(name.lower()[:60], folded, n=1, cutoff=0.6)
+    # Comparing is slow, and a program with thousands of names may misspell thousands.
+    likely = list(folded)
+    if len(likely) > MOST_COMPARED:
+        likely = [candidate for candidate in likely if abs(len(candidate) - len(name)) <= 1]
+    found = get_close_matches(name.lower()[:60], likely[:MOST_COMPARED], n=1, cutoff=0.6)
     return folded[found[0]] if found else None
 
 
