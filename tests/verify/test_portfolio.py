@@ -254,11 +254,11 @@ def test_candidates_that_do_not_replay_are_unknown_and_prove_nothing() -> None:
     b.invariant("NoRoot", forall(I, (x.at(I) * x.at(I)).ne(2)))
     b.invariant("Small", forall(I, n.at(I) < 3))
     for choice in (Choice.AUTO, Choice.BMC, Choice.INDUCTION):
-        asked = ask(b.program(), robots=1, rounds=5, choice=choice)
+        asked = ask(b.program(), robots=1, rounds=3, choice=choice)
         # NoRoot is false from the start: as a lemma it would prove everything.
         assert asked.outcome("NoRoot") is Outcome.UNKNOWN
         assert asked.outcome("Small") is Outcome.UNKNOWN
-    asked = ask(b.program(), robots=1, rounds=5, choice=Choice.BMC)
+    asked = ask(b.program(), robots=1, rounds=3, choice=Choice.BMC)
     assert "did not replay" in asked["NoRoot"].reason
     assert asked["NoRoot"].rounds is None
     assert asked["Small"].rounds == 2
