@@ -13,14 +13,13 @@ from functools import partial
 from itertools import permutations, product
 from typing import TypeVar
 
-from koord.semantics.configurations import NO_EVENT, Configuration, Fault, System, Turn
+from koord.semantics.configurations import NO_EVENT, Configuration, System, Turn
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.oracle import Key, Oracle, Phase
 from koord.semantics.recording import Concrete
 from koord.semantics.rounds import (
     IllegalStepError,
     Stepped,
-    enabled,
     evolved,
     initialised,
     run_event,
@@ -145,8 +144,12 @@ class Seen:
     is_exhausted: bool = False
 
 
+class TooMuchError(Exception):
+    """The system is too large for this."""
+
+
 class PlainSearch:
-    """Looks at everything, up to a number of rounds."""
+    """Looks at everything, up to a number of rounds; ``limit`` bounds the steps taken."""
 
     def __init__(
         self, system: System, properties: tuple[core.Property, ...], *, limit: int
@@ -154,6 +157,7 @@ class PlainSearch:
         self.system = system
         self.properties = properties
         self.limit = limit
+        self.steps = 0
         self.round = 0
         self.seen = Seen()
         self.looked_at: set[tuple[Configuration[Constant], bool]] = set()
@@ -172,9 +176,6 @@ class PlainSearch:
                     if after not in known:
                         known.add(after)
                         further[after] = None
-                if len(known) > self.limit:
-                    self.seen.states = len(known)
-                    return self.seen
             frontier = further
             if not frontier:
                 self.seen.is_exhausted = True
@@ -199,6 +200,7 @@ class PlainSearch:
     def _initial(self) -> Iterator[Configuration[Constant]]:
         for order in permutations(range(self.system.robots)):
             for stepped in every_outcome(partial(initialised, EXACT, self.system, order=order)):
+                self._count()
                 c = stepped.configuration
                 conditions = [(a.condition, a.bound) for a in self.system.program.assumptions]
                 if all(self._holds(e, bound, c) for e, bound in conditions):
@@ -206,6 +208,11 @@ class PlainSearch:
                         self._note("fault", "")
                     else:
                         yield c
+
+    def _count(self) -> None:
+        self.steps += 1
+        if self.steps > self.limit:
+            raise TooMuchError
 
     def _holds(self, e: core.Expr, bound: int, c: Configuration[Constant]) -> bool:
         holds, _ = holds_in(EXACT, self.system, c, e, bound, _Guesses([]))
@@ -235,6 +242,7 @@ class PlainSearch:
                 yield from self._environment(c)
                 continue
             for stepped in self._turns(c):
+                self._count()
                 after = stepped.configuration
                 if after.fault is not None:
                     self._note("fault", "")
@@ -255,6 +263,7 @@ class PlainSearch:
 
     def _environment(self, c: Configuration[Constant]) -> Iterator[Configuration[Constant]]:
         for stepped in every_outcome(partial(evolved, EXACT, self.system, c)):
+            self._count()
             after = stepped.configuration
             if after.fault is not None:
                 self._note("fault", "")
@@ -269,6 +278,3 @@ def _plain_storage(storage: Storage[Constant]) -> Storage[Constant]:
     if isinstance(storage, Tree):
         return Tree(tuple(map(_plain_storage, storage.parts)))
     return storage if storage.is_set else Cell(False, "")
-
-
-__all__ = ["Fault", "PlainSearch", "Seen", "enabled"]

@@ -1,0 +1,150 @@
+"""The search against the plain one, and with its reductions against without. [T-ONE-WINNER]
+[T-PREFIX] [T-COMMIT] [T-FAULT]
+
+The plain search takes every order of robots, one turn at a time, by the sequential rules.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from random import Random
+
+import pytest
+
+from koord.semantics.configurations import System
+from koord.semantics.domain import EXACT
+from koord.semantics.findings import Exhausted, OutOfBounds, Subject, Survey, Violated
+from koord.semantics.finite import NotFinite
+from koord.semantics.limits import Limits
+from koord.semantics.recording import RecordedInputs, execute
+from koord.semantics.search import survey
+from koord.semantics.symmetry import Symmetry, symmetry_of
+from koord.semantics.turns import holds_in
+from tests.generators.profiles import FINITE, SYMMETRIC, Profile
+from tests.generators.programs import system
+from tests.semantics.plain_search import PlainSearch, TooMuchError
+
+ROUNDS = 3
+
+#: Turns that the plain search may take on one system.
+STEPS = 2_500
+
+EVERYTHING = frozenset(Subject)
+
+Said = dict[tuple[str, str], int]
+
+
+def said(found: Survey) -> Said:
+    """The rounds of a shortest violation of each claim."""
+    return {(v.claim.subject.value, v.claim.name): v.rounds for v in found.violated}
+
+
+def searched(
+    of: System, *, symmetry: bool = True, order_reduction: bool = True, states: int = 2_000
+) -> Survey | None:
+    """What the search finds, or None if the system is too large or not finite."""
+    found = survey(
+        of,
+        of.program.properties,
+        Limits(states=states, rounds=ROUNDS),
+        subjects=EVERYTHING,
+        symmetry=symmetry,
+        order_reduction=order_reduction,
+    )
+    if isinstance(found.end, NotFinite):
+        return None
+    if isinstance(found.end, OutOfBounds) and "rounds" not in found.end.reason:
+        return None
+    return found
+
+
+# --- against the plain search ---------------------------------------------------------------------
+
+
+def compare_with_plain(seed: int, profile: Profile) -> str:
+    of = system(Random(seed), profile)
+    found = searched(of, symmetry=False, states=300)
+    if found is None:
+        return "too large, or not finite"
+    try:
+        plain = PlainSearch(of, of.program.properties, limit=STEPS).run(ROUNDS)
+    except TooMuchError:
+        return "too large"
+    without = {key: n for key, n in said(found).items() if key[0] != Subject.LOST_UPDATE.value}
+    assert without == plain.violated, seed
+    assert not isinstance(found.end, NotFinite)
+    assert found.end.states == plain.states, seed
+    assert isinstance(found.end, Exhausted) is plain.is_exhausted, seed
+    return "violated" if without else "holds"
+
+
+@pytest.mark.parametrize("block", range(6))
+def test_as_the_plain_search(block: int) -> None:
+    """Verdicts, shortest runs, and how many states there are."""
+    count = Counter(compare_with_plain(seed, FINITE) for seed in range(block * 60, block * 60 + 60))
+    assert count["violated"] >= 30
+    assert count["holds"] >= 5
+
+
+@pytest.mark.slow
+def test_as_the_plain_search_on_many() -> None:
+    count = Counter(compare_with_plain(seed, FINITE) for seed in range(10_000, 12_000))
+    assert count["violated"] + count["holds"] > 1_000
+
+
+# --- with reductions and without ------------------------------------------------------------------
+
+
+def shows(of: System, violated: Violated) -> bool:
+    """Whether a recording replays, and ends in what it is to show."""
+    last = list(execute(EXACT, of, violated.recording))[-1]
+    claim, configuration = violated.claim, last.configuration
+    match claim.subject:
+        case Subject.FAULT:
+            return configuration.fault is not None
+        case Subject.CONTRACT:
+            return any(contract.name == claim.name for _, contract in last.stepped.promises)
+        case Subject.LOST_UPDATE:
+            return configuration.fault is None
+        case Subject.PROPERTY:
+            p = next(p for p in of.program.properties if p.name == claim.name)
+            inputs = RecordedInputs()
+            holds, _ = holds_in(EXACT, of, configuration, p.condition, p.bound, inputs)
+            return configuration.fault is None and holds is not True
+
+
+def compare_reductions(seed: int, profile: Profile) -> str:
+    of = system(Random(seed), profile)
+    plain = searched(of, symmetry=False, order_reduction=False, states=1_000)
+    if plain is None:
+        return "too large, or not finite"
+    settings = ((True, True), (True, False), (False, True))
+    for symmetry, order_reduction in settings:
+        found = searched(of, symmetry=symmetry, order_reduction=order_reduction)
+        assert found is not None, seed
+        assert said(found) == said(plain), (seed, symmetry, order_reduction)
+        assert all(shows(of, v) for v in found.violated), (seed, symmetry, order_reduction)
+    is_symmetric = isinstance(symmetry_of(of, of.program.properties), Symmetry)
+    return "symmetric" if is_symmetric else "as it is"
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_reductions_change_no_verdict(block: int) -> None:
+    seeds = range(1_000 + block * 60, 1_060 + block * 60)
+    count = Counter(compare_reductions(seed, FINITE) for seed in seeds)
+    assert count["symmetric"] >= 10
+    assert count["as it is"] >= 20
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_symmetry_changes_no_verdict(block: int) -> None:
+    seeds = range(block * 60, block * 60 + 60)
+    count = Counter(compare_reductions(seed, SYMMETRIC) for seed in seeds)
+    assert count["symmetric"] >= 35
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", [FINITE, SYMMETRIC], ids=["finite", "symmetric"])
+def test_reductions_change_no_verdict_on_many(profile: Profile) -> None:
+    for seed in range(20_000, 22_000):
+        compare_reductions(seed, profile)
