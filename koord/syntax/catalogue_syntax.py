@@ -59,7 +59,7 @@ _CHARACTERS = (
         "a number is not written like this",
         """Numbers are `42`, `0.5`, `1e-3`: a digit stands before and behind the point. A name
         begins with a letter or `_`, so a digit followed by letters is neither. Numbers of more
-        than 400 digits are refused.""",
+        than 400 digits, and those beyond 1e400, are refused.""",
         _in_event("x = 3rd"),
         _in_event("x = 3"),
     ),

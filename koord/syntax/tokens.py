@@ -134,7 +134,7 @@ class Text:
     tabs: bool  #: whether tabs stand in the indentation
 
 
-#: A number has at most so many digits, and an exponent of at most so much.
+#: A number has at most so many digits, and lies between 1e-400 and 1e400.
 MAX_DIGITS = 400
 
 _TAB = 4
@@ -199,12 +199,31 @@ def _number(token: Token, tail: str, report: Report) -> Token:
             f"`{shown(digits)}` is neither a number nor a name",
             "a name begins with a letter or `_`; a number has digits, `.` and `e` only",
         )
-    elif len(digits) > MAX_DIGITS or abs(int(digits.lower().partition("e")[2] or 0)) > MAX_DIGITS:
-        report.error("K103", token.span, f"a number has at most {MAX_DIGITS} digits")
+    elif not _is_moderate(digits.lower()):
+        message = (
+            f"a number has at most {MAX_DIGITS} digits, "
+            f"and lies between 1e-{MAX_DIGITS} and 1e{MAX_DIGITS}"
+        )
+        report.error("K103", token.span, message)
     else:
         return token
     token.type, token.text = "INT", "0"
     return token
+
+
+def _is_moderate(number: str) -> bool:
+    """Whether a number has few enough digits and a small enough exponent, however it is written."""
+    if len(number) < MAX_DIGITS and "e" not in number:
+        return True
+    mantissa, _, exponent = number.partition("e")
+    if len(mantissa) > 2 * MAX_DIGITS or len(exponent) > 5:
+        return False
+    whole, _, part = mantissa.partition(".")
+    digits = whole + part
+    first = len(whole) - 1 - (len(digits) - len(digits.lstrip("0")))
+    significant = digits.strip("0")
+    size = (first if significant else 0) + int(exponent or 0)  # the exponent of the first digit
+    return len(significant) <= MAX_DIGITS and abs(size) < MAX_DIGITS
 
 
 _ESCAPES = {"n": "\n", "t": "\t", '"': '"', "\\": "\\"}

@@ -258,6 +258,22 @@ def test_decimals_are_short_and_exact(value: Fraction, printed: str) -> None:
     assert expression(printed) == ast.FloatLit(value)
 
 
+@pytest.mark.parametrize(
+    "number",
+    ["1e399", "11e398", "1e-399", "0.01e-397", f"{'9' * 400}.0", f"0.{'0' * 300}{'7' * 99}", "0e7"],
+)
+def test_numbers_as_large_or_small_as_may_be_stay_so(number: str) -> None:
+    formatted(f"param float x = {number}\n")
+
+
+@pytest.mark.parametrize(
+    "number", ["1e400", "11e399", "1e-400", "0.1e-399", "9" * 401, "0e99999", f"{'0' * 5000}1"]
+)
+def test_numbers_beyond_are_refused(number: str) -> None:
+    found = parse(Source("t", f"param float x = {number}\n")).diagnostics
+    assert [d.code for d in found] == ["K103"]
+
+
 @pytest.mark.parametrize("op", [ast.BinaryOp.ADD, ast.BinaryOp.IMPLIES])
 def test_long_chains_print_without_recursion(op: ast.BinaryOp) -> None:
     x: ast.Expr = ast.Name("x")
