@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from koord.semantics.configurations import System
 from koord.semantics.findings import Claim as Searched
 from koord.semantics.findings import Exhausted, OutOfBounds, Subject, Violated
 from koord.semantics.finite import NotFinite
 from koord.semantics.limits import Limits
+from koord.semantics.recording import Recording
 from koord.semantics.search import survey
 from koord.verify.bmc import Judge
 from koord.verify.claims import Claim, ClaimKind, Phase
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Engine, Outcome, Verdict
+from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
 
 _SUBJECTS = {
@@ -98,5 +99,24 @@ def _violation(claim: Claim, shown: Violated, judge: Judge, seconds: float) -> V
     phase = Phase.INIT
     if recording.rounds:
         phase = Phase.INSIDE if recording.rounds[-1].cut else Phase.END
-    counterexample = judge(recording, claim, phase)
+    counterexample = None
+    if phase is Phase.END and claim.looked_at(Phase.MIDDLE):
+        counterexample = _without_the_environment(recording, claim, judge)
+    if counterexample is None:
+        counterexample = judge(recording, claim, phase)
     return Verdict(claim, Outcome.VIOLATED, Engine.SEARCH, seconds, counterexample=counterexample)
+
+
+def _without_the_environment(
+    recording: Recording, claim: Claim, judge: Judge
+) -> Counterexample | None:
+    """The same run up to its last program turn, if that breaks the claim already.
+
+    The search looks at the ends of rounds; whoever reads a run wants to know whose turn broke it.
+    """
+    last = replace(recording.rounds[-1], readings=(), cut=True)
+    try:
+        cut = replace(recording, rounds=(*recording.rounds[:-1], last))
+        return judge(cut, claim, Phase.MIDDLE)
+    except NotReplayedError:
+        return None

@@ -1,0 +1,58 @@
+"""The explicit search as an engine: what it says of a run that it found."""
+
+from __future__ import annotations
+
+import pytest
+
+from koord.semantics.configurations import System, dealt
+from koord.syntax.load import load
+from koord.syntax.source import Source
+from koord.verify.claims import Phase
+from koord.verify.portfolio import Choice, verify
+from koord.verify.verdicts import Bounds, Counterexample, Engine
+
+COUNTS = """
+local:
+    int x = 0
+Up:
+    eff:
+        x = (x + 1) % 4
+"""
+
+HEATS = """
+using Heater:
+    sensors:
+        int temp = 0
+    environment:
+        temp = (temp + 1) % 4
+"""
+
+
+def system_of(text: str) -> System:
+    program = load(Source("small.krd", text)).program
+    assert program is not None
+    return dealt(program, 2)
+
+
+def counterexample(text: str) -> Counterexample:
+    (verdict, *_) = verify(system_of(text), Bounds(rounds=5), Choice.SEARCH).verdicts
+    assert verdict.engine is Engine.SEARCH
+    assert verdict.counterexample is not None
+    return verdict.counterexample
+
+
+@pytest.mark.parametrize(
+    ("text", "round_", "phase"),
+    [
+        (COUNTS + "invariant Low: x < 2", 2, Phase.MIDDLE),
+        (COUNTS + "invariant Low at round: x < 2", 2, Phase.END),
+        (HEATS + "invariant Low: temp < 3", 3, Phase.END),
+        (COUNTS + "invariant Low: x > 0", 0, Phase.INIT),
+    ],
+    ids=["a robot's turn", "asked at round ends", "the environment's turn", "the start"],
+)
+def test_a_violation_is_told_where_it_happens(text: str, round_: int, phase: Phase) -> None:
+    found = counterexample(text)
+    assert (found.round, found.phase) == (round_, phase)
+    cut = [taken.cut for taken in found.recording.rounds]
+    assert cut == [False] * (round_ - 1) + [phase is Phase.MIDDLE] * min(round_, 1)
