@@ -247,7 +247,7 @@ def _look(
     while pending:
         answer = solver.check([disjunction(d, list(pending.values()))], deadline)
         if answer is Answer.UNKNOWN:
-            why = "timeout" if deadline.passed() else "the solver gave up"
+            why = "timeout" if deadline.is_near() else "the solver gave up"
             return verdicts, unreplayed, why
         if answer is Answer.UNSAT:
             break

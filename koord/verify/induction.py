@@ -143,7 +143,7 @@ class _Step:
         for case in cases(self._d, violated):
             answer = solver.check([*extra, case], deadline, self._effort)
             if answer is Answer.UNKNOWN:
-                return {claim: "timeout" if deadline.passed() else "too much for the solver"}
+                return {claim: "timeout" if deadline.is_near() else "too much for the solver"}
             if answer is Answer.SAT:
                 model = self._unrolling.solver.model()
                 also = [other for other, term in pending.items() if model.truth(term)]
