@@ -1,0 +1,44 @@
+"""Seeded mistakes in the rules and in the verifier: each must make a test fail.
+
+`python -m tests.mutants` prints a table of all. A survivor means that a test is missing.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from tests.mutants.catalogue import MUTANTS
+from tests.mutants.harness import tried, untouched
+from tests.mutants.mutant import Mutant
+
+
+def cases() -> list[object]:
+    return [
+        pytest.param(m, id=m.name, marks=[] if m.quick else [pytest.mark.slow]) for m in MUTANTS
+    ]
+
+
+def test_names_are_unique_and_mistakes_are_many() -> None:
+    assert [name for name, n in Counter(m.name for m in MUTANTS).items() if n > 1] == []
+    folders = Counter(m.file.partition("/")[0] for m in MUTANTS)
+    assert folders["semantics"] >= 20
+    assert folders["verify"] >= 20
+
+
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda m: m.name)
+def test_every_mistake_can_be_made(mutant: Mutant) -> None:
+    """What it replaces stands in the source once, and what it makes is Python."""
+    compile(mutant.source(), mutant.file, "exec")
+    assert mutant.tests
+
+
+@pytest.mark.parametrize("mutant", cases())
+def test_every_mistake_is_caught(mutant: Mutant) -> None:
+    assert tried(mutant).caught_by, f"no test notices: {mutant.name}"
+
+
+@pytest.mark.slow
+def test_the_tests_pass_without_mistakes() -> None:
+    assert untouched(MUTANTS) == ""
