@@ -15,9 +15,7 @@ from tests.mutants.mutant import Mutant
 
 
 def cases() -> list[object]:
-    return [
-        pytest.param(m, id=m.name, marks=[] if m.quick else [pytest.mark.slow]) for m in MUTANTS
-    ]
+    return [pytest.param(m, id=m.name, marks=[pytest.mark.slow]) for m in MUTANTS]
 
 
 def test_names_are_unique_and_mistakes_are_many() -> None:
