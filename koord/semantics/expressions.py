@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TypeVar, assert_never
 
-from koord.semantics.configurations import FaultKind, Status
+from koord.semantics.configurations import FaultKind, Robot, Status
 from koord.semantics.domain import disjunction
 from koord.semantics.machine import Machine, NotFiniteError
 from koord.semantics.storage import (
@@ -284,22 +284,24 @@ def viewed(m: Machine[V], place: core.Place) -> Storage[V]:
     if variable.home is Home.ALLWRITE:
         return m.view.store.allwrite[variable.slot]
     assert place.robot is not None
-    storages = {
-        robot: storage
-        for robot, storage in enumerate(_of_robots(m, variable))
-        if storage is not None
-    }
-    return at_robot(m, place, storages)
-
-
-def at_robot(m: Machine[V], place: core.Place, storages: dict[int, Storage[V]]) -> Storage[V]:
-    """The storage of the robot that ``v@i`` names; no such robot is a fault."""
-    assert place.robot is not None
     index = scalar(evaluate(m, place.robot))
     known = m.d.known(index)
-    if known is not None and known in storages:
-        assert isinstance(known, int)
-        return storages[known]
+    if isinstance(known, int) and 0 <= known < len(m.view.robots):
+        storage = _of_robot(m, variable, m.view.robots[known])
+        if storage is not None:
+            return storage
+    return at_robot(m, place, index)
+
+
+def at_robot(m: Machine[V], place: core.Place, index: V) -> Storage[V]:
+    """The storage of the robot that ``v@i`` names; no such robot is a fault."""
+    assert m.view is not None
+    assert place.robot is not None
+    storages = {
+        number: storage
+        for number, robot in enumerate(m.view.robots)
+        if (storage := _of_robot(m, place.variable, robot)) is not None
+    }
     there = [m.d.binary(BinaryOp.EQ, index, m.d.const(robot, INT)) for robot in storages]
     m.fault_unless(disjunction(m.d, there), FaultKind.INDEX, place.robot.span)
     if not storages:
@@ -312,13 +314,11 @@ def at_robot(m: Machine[V], place: core.Place, storages: dict[int, Storage[V]]) 
     return chosen
 
 
-def _of_robots(m: Machine[V], variable: core.Variable) -> Iterator[Storage[V] | None]:
-    """Robot by robot what it holds in a local or port; None for kinds without that variable."""
-    assert m.view is not None
-    for robot in m.view.robots:
-        slot = slot_in(m.system.program.agents[robot.kind], variable)
-        storages = robot.locals if variable.home is Home.LOCAL else robot.ports
-        yield storages[slot] if slot is not None else None
+def _of_robot(m: Machine[V], variable: core.Variable, robot: Robot[V]) -> Storage[V] | None:
+    """What a robot holds in a local or port; None for kinds without that variable."""
+    slot = slot_in(m.system.program.agents[robot.kind], variable)
+    storages = robot.locals if variable.home is Home.LOCAL else robot.ports
+    return storages[slot] if slot is not None else None
 
 
 def slot_in(agent: core.Agent, variable: core.Variable) -> int | None:
