@@ -25,6 +25,9 @@ from koord.syntax.types import (
     Type,
 )
 
+#: Entries of a cache, beyond which it is emptied.
+CACHE_LIMIT = 400_000
+
 H = TypeVar("H", bound=Hashable)
 V = TypeVar("V")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from koord.semantics.canonical import State, Vault
-from koord.semantics.cells import Cells, Codes, Interner
+from koord.semantics.cells import CACHE_LIMIT, Cells, Codes, Interner
 from koord.semantics.configurations import Configuration, Robot, Store, System
 from koord.semantics.dependence import Reads, reads_of
 from koord.semantics.domain import Constant
@@ -59,7 +59,10 @@ class Check:
     _vault: Vault
     _views: Interner[View] = field(default_factory=Interner)
     _view_of: dict[int, int] = field(default_factory=dict)
+    _views_of: dict[tuple[int, ...], tuple[int, ...]] = field(default_factory=dict)
+    _values: dict[tuple[int, ...], bool] = field(default_factory=dict)
     _decisions: Decisions[bool] = field(default_factory=Decisions)
+    _templates: dict[tuple[object, ...], Configuration[Lazy]] = field(default_factory=dict)
 
     def view(self, robot: int) -> int:
         """The number of what the statement can see of a robot with a number."""
@@ -76,6 +79,13 @@ class Check:
                 tuple(cells.codes[number] for cells, number in held),
             )
             known = self._view_of[robot] = self._views.number(view)
+        return known
+
+    def views(self, robots: tuple[int, ...]) -> tuple[int, ...]:
+        """The views of robots with some numbers, each once."""
+        known = self._views_of.get(robots)
+        if known is None:
+            known = self._views_of[robots] = tuple(dict.fromkeys(map(self.view, robots)))
         return known
 
     def _held(self, own: Any, reads: Reads) -> list[int]:
@@ -96,24 +106,36 @@ class Check:
     def holds(self, state: State) -> bool:
         """Whether the statement holds in a state."""
         count = self._system.robots
-        views = [self._views.values[self.view(robot)] for robot in state[:count]]
-        root: list[object] = []
-        codes: list[Codes] = []
-        for view in views:
-            root += view[:4]
-            codes += view.codes
-        for slot in self.shared:
-            cells, number = self._vault.allwrite[slot], state[count + slot]
-            root.append(cells.forms[number])
-            codes.append(cells.codes[number])
-        key = tuple(root)
-        known = self._decisions.find(key, codes)
+        return self.holds_for(list(map(self.view, state[:count])), state[count:])
+
+    def holds_for(self, views: Sequence[int], shared: Sequence[int]) -> bool:
+        """The same, given what it can see of each robot, and what allwrite variables hold."""
+        key = (*views, *[shared[slot] for slot in self.shared])
+        known = self._values.get(key)
         if known is None:
-            known = self._evaluated(views, key, codes, state)
+            if len(self._values) > CACHE_LIMIT:
+                self._values.clear()
+            known = self._values[key] = self._decided(
+                [self._views.values[v] for v in views], shared
+            )
         return known
 
+    def _decided(self, views: list[View], shared: Sequence[int]) -> bool:
+        forms: list[object] = []
+        codes: list[Codes] = []
+        for view in views:
+            forms += view[:4]
+            codes += view.codes
+        for slot in self.shared:
+            cells, number = self._vault.allwrite[slot], shared[slot]
+            forms.append(cells.forms[number])
+            codes.append(cells.codes[number])
+        root = tuple(forms)
+        known = self._decisions.find(root, codes)
+        return known if known is not None else self._evaluated(views, root, codes, shared)
+
     def _evaluated(
-        self, views: list[View], key: tuple[object, ...], codes: list[Codes], state: State
+        self, views: list[View], root: tuple[object, ...], codes: list[Codes], shared: Sequence[int]
     ) -> bool:
         scalars = self._vault.scalars
 
@@ -121,17 +143,19 @@ class Check:
             return scalars.value(codes[place.variable][place.position], place.type)
 
         d = Looking(look)
-        configuration = self._configuration(views, state)
+        configuration = self._templates.get(root)
+        if configuration is None:
+            configuration = self._templates[root] = self._configuration(views, shared)
         e, bound = self.statement.condition, self.statement.bound
         inputs: Inputs[Any] = NoInputs()
         value, _ = holds_in(d, self._system, configuration, e, bound, inputs)
         known = d.known(value) is True
-        self._decisions.keep(key, codes, d.seen, known)
+        self._decisions.keep(root, codes, d.seen, known)
         return known
 
     # --- configurations to evaluate on ----------------------------------------------------------
 
-    def _configuration(self, views: list[View], state: State) -> Configuration[Lazy]:
+    def _configuration(self, views: list[View], shared: Sequence[int]) -> Configuration[Lazy]:
         """The configuration with places in its variables; what is not read holds nothing."""
         vault, count = self._vault, self._system.robots
         variable = 0
@@ -153,7 +177,7 @@ class Check:
         allwrite = [nothing(cells) for cells in vault.allwrite]
         for slot in self.shared:
             cells = vault.allwrite[slot]
-            allwrite[slot] = template(cells, cells.forms[state[count + slot]], variable)
+            allwrite[slot] = template(cells, cells.forms[shared[slot]], variable)
             variable += 1
         store: Store[Lazy] = Store(tuple(Tree(tuple(row)) for row in rows), tuple(allwrite))
         return Configuration(tuple(robots), store, 0)

@@ -8,7 +8,7 @@ from itertools import permutations
 from typing import NamedTuple
 
 from koord.semantics.canonical import Vault
-from koord.semantics.cells import Interner
+from koord.semantics.cells import CACHE_LIMIT, Interner
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.masks import Mask
 from koord.semantics.races import overlap
@@ -16,9 +16,6 @@ from koord.semantics.recipes import Part
 
 #: The number of the write that writes nothing.
 NOTHING = 0
-
-#: Entries of a cache, beyond which it is emptied.
-CACHE_LIMIT = 400_000
 
 #: The numbers of what the allwrite variables hold.
 Shared = tuple[int, ...]

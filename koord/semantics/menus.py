@@ -12,7 +12,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 from koord.semantics.canonical import Own, State, Vault
-from koord.semantics.commits import CACHE_LIMIT, NOTHING, Commits
+from koord.semantics.cells import CACHE_LIMIT
+from koord.semantics.commits import NOTHING, Commits
 from koord.semantics.configurations import NO_EVENT, Fault, Status, Store, System
 from koord.semantics.dependence import Reads, reads_of, together
 from koord.semantics.domain import EXACT, Constant
@@ -66,18 +67,14 @@ class Course:
     stopped: tuple[tuple[Outcome, ...], ...]  #: the same, if END-PROG stops everybody
     stopped_robots: tuple[int, ...]  #: the robots' numbers then
 
-    def middle_numbers(self) -> tuple[int, ...]:
+    @cached_property
+    def robots(self) -> tuple[int, ...]:
         """The robot's numbers after its program turn."""
         return tuple(entry.robot for entry in self.entries)
 
-    def stopped_numbers(self) -> tuple[int, ...]:
-        """The robot's numbers after its program turn, if END-PROG stops everybody."""
-        return self.stopped_robots
-
     def after_stop(self, robot: int) -> int:
         """The robot's number if END-PROG stops everybody."""
-        numbers = [entry.robot for entry in self.entries]
-        return self.stopped_robots[numbers.index(robot)]
+        return self.stopped_robots[self.robots.index(robot)]
 
     def all_outcomes(self, *, all_stop: bool) -> list[Outcome]:
         """What the environment's turn may bring."""

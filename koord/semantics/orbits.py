@@ -13,8 +13,7 @@ from collections.abc import Hashable, Iterator, Sequence
 from itertools import groupby, islice, permutations, product
 
 from koord.semantics.canonical import Own, State, Vault
-from koord.semantics.cells import Cells, Interner
-from koord.semantics.commits import CACHE_LIMIT
+from koord.semantics.cells import CACHE_LIMIT, Cells, Interner
 from koord.semantics.naming import Naming, Renaming
 from koord.semantics.sorts import Shape
 from koord.semantics.symmetry import Symmetry

@@ -258,10 +258,10 @@ class _Search:
         for claim, each in self._inside.items():
             if claim in self._settled:
                 continue
-            if joint.is_inside and not _holds(each, joint, Course.middle_numbers):
+            if joint.is_inside and not _holds(each, joint, _robots):
                 yield _Found(claim, state, is_behind=True, check=each)
             elif joint.is_whole and (claim in self._on_ports or _is_last(joint)):
-                numbers = Course.stopped_numbers if joint.all_stop else Course.middle_numbers
+                numbers = _stopped_robots if joint.all_stop else _robots
                 if not _holds(each, joint, numbers):
                     yield _Found(claim, state, is_behind=True, check=each)
         if Subject.LOST_UPDATE in self._subjects and len(joint.writers) > 1:
@@ -328,6 +328,14 @@ def _either(first: Iterable[Round], second: Iterable[Round]) -> Iterator[Round]:
     yield from second
 
 
+def _robots(course: Course) -> tuple[int, ...]:
+    return course.robots
+
+
+def _stopped_robots(course: Course) -> tuple[int, ...]:
+    return course.stopped_robots
+
+
 def _is_last(joint: Joint) -> bool:
     """Whether the environment has no turn after some course: then nothing is looked at later."""
     return not all(
@@ -337,8 +345,8 @@ def _is_last(joint: Joint) -> bool:
 
 def _holds(each: Check, joint: Joint, numbers: Callable[[Course], tuple[int, ...]]) -> bool:
     """Whether a statement holds wherever the robots have one of those numbers each."""
-    # Robots that look the same to the statement need be tried once only.
-    robots = [{each.view(n): n for n in numbers(course)}.values() for course in joint.courses]
+    # What looks the same to the statement need be tried once only.
+    views = [each.views(numbers(course)) for course in joint.courses]
     return all(
-        each.holds((*chosen, *end.shared)) for end in joint.ends for chosen in product(*robots)
+        each.holds_for(chosen, end.shared) for chosen in product(*views) for end in joint.ends
     )
