@@ -35,11 +35,11 @@ RUNS: tuple[tuple[str, str, str], ...] = (
 def interpreted(name: str, numbers_name: str, policy_name: str, rounds: int) -> dict[str, Any]:
     """CPU seconds and numbers of steps of a run, and of the same run made again."""
     from koord.semantics.configurations import dealt
-    from koord.semantics.policies import AtRandom, First, Play
-    from koord.semantics.recording import execute
-    from koord.semantics.running import new_run
-    from koord.semantics.trace import Numbers
-    from koord.semantics.watching import Watch
+    from koord.semantics.execution import execute
+    from koord.semantics.runs.policies import AtRandom, First, Play
+    from koord.semantics.runs.running import new_run
+    from koord.semantics.runs.watching import Watch
+    from koord.semantics.traces.trace import Numbers
     from koord.syntax.load import load
     from koord.syntax.source import Source
 

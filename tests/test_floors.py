@@ -25,7 +25,7 @@ ALLOWED = {
         "koord.syntax",
         "koord.semantics.value",
         "koord.semantics.values",
-        "koord.semantics.trace",
+        "koord.semantics.traces",
     ),
     "sim": (
         "koord.sim",
@@ -33,7 +33,7 @@ ALLOWED = {
         "koord.syntax",
         "koord.semantics.value",
         "koord.semantics.values",
-        "koord.semantics.trace",
+        "koord.semantics.traces",
     ),
 }
 
@@ -215,7 +215,7 @@ def test_an_upward_import_is_found(path: str, text: str, blamed: str) -> None:
     [
         ("koord/cli/a.py", "import koord.verify, koord.sim, koord.runtime"),
         ("koord/sim/a.py", "from koord.runtime import machine"),
-        ("koord/runtime/a.py", "from koord.semantics.trace import Trace"),
+        ("koord/runtime/a.py", "from koord.semantics.traces.trace import Trace"),
         ("koord/runtime/a.py", "from koord.semantics import value"),
         ("koord/verify/a.py", "from koord.semantics import rounds\nfrom . import b\nimport os"),
         ("koord/syntax/elaborate/a.py", "from ..core import Expr\nfrom koord import __version__"),

@@ -11,9 +11,9 @@ from koord.cli.terminal import Paint, Style
 from koord.cli.traces import sources_of
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant
-from koord.semantics.names import Names
-from koord.semantics.recording import execute
-from koord.semantics.trace import Numbers, Trace, Violation, ViolationKind, traced
+from koord.semantics.execution import execute
+from koord.semantics.traces.names import Names
+from koord.semantics.traces.trace import Numbers, Trace, Violation, ViolationKind, traced
 from koord.verify.claims import RULES, ClaimKind
 from koord.verify.verdicts import Counterexample, Verdict
 

@@ -6,12 +6,12 @@ import sys
 from dataclasses import dataclass, field
 
 from koord.cli.tables import Shown, Table
-from koord.semantics.policies import First, take
-from koord.semantics.recording import Step
+from koord.semantics.execution import Step
 from koord.semantics.rounds import IllegalStepError
-from koord.semantics.running import Moment, Move, Run
-from koord.semantics.trace import Violation
-from koord.semantics.watching import Watch
+from koord.semantics.runs.policies import First, take
+from koord.semantics.runs.running import Moment, Move, Run
+from koord.semantics.runs.watching import Watch
+from koord.semantics.traces.trace import Violation
 
 HELP = """\
   a number   take that turn; Enter alone takes the first one

@@ -15,12 +15,12 @@ from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_progra
 from koord.cli.tables import Rounds, Table, fleet
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import read_trace
-from koord.semantics.json_reader import shortened
-from koord.semantics.names import Names
-from koord.semantics.policies import Taken
-from koord.semantics.recording import Step
+from koord.semantics.execution import Step
 from koord.semantics.replay import Refused, Replayed, replay
-from koord.semantics.trace import BEFORE_ROUNDS, Trace
+from koord.semantics.runs.policies import Taken
+from koord.semantics.traces.json_reader import shortened
+from koord.semantics.traces.names import Names
+from koord.semantics.traces.trace import BEFORE_ROUNDS, Trace
 from koord.syntax.diagnostics import KoordError
 
 #: Raised when the JSON changes in a way that its readers must know of.

@@ -30,13 +30,14 @@ from koord.cli.systems import system_of
 from koord.cli.tables import Rounds, Table, fleet
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import sources_of, write_trace
-from koord.semantics.codec import encode
 from koord.semantics.configurations import NO_EVENT, System
-from koord.semantics.names import Names
-from koord.semantics.policies import AtRandom, First, Play
-from koord.semantics.rendering import show_fraction
-from koord.semantics.running import Run, new_run
-from koord.semantics.trace import (
+from koord.semantics.runs.policies import AtRandom, First, Play
+from koord.semantics.runs.running import Run, new_run
+from koord.semantics.runs.watching import Watch
+from koord.semantics.traces.codec import encode
+from koord.semantics.traces.names import Names
+from koord.semantics.traces.rendering import show_fraction
+from koord.semantics.traces.trace import (
     BEFORE_ROUNDS,
     Numbers,
     Trace,
@@ -45,7 +46,6 @@ from koord.semantics.trace import (
     ViolationKind,
     assembled,
 )
-from koord.semantics.watching import Watch
 from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Span

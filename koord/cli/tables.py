@@ -14,14 +14,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from koord.cli.terminal import Paint, Style, visible
-from koord.semantics.changes import Change, changes
 from koord.semantics.configurations import Configuration, System, Written
 from koord.semantics.domain import Constant
-from koord.semantics.names import Named, Names
-from koord.semantics.policies import Taken
-from koord.semantics.recording import Step
-from koord.semantics.rendering import UNSET, show_fraction, show_output, show_storage
+from koord.semantics.execution import Step
+from koord.semantics.runs.policies import Taken
 from koord.semantics.storage import Storage
+from koord.semantics.traces.changes import Change, changes
+from koord.semantics.traces.names import Named, Names
+from koord.semantics.traces.rendering import UNSET, show_fraction, show_output, show_storage
 
 #: Of what one step changed, so many lines are shown.
 _MOST_LINES = 12

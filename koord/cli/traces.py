@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram, no_program
-from koord.semantics.codec import decode_document, encode, load_embedded
-from koord.semantics.itf import embedded_trace, encode_itf, is_itf
-from koord.semantics.json_reader import parse
-from koord.semantics.trace import Sources, Trace
+from koord.semantics.traces.codec import decode_document, encode, load_embedded
+from koord.semantics.traces.itf import embedded_trace, encode_itf, is_itf
+from koord.semantics.traces.json_reader import parse
+from koord.semantics.traces.trace import Sources, Trace
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError, Severity
 from koord.syntax.elaborate.settings import Settings

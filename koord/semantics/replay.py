@@ -7,18 +7,26 @@ from dataclasses import dataclass
 from itertools import islice
 from random import Random
 
-from koord.semantics.answering import SampledInputs
-from koord.semantics.changes import Change, differences, identical
 from koord.semantics.configurations import Written
 from koord.semantics.domain import Constant
-from koord.semantics.names import Names
+from koord.semantics.execution import RecordedInputs, Step, execute
 from koord.semantics.oracle import Phase
 from koord.semantics.races import overlap, rewritten
-from koord.semantics.recording import Answer, RecordedInputs, Step, execute
-from koord.semantics.rendering import show_output
 from koord.semantics.rounds import IllegalStepError
-from koord.semantics.sampling import Sampler
-from koord.semantics.trace import BEFORE_ROUNDS, Emitted, Trace, Violation, ViolationKind, emitted
+from koord.semantics.runs.answering import SampledInputs
+from koord.semantics.runs.sampling import Sampler
+from koord.semantics.traces.changes import Change, differences, identical
+from koord.semantics.traces.names import Names
+from koord.semantics.traces.recording import Answer
+from koord.semantics.traces.rendering import show_output
+from koord.semantics.traces.trace import (
+    BEFORE_ROUNDS,
+    Emitted,
+    Trace,
+    Violation,
+    ViolationKind,
+    emitted,
+)
 from koord.semantics.turns import holds_in, program_turn
 from koord.syntax import core
 from koord.syntax.core import PropertyKind

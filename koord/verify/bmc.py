@@ -12,7 +12,7 @@ from itertools import count
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
-from koord.semantics.recording import Recording
+from koord.semantics.traces.recording import Recording
 from koord.semantics.turns import holds_in
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.verify.claims import Claim, ClaimKind, Phase, broken

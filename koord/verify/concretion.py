@@ -11,8 +11,8 @@ from koord.semantics.domain import EXACT, Constant
 from koord.semantics.expressions import statement
 from koord.semantics.machine import machine
 from koord.semantics.oracle import NoOracle, Oracle
-from koord.semantics.recording import Answer, Opening, Reading, Recording, Round, Start
 from koord.semantics.storage import held
+from koord.semantics.traces.recording import Answer, Opening, Reading, Recording, Round, Start
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core
 from koord.syntax.core import Home

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from koord.semantics.configurations import System
-from koord.semantics.findings import Claim as Searched
-from koord.semantics.findings import Exhausted, OutOfBounds, Subject, Violated
-from koord.semantics.finite import NotFinite
-from koord.semantics.limits import Limits
-from koord.semantics.recording import Recording
-from koord.semantics.search import survey
+from koord.semantics.search.engine import survey
+from koord.semantics.search.findings import Claim as Searched
+from koord.semantics.search.findings import Exhausted, OutOfBounds, Subject, Violated
+from koord.semantics.search.finite import NotFinite
+from koord.semantics.search.limits import Limits
+from koord.semantics.traces.recording import Recording
 from koord.verify.bmc import Judge
 from koord.verify.claims import Claim, ClaimKind, Phase
 from koord.verify.solving import Deadline

@@ -9,9 +9,9 @@ from enum import Enum
 from functools import partial
 
 from koord.semantics.configurations import System
-from koord.semantics.limits import Limits
 from koord.semantics.machine import NotFiniteError
-from koord.semantics.recording import Recording
+from koord.semantics.search.limits import Limits
+from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
 from koord.verify.bmc import Bounded, Judge
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of

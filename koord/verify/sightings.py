@@ -5,10 +5,10 @@ from __future__ import annotations
 from random import Random
 
 from koord.semantics.configurations import System
-from koord.semantics.policies import AtRandom, First, Play, Policy
-from koord.semantics.running import new_run
-from koord.semantics.trace import Numbers
-from koord.semantics.watching import Watch
+from koord.semantics.runs.policies import AtRandom, First, Play, Policy
+from koord.semantics.runs.running import new_run
+from koord.semantics.runs.watching import Watch
+from koord.semantics.traces.trace import Numbers
 from koord.syntax.diagnostics import KoordError
 from koord.verify.solving import Deadline
 

@@ -45,7 +45,7 @@ LIST_CAPACITY = 3
 
 @dataclass(frozen=True, slots=True)
 class SymbolicAnswer:
-    """The term that stands for one answer; see :class:`koord.semantics.recording.Answer`."""
+    """The term that stands for one answer; see :class:`koord.semantics.traces.recording.Answer`."""
 
     phase: Phase
     robot: int

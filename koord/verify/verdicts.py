@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
-from koord.semantics.recording import Recording
+from koord.semantics.traces.recording import Recording
 from koord.syntax.source import Span
 from koord.verify.claims import Claim, Phase
 

@@ -7,24 +7,15 @@ from dataclasses import dataclass, replace
 import koord.verify.solving as solving
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import EXACT, Constant
+from koord.semantics.execution import RecordedInputs, Step, execute
 from koord.semantics.expressions import instances, statement
 from koord.semantics.machine import machine
 from koord.semantics.oracle import Phase as Asked
 from koord.semantics.races import overlap, rewritten
-from koord.semantics.recording import (
-    Answer,
-    Opening,
-    Reading,
-    RecordedInputs,
-    Recording,
-    Round,
-    Start,
-    Step,
-    execute,
-)
-from koord.semantics.rendering import show_value
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import held
+from koord.semantics.traces.recording import Answer, Opening, Reading, Recording, Round, Start
+from koord.semantics.traces.rendering import show_value
 from koord.semantics.turns import program_turn
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core

@@ -15,8 +15,8 @@ import z3
 from koord.semantics.configurations import Configuration, Fault, Robot, Store, System, Written
 from koord.semantics.domain import Constant
 from koord.semantics.machine import Legality
-from koord.semantics.recording import Concrete
 from koord.semantics.storage import Storage, Tree
+from koord.semantics.traces.recording import Concrete
 from koord.semantics.turns import Evolved, Turned
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.types import (

@@ -16,8 +16,8 @@ import z3
 from koord.semantics.configurations import Configuration, Robot, Store, System
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recording import Answer, Concrete, Reading, Start
 from koord.semantics.storage import Cell, Storage, Tree
+from koord.semantics.traces.recording import Answer, Concrete, Reading, Start
 from koord.semantics.values import Rec, Seq, Table, Value, default
 from koord.syntax import core
 from koord.syntax.core import Home

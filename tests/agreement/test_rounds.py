@@ -13,7 +13,7 @@ import pytest
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Status, Turn
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.recording import RecordedInputs
+from koord.semantics.execution import RecordedInputs
 from koord.semantics.rounds import run_event, run_skip
 from koord.semantics.turns import Turned, committed, program_turn, skip_turn
 from tests.agreement.triples import Triple, triple

@@ -13,12 +13,12 @@ import pytest
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT
-from koord.semantics.findings import Exhausted, OutOfBounds, Subject, Survey, Violated
-from koord.semantics.finite import NotFinite
-from koord.semantics.limits import Limits
-from koord.semantics.recording import RecordedInputs, execute
-from koord.semantics.search import survey
-from koord.semantics.symmetry import Symmetry, symmetry_of
+from koord.semantics.execution import RecordedInputs, execute
+from koord.semantics.search.engine import survey
+from koord.semantics.search.findings import Exhausted, OutOfBounds, Subject, Survey, Violated
+from koord.semantics.search.finite import NotFinite
+from koord.semantics.search.limits import Limits
+from koord.semantics.search.symmetry import Symmetry, symmetry_of
 from koord.semantics.turns import holds_in
 from tests.generators.profiles import FINITE, SYMMETRIC, Profile
 from tests.generators.programs import system

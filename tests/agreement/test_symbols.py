@@ -11,9 +11,9 @@ from random import Random
 import pytest
 
 from koord.semantics.domain import EXACT
+from koord.semantics.execution import RecordedInputs
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.oracle import Inputs
-from koord.semantics.recording import RecordedInputs
 from koord.semantics.turns import (
     committed,
     declared,

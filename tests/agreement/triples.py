@@ -8,8 +8,9 @@ from random import Random
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import EXACT, Constant, Domain
-from koord.semantics.recording import RecordedInputs, Round
+from koord.semantics.execution import RecordedInputs
 from koord.semantics.rounds import Stepped, evolved, run_event, run_skip
+from koord.semantics.traces.recording import Round
 from tests.generators.configurations import configuration
 from tests.generators.profiles import GENERAL, WILD
 from tests.generators.programs import system

@@ -14,8 +14,8 @@ from typing import Any
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.cli.traces import read_trace
-from koord.semantics.codec import decode, encode
 from koord.semantics.replay import replay
+from koord.semantics.traces.codec import decode, encode
 from koord.syntax.diagnostics import KoordError
 
 NAME = "fuzzed.json"

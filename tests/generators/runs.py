@@ -11,7 +11,6 @@ from typing import TypeAlias, TypeVar
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recording import Answer, Opening, Reading, Recording, Round, Start
 from koord.semantics.rounds import (
     IllegalStepError,
     Stepped,
@@ -21,6 +20,7 @@ from koord.semantics.rounds import (
     run_event,
     run_skip,
 )
+from koord.semantics.traces.recording import Answer, Opening, Reading, Recording, Round, Start
 from koord.semantics.turns import holds_in
 from koord.semantics.values import Value
 from koord.syntax import core

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 
 from koord.semantics.configurations import System, Turn
 from koord.semantics.domain import EXACT
-from koord.semantics.recording import execute
+from koord.semantics.execution import execute
 from koord.syntax import core, types
 from koord.syntax.types import BOOL, INT
 from tests.generators.configurations import configuration

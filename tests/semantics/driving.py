@@ -7,13 +7,13 @@ from random import Random
 
 from koord.semantics.configurations import Configuration, System, dealt
 from koord.semantics.domain import Constant
-from koord.semantics.names import Names
-from koord.semantics.policies import Play, Policy
-from koord.semantics.recording import Step
-from koord.semantics.rendering import show_output, show_storage
-from koord.semantics.running import Move, Run, new_run
-from koord.semantics.trace import Numbers, Sources, Trace, traced
-from koord.semantics.watching import Watch
+from koord.semantics.execution import Step
+from koord.semantics.runs.policies import Play, Policy
+from koord.semantics.runs.running import Move, Run, new_run
+from koord.semantics.runs.watching import Watch
+from koord.semantics.traces.names import Names
+from koord.semantics.traces.rendering import show_output, show_storage
+from koord.semantics.traces.trace import Numbers, Sources, Trace, traced
 from koord.syntax import core
 from koord.syntax.source import Source
 

@@ -16,7 +16,6 @@ from typing import TypeVar
 from koord.semantics.configurations import NO_EVENT, Configuration, System, Turn
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recording import Concrete
 from koord.semantics.rounds import (
     IllegalStepError,
     Stepped,
@@ -26,6 +25,7 @@ from koord.semantics.rounds import (
     run_skip,
 )
 from koord.semantics.storage import Cell, Storage, Tree
+from koord.semantics.traces.recording import Concrete
 from koord.semantics.turns import holds_in
 from koord.semantics.values import Rec
 from koord.syntax import core

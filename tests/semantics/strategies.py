@@ -7,9 +7,9 @@ from fractions import Fraction
 from hypothesis import strategies as st
 
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Concrete
 from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.trace import Numbers, part_types
+from koord.semantics.traces.recording import Concrete
+from koord.semantics.traces.trace import Numbers, part_types
 from koord.semantics.values import Rec, Seq, Table, default
 from koord.syntax.types import (
     BOOL,

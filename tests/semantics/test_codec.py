@@ -16,18 +16,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from koord.semantics.codec import VERSION, decode, encode, to_json
-from koord.semantics.codec_values import (
+from koord.semantics.configurations import FaultKind, System
+from koord.semantics.replay import replay
+from koord.semantics.runs.policies import AtRandom, First
+from koord.semantics.traces.codec import VERSION, decode, encode, to_json
+from koord.semantics.traces.codec_values import (
     decode_storage,
     decode_value,
     encode_storage,
     encode_value,
 )
-from koord.semantics.configurations import FaultKind, System
-from koord.semantics.json_reader import Reader
-from koord.semantics.policies import AtRandom, First
-from koord.semantics.replay import replay
-from koord.semantics.trace import Numbers, Sources, Trace, Violation, ViolationKind, traced
+from koord.semantics.traces.json_reader import Reader
+from koord.semantics.traces.trace import Numbers, Sources, Trace, Violation, ViolationKind, traced
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from koord.semantics.codec import encode
 from koord.semantics.configurations import FaultKind, System, dealt
-from koord.semantics.itf import embedded_trace, encode_itf, is_itf, itf_value
-from koord.semantics.json_reader import parse
-from koord.semantics.policies import AtRandom, First
-from koord.semantics.recording import Concrete
 from koord.semantics.replay import replay
-from koord.semantics.trace import Numbers, Trace, traced
+from koord.semantics.runs.policies import AtRandom, First
+from koord.semantics.traces.codec import encode
+from koord.semantics.traces.itf import embedded_trace, encode_itf, is_itf, itf_value
+from koord.semantics.traces.json_reader import parse
+from koord.semantics.traces.recording import Concrete
+from koord.semantics.traces.trace import Numbers, Trace, traced
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError

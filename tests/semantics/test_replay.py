@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from koord.semantics.configurations import Configuration, FaultKind, System, dealt
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Phase
-from koord.semantics.policies import AtRandom, First
-from koord.semantics.recording import Recording, Round
 from koord.semantics.replay import Planned, Refused, planned, replay
+from koord.semantics.runs.policies import AtRandom, First
 from koord.semantics.storage import Cell
-from koord.semantics.trace import Numbers, Trace, Violation, ViolationKind, traced
+from koord.semantics.traces.recording import Recording, Round
+from koord.semantics.traces.trace import Numbers, Trace, Violation, ViolationKind, traced
 from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT
 from tests.generators.runs import recording

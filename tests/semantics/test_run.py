@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 from koord.semantics.configurations import NO_EVENT, Configuration, FaultKind, Status
 from koord.semantics.domain import Constant
-from koord.semantics.occurrences import variables
-from koord.semantics.policies import AtRandom
-from koord.semantics.recording import Recording, Round, execute
+from koord.semantics.execution import execute
 from koord.semantics.rounds import IllegalStepError
+from koord.semantics.runs.policies import AtRandom
+from koord.semantics.runs.watching import Watch
 from koord.semantics.storage import Cell
-from koord.semantics.trace import Numbers
-from koord.semantics.watching import Watch
+from koord.semantics.traces.occurrences import variables
+from koord.semantics.traces.recording import Recording, Round
+from koord.semantics.traces.trace import Numbers
 from koord.syntax import core
 from koord.syntax.core import Home, ListOp
 from koord.syntax.types import (

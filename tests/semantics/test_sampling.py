@@ -14,12 +14,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from koord.semantics.answering import SampledInputs
-from koord.semantics.codec import encode
-from koord.semantics.codec_values import decode_value, encode_value
 from koord.semantics.configurations import System, dealt
-from koord.semantics.json_reader import Reader
-from koord.semantics.library import (
+from koord.semantics.oracle import Phase
+from koord.semantics.replay import replay
+from koord.semantics.runs.answering import SampledInputs
+from koord.semantics.runs.library import (
     CLEARANCE_M,
     Point,
     along,
@@ -29,13 +28,14 @@ from koord.semantics.library import (
     segments_apart,
     square_root,
 )
-from koord.semantics.oracle import Phase
-from koord.semantics.policies import AtRandom, First, take
-from koord.semantics.recording import Concrete
-from koord.semantics.replay import replay
-from koord.semantics.running import Move
-from koord.semantics.sampling import Sampler
-from koord.semantics.trace import Numbers
+from koord.semantics.runs.policies import AtRandom, First, take
+from koord.semantics.runs.running import Move
+from koord.semantics.runs.sampling import Sampler
+from koord.semantics.traces.codec import encode
+from koord.semantics.traces.codec_values import decode_value, encode_value
+from koord.semantics.traces.json_reader import Reader
+from koord.semantics.traces.recording import Concrete
+from koord.semantics.traces.trace import Numbers
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.elaborate.settings import Settings

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from koord.semantics.configurations import System, dealt
-from koord.semantics.findings import Exhausted, Survey
-from koord.semantics.search import survey
+from koord.semantics.search.engine import survey
+from koord.semantics.search.findings import Exhausted, Survey
 from koord.syntax.load import load
 from koord.syntax.source import Source
 

@@ -10,15 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from koord.semantics.changes import changes, differences, identical
 from koord.semantics.configurations import FaultKind, dealt
 from koord.semantics.domain import Constant
-from koord.semantics.names import Names, distinct
-from koord.semantics.policies import AtRandom, First
-from koord.semantics.recording import Concrete, Recording, Round, execute
-from koord.semantics.rendering import show_storage, show_value
+from koord.semantics.execution import execute
+from koord.semantics.runs.policies import AtRandom, First
 from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.trace import (
+from koord.semantics.traces.changes import changes, differences, identical
+from koord.semantics.traces.names import Names, distinct
+from koord.semantics.traces.recording import Concrete, Recording, Round
+from koord.semantics.traces.rendering import show_storage, show_value
+from koord.semantics.traces.trace import (
     BEFORE_ROUNDS,
     Numbers,
     Tracer,

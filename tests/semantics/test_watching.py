@@ -10,14 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from koord.semantics.answering import SampledInputs
 from koord.semantics.configurations import System, dealt
-from koord.semantics.policies import AtRandom
-from koord.semantics.recording import Recording, execute
-from koord.semantics.sampling import Sampler
-from koord.semantics.trace import Numbers
+from koord.semantics.execution import execute
+from koord.semantics.runs.answering import SampledInputs
+from koord.semantics.runs.policies import AtRandom
+from koord.semantics.runs.sampling import Sampler
+from koord.semantics.runs.watching import Watch
+from koord.semantics.traces.recording import Recording
+from koord.semantics.traces.trace import Numbers
 from koord.semantics.turns import holds_in
-from koord.semantics.watching import Watch
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source

@@ -9,7 +9,8 @@ from functools import partial
 
 from koord.semantics.configurations import Configuration, System, dealt
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.recording import Recording, execute
+from koord.semantics.execution import execute
+from koord.semantics.traces.recording import Recording
 from koord.syntax import core
 from koord.verify.bmc import Bounded
 from koord.verify.claims import Claim, Phase, claims_of

@@ -16,9 +16,9 @@ from koord.semantics.configurations import Configuration, Status, System, Turn
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.masks import Mask
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recording import Concrete
 from koord.semantics.rounds import IllegalStepError, initialised, run_event, run_skip
 from koord.semantics.storage import Storage
+from koord.semantics.traces.recording import Concrete
 from koord.semantics.turns import environment_turn, holds_in, program_turn
 from koord.semantics.values import Rec, Seq
 from koord.syntax import core

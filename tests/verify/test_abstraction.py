@@ -6,7 +6,8 @@ import pytest
 
 from koord.semantics.configurations import dealt
 from koord.semantics.domain import EXACT
-from koord.semantics.recording import Recording, execute
+from koord.semantics.execution import execute
+from koord.semantics.traces.recording import Recording
 from koord.semantics.values import Rec, Seq
 from koord.syntax import core
 from koord.syntax.types import (

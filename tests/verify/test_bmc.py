@@ -10,7 +10,7 @@ import pytest
 
 from koord.semantics.configurations import FaultKind, Status, dealt
 from koord.semantics.domain import EXACT
-from koord.semantics.recording import execute
+from koord.semantics.execution import execute
 from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT, ListType, Type
 from koord.verify.bmc import Bounded

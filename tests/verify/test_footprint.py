@@ -8,7 +8,7 @@ import pytest
 
 from koord.semantics.configurations import Robot, Status
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.recording import execute
+from koord.semantics.execution import execute
 from koord.semantics.storage import Cell, Storage
 from koord.semantics.values import Seq
 from koord.syntax import core

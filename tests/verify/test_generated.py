@@ -14,12 +14,12 @@ from random import Random
 import pytest
 
 from koord.semantics.configurations import System
-from koord.semantics.findings import Claim as Searched
-from koord.semantics.findings import Exhausted, Subject
-from koord.semantics.finite import NotFinite
-from koord.semantics.limits import Limits
 from koord.semantics.machine import NotFiniteError
-from koord.semantics.search import survey
+from koord.semantics.search.engine import survey
+from koord.semantics.search.findings import Claim as Searched
+from koord.semantics.search.findings import Exhausted, Subject
+from koord.semantics.search.finite import NotFinite
+from koord.semantics.search.limits import Limits
 from koord.verify.claims import ClaimKind, claims_of
 from tests.generators.profiles import FINITE
 from tests.generators.programs import system

@@ -9,7 +9,7 @@ import pytest
 
 from koord.semantics.configurations import dealt
 from koord.semantics.domain import EXACT
-from koord.semantics.recording import execute
+from koord.semantics.execution import execute
 from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT, ListType
 from koord.verify import portfolio

@@ -8,8 +8,9 @@ import pytest
 
 from koord.semantics.configurations import System, dealt
 from koord.semantics.domain import EXACT
+from koord.semantics.execution import execute
 from koord.semantics.oracle import Phase as Asked
-from koord.semantics.recording import Opening, Recording, Round, execute
+from koord.semantics.traces.recording import Opening, Recording, Round
 from koord.syntax import core
 from koord.syntax.types import FLOAT, INT, ListType
 from koord.verify.claims import NO_FAULT, Claim, Phase, claims_of

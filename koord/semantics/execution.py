@@ -1,0 +1,211 @@
+"""Runs from recordings: the loop over rounds, told what to do by data. [RECORDING]
+
+A recording and a system determine a run: :func:`execute` takes it, rule by rule, and says at which
+step it is not one that the rules allow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+
+from koord.semantics.configurations import Configuration, System
+from koord.semantics.domain import Constant, Domain
+from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.rounds import (
+    IllegalStepError,
+    Stepped,
+    evolved,
+    initialised,
+    run_event,
+    run_skip,
+)
+from koord.semantics.traces.recording import Answer, Concrete, Reading, Recording, Start
+from koord.semantics.turns import holds_in
+from koord.syntax import core
+from koord.syntax.core import Home
+from koord.syntax.types import Type
+
+# --- inputs from a recording --------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class RecordedOracle:
+    """The answers that were recorded for one turn of one robot."""
+
+    phase: Phase
+    robot: int
+    answers: dict[Key, Answer]
+
+    def choose(self, key: Key, low: Constant, high: Constant, type_: Type) -> Constant:
+        answer = self._answer(key, None)
+        assert isinstance(answer.value, Constant)
+        return answer.value
+
+    def external(
+        self, function: core.External, key: Key, arguments: tuple[Concrete, ...]
+    ) -> Concrete:
+        answer = self._answer(key, function.name)
+        if answer.arguments != arguments:
+            raise IllegalStepError(
+                "EXTERNAL", f"{function.name} was asked with other arguments than recorded"
+            )
+        return answer.value
+
+    def every(self, type_: Type, body: Callable[[Concrete], Constant]) -> Constant:
+        # All values of a type cannot be tried; a summary that speaks of them is taken on trust.
+        return True
+
+    def vouches_for(self, function: core.External) -> bool:
+        return False
+
+    def _answer(self, key: Key, function: str | None) -> Answer:
+        answer = self.answers.get(key)
+        if answer is None or answer.function != function:
+            what = function or "choose"
+            raise IllegalStepError("EXTERNAL", f"no answer of {what} was recorded for {key}")
+        return answer
+
+
+@dataclass(slots=True)
+class RecordedInputs:
+    """Inputs of one step, from a recording of it."""
+
+    starts: Iterable[Start] = ()
+    readings: Iterable[Reading] = ()
+    answers: Iterable[Answer] = ()
+    _starts: dict[tuple[Home, int, int | None], Concrete] = field(init=False)
+    _readings: dict[tuple[int, int], Concrete] = field(init=False)
+    _answers: dict[tuple[Phase, int], dict[Key, Answer]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._starts = {(s.home, s.slot, s.robot): s.value for s in self.starts}
+        self._readings = {(r.robot, r.slot): r.value for r in self.readings}
+        self._answers = {}
+        for answer in self.answers:
+            self._answers.setdefault((answer.phase, answer.robot), {})[answer.key] = answer
+
+    def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
+        variable = declaration.variable
+        value = self._starts.get((variable.home, variable.slot, robot))
+        if value is None:
+            raise IllegalStepError("INIT", f"no initial value was recorded for {variable.name}")
+        return value
+
+    def sensor(self, robot: int, port: core.Port) -> Concrete:
+        variable = port.declaration.variable
+        value = self._readings.get((robot, variable.slot))
+        if value is None:
+            raise IllegalStepError(
+                "ENV-FREE", f"no reading of {variable.name} was recorded for robot {robot}"
+            )
+        return value
+
+    def oracle(self, phase: Phase, robot: int) -> Oracle[Constant]:
+        return RecordedOracle(phase, robot, self._answers.get((phase, robot), {}))
+
+
+# --- execution ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of a run: the rule, who moved, and what became of the system.
+
+    ``round`` counts from 0; INIT belongs to no round (-1). ``event`` is the name of the event that
+    the robot ran, None for a skip and for steps of the whole system.
+    """
+
+    rule: str
+    round: int
+    robot: int | None
+    event: str | None
+    stepped: Stepped[Constant]
+
+    @property
+    def configuration(self) -> Configuration[Constant]:
+        return self.stepped.configuration
+
+
+def execute(d: Domain[Constant], system: System, recording: Recording) -> Iterator[Step]:
+    """The steps of a recorded run, one by one, from INIT on.
+
+    Raises :class:`IllegalStepError` at the first step that the rules do not allow. Stops early
+    after a fault.
+    """
+    opening = recording.opening
+    inputs = RecordedInputs(starts=opening.starts, answers=opening.answers)
+    known: dict[tuple[str, tuple[Concrete, ...]], Concrete] = {}
+    _consistent(system, opening.answers, known)
+    _permutation(opening.order, system.robots, whole=True)
+    stepped = initialised(d, system, inputs, opening.order)
+    if stepped.configuration.fault is None:
+        _assumed(d, system, stepped.configuration, inputs)
+    yield Step("INIT", -1, None, None, stepped)
+    for number, round_ in enumerate(recording.rounds):
+        if stepped.configuration.fault is not None:
+            raise IllegalStepError("FAULT", "a faulted configuration has no successors")
+        _consistent(system, round_.answers, known)
+        _permutation(round_.order, system.robots, whole=not round_.cut)
+        inputs = RecordedInputs(readings=round_.readings, answers=round_.answers)
+        for robot in round_.order:
+            position = round_.events[robot]
+            before = stepped.configuration
+            if position is None:
+                stepped = run_skip(d, system, before, robot, inputs)
+                yield Step("SKIP", number, robot, None, stepped)
+            else:
+                stepped = run_event(d, system, before, robot, position, inputs)
+                name = system.agent(robot).events[position].name
+                yield Step("EVENT-TRANS", number, robot, name, stepped)
+            if stepped.configuration.fault is not None:
+                _last(number, recording)
+                return
+        if round_.cut:
+            _last(number, recording)
+            return
+        stepped = evolved(d, system, stepped.configuration, inputs)
+        yield Step("ENV-TRANS", number, None, None, stepped)
+
+
+def _assumed(
+    d: Domain[Constant], system: System, first: Configuration[Constant], inputs: RecordedInputs
+) -> None:
+    """The configuration after INIT satisfies the assumptions. [PROP-ASSUME]"""
+    for assumption in system.program.assumptions:
+        holds, legality = holds_in(d, system, first, assumption.condition, assumption.bound, inputs)
+        if holds is not True:
+            raise IllegalStepError("PROP-ASSUME", f"{assumption.name} does not hold after INIT")
+        for needed in legality:
+            if needed.condition is not True:
+                raise IllegalStepError(needed.rule, f"{needed.what} ({needed.span})")
+
+
+def _last(number: int, recording: Recording) -> None:
+    """A run that ends inside a round has no further rounds."""
+    if number + 1 < len(recording.rounds):
+        raise IllegalStepError("RECORDING", f"round {number + 1} ends the run, but others follow")
+
+
+def _permutation(order: tuple[int, ...], robots: int, *, whole: bool) -> None:
+    """An order names robots, each at most once; all of them unless the round is cut."""
+    legal = len(set(order)) == len(order) and all(0 <= i < robots for i in order)
+    if not legal or (whole and len(order) != robots):
+        raise IllegalStepError("EVENT-TRANS", f"{order} is no order of {robots} robots")
+
+
+def _consistent(
+    system: System,
+    answers: Iterable[Answer],
+    known: dict[tuple[str, tuple[Concrete, ...]], Concrete],
+) -> None:
+    """External functions give equal answers to equal questions, for the whole run. [EXTERNAL]"""
+    kinds = {function.name: function.kind for function in system.program.externals}
+    for answer in answers:
+        if answer.function is None or kinds.get(answer.function) is not core.ExternalKind.FUNCTION:
+            continue
+        question = (answer.function, answer.arguments)
+        if known.setdefault(question, answer.value) != answer.value:
+            raise IllegalStepError(
+                "EXTERNAL", f"{answer.function} answered equal arguments differently"
+            )

@@ -1,0 +1,74 @@
+"""What a search says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from koord.semantics.search.finite import NotFinite
+from koord.semantics.traces.recording import Recording
+
+
+class Subject(Enum):
+    """What can be violated."""
+
+    PROPERTY = "property"
+    FAULT = "fault"
+    CONTRACT = "contract promise"  #: of a module with a model
+    LOST_UPDATE = "lost update"
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One thing that can be violated; ``name`` is that of the property, contract or variable."""
+
+    subject: Subject
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Exhausted:
+    """Every reachable configuration has been looked at.
+
+    ``states`` counts them at the starts of rounds, up to symmetry; none is more than ``depth``
+    rounds away.
+    """
+
+    states: int
+    depth: int
+
+
+@dataclass(frozen=True, slots=True)
+class OutOfBounds:
+    """A limit was reached; everything up to ``depth`` rounds has been looked at."""
+
+    reason: str
+    states: int
+    depth: int
+
+
+@dataclass(frozen=True, slots=True)
+class Violated:
+    """A claim that does not hold: the run ends in a configuration that shows it.
+
+    No run with fewer rounds shows it.
+    """
+
+    claim: Claim
+    recording: Recording
+    states: int
+
+    @property
+    def rounds(self) -> int:
+        return len(self.recording.rounds)
+
+
+Outcome = Exhausted | Violated | OutOfBounds | NotFinite
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """All claims that do not hold, each once, and how the search ended."""
+
+    violated: tuple[Violated, ...]
+    end: Exhausted | OutOfBounds | NotFinite

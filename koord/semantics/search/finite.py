@@ -1,0 +1,205 @@
+"""Whether everything that a system leaves open has finitely many values. Read off the text.
+
+If so, every state has finitely many successors, which is what an explicit search needs; whether
+finitely many states can be reached it finds out by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from koord.semantics.configurations import System
+from koord.semantics.domain import EXACT, Constant
+from koord.semantics.machine import Machine, machine
+from koord.semantics.oracle import NoOracle
+from koord.semantics.search.bounds import Found, Reader, candidates
+from koord.semantics.search.exploring import (
+    result_reader,
+    sensors_reader,
+    started_type,
+    starts_reader,
+)
+from koord.syntax import core
+from koord.syntax.core import Direction, ExternalKind, Home, PropertyKind, Start
+from koord.syntax.source import Span
+from koord.syntax.types import INT, Type
+from koord.syntax.walk import nodes
+
+
+@dataclass(frozen=True, slots=True)
+class NotFinite:
+    """Why a system cannot be searched, and the place in the text."""
+
+    reason: str
+    span: Span
+
+
+def not_finite(system: System, properties: Sequence[core.Property]) -> NotFinite | None:
+    """The first thing that has infinitely many values, or that a search does not keep track of."""
+    return next(_complaints(system, properties), None)
+
+
+def _complaints(system: System, properties: Sequence[core.Property]) -> Iterator[NotFinite]:
+    program = system.program
+    for p in properties:
+        if p.kind in (PropertyKind.EVENTUALLY, PropertyKind.LEADS_TO):
+            yield NotFinite(f"{p.name} is about whole runs", p.span)
+        yield from _open_statement(program, p)
+    for assumption in program.assumptions:
+        yield from _open_statement(program, assumption)
+    agents = [program.agents[kind] for kind in sorted(set(system.kinds))]
+    yield from _starts(system)
+    for agent in agents:
+        for module in agent.modules:
+            if module.environment is None:
+                yield from _sensors(system, agent, module)
+    yield from _calls(system, (agents, program.functions, program.allread, program.allwrite))
+
+
+def _open_statement(
+    program: core.Program, statement: core.Property | core.Assumption
+) -> Iterator[NotFinite]:
+    """Statements that leave something open are not evaluated here."""
+    parts: list[object] = [statement.condition]
+    while parts:
+        for node in nodes(parts.pop()):
+            if isinstance(node, core.Choose | core.ExternalCall):
+                what = "choose" if isinstance(node, core.Choose) else node.function
+                yield NotFinite(f"{statement.name} leaves open what {what} gives", node.span)
+            elif isinstance(node, core.Call):
+                parts.append(program.function(node.function).body)
+
+
+# --- starts ---------------------------------------------------------------------------------------
+
+
+def _starts(system: System) -> Iterator[NotFinite]:
+    program = system.program
+    found = known_starts(system)
+    owned: list[tuple[core.Declaration, list[int | None]]] = [
+        (entry, [None]) for entry in program.allwrite
+    ]
+    owned += [(entry, list(range(system.robots))) for entry in program.allread]
+    for kind, agent in enumerate(program.agents):
+        robots: list[int | None] = [i for i, k in enumerate(system.kinds) if k == kind]
+        entries = [*agent.locals, *(port.declaration for port in agent.ports)]
+        owned += [(entry, robots) for entry in entries]
+    for entry, robots in owned:
+        variable = entry.variable
+        if entry.initial is not Start.ARBITRARY:
+            continue
+        for robot in robots:
+            where = (variable.home, variable.slot, robot)
+            type_ = started_type(variable)
+            if candidates(type_, where, found, system.robots, entry.length) is None:
+                reason = f"{variable.name} may start with any number of values"
+                yield NotFinite(reason, entry.span)
+                break
+
+
+def known_starts(system: System) -> Found:
+    """What the assumptions say about the starts of arbitrary variables.
+
+    About those that INIT writes they say nothing: they hold after it.
+    """
+    program = system.program
+    conditions = [assumption.condition for assumption in program.assumptions]
+    found = starts_reader(system).restrictions(conditions)
+    written = {
+        (place.variable.home, place.variable.slot, robot)
+        for robot, kind in enumerate(system.kinds)
+        for place in _written(program.agents[kind].init)
+    }
+    shared = {(home, slot, None) for home, slot, _ in written if home is Home.ALLWRITE}
+    return {where: bounds for where, bounds in found.items() if where[:3] not in written | shared}
+
+
+def _written(block: core.Block) -> Iterator[core.Place]:
+    for node in nodes(block):
+        match node:
+            case core.Assign(place=place) | core.Append(place=place) | core.Remove(place=place):
+                yield place
+            case core.Pop(place=place, into=into):
+                yield place
+                if into is not None:
+                    yield into
+            case _:
+                pass
+
+
+# --- sensors --------------------------------------------------------------------------------------
+
+
+def _sensors(system: System, agent: core.Agent, module: core.Module) -> Iterator[NotFinite]:
+    m: Machine[Constant] = machine(EXACT, system, NoOracle(), robot=0)
+    reader = _abstract(sensors_reader(m))
+    # A contract that promises something only on a condition need not bound anything.
+    ensured = [e for c in module.contracts if _is_free(c) for e in c.ensures]
+    found = reader.restrictions(ensured)
+    for position in module.ports:
+        port = agent.ports[position]
+        variable = port.declaration.variable
+        if port.direction is Direction.SENSOR:
+            values = candidates(variable.type, (variable.slot,), found, system.robots)
+            if values is None:
+                reason = f"{module.name}.{variable.name} may read any number of values"
+                yield NotFinite(reason, port.span)
+
+
+def _is_free(contract: core.Contract) -> bool:
+    return all(isinstance(e, core.Const) and e.value is True for e in contract.requires)
+
+
+def _abstract(reader: Reader) -> Reader:
+    """A reader for which a number that is known when the time comes is as good as any."""
+
+    def some(e: core.Expr, bound: Mapping[int, int]) -> Constant | None:
+        return 0 if e.type == INT else None
+
+    return Reader(reader.kinds, reader.is_open, reader.address, some)
+
+
+# --- calls ----------------------------------------------------------------------------------------
+
+
+def _calls(system: System, parts: object) -> Iterator[NotFinite]:
+    seen: set[str] = set()
+    for part in parts if isinstance(parts, tuple) else ():
+        for node in nodes(tuple(part) if isinstance(part, list) else part):
+            match node:
+                case core.Choose(low=low, high=high, type=type_):
+                    if type_ != INT and low != high:
+                        yield NotFinite(
+                            "choose has infinitely many floats to choose from", node.span
+                        )
+                case core.ExternalCall(function=name) if name not in seen:
+                    seen.add(name)
+                    yield from _external(system, system.program.external(name), node.span)
+                case _:
+                    pass
+
+
+def _external(system: System, function: core.External, span: Span) -> Iterator[NotFinite]:
+    name = function.name
+    if function.kind is ExternalKind.FUNCTION:
+        yield NotFinite(
+            f"{name} is a mathematical function, which no search keeps a table of", span
+        )
+        return
+    m: Machine[Constant] = machine(EXACT, system, NoOracle(), bound=function.bound)
+    found = _abstract(result_reader(m, function.result)).restrictions(function.ensures)
+    if candidates(function.result.type, (), found, system.robots) is None:
+        yield NotFinite(f"{name} may give any number of answers", span)
+    for node in nodes((function.requires, function.ensures)):
+        match node:
+            case core.ExternalCall(function=other):
+                yield NotFinite(f"the summary of {name} speaks of {other}", node.span)
+            case core.AllValues(type=type_) if not _has_few(type_, system.robots):
+                yield NotFinite(f"the summary of {name} speaks of every value of a type", span)
+            case _:
+                pass
+
+
+def _has_few(type_: Type, robots: int) -> bool:
+    return candidates(type_, (), {}, robots) is not None

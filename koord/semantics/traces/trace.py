@@ -1,0 +1,228 @@
+"""Traces: a run as whoever ran it saw it, together with the program it is a run of. [TRACE]
+
+A trace holds the texts, the settings and the recording, so that it can be replayed on its own, and
+the configurations that the run went through, so that the replay has something to compare with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from fractions import Fraction
+from hashlib import sha256
+from typing import TYPE_CHECKING
+
+from koord.semantics.configurations import Configuration, Robot, Store, System, Written
+from koord.semantics.domain import DOUBLES, EXACT, Constant, Domain
+from koord.semantics.execution import Step, execute
+from koord.semantics.storage import Cell, Storage, Tree
+from koord.semantics.traces.recording import Recording
+from koord.semantics.values import default
+from koord.syntax import core
+from koord.syntax.source import Source
+from koord.syntax.types import ArrayType, RecordType, Type
+
+if TYPE_CHECKING:
+    from koord.syntax.elaborate.settings import ParamValue
+
+#: The round of what INIT does: it belongs to none.
+BEFORE_ROUNDS = -1
+
+
+class Numbers(Enum):
+    """The domain that a run was made in. [DOMAIN]"""
+
+    EXACT = "exact"
+    DOUBLE = "double"
+
+    @property
+    def domain(self) -> Domain[Constant]:
+        return EXACT if self is Numbers.EXACT else DOUBLES
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """The texts that a program was read from, and the values that were set for it."""
+
+    program: Source
+    properties: tuple[Source, ...] = ()
+    params: tuple[tuple[str, ParamValue], ...] = ()
+    tasks: tuple[tuple[Fraction, Fraction, Fraction], ...] | None = None
+
+    @property
+    def texts(self) -> tuple[Source, ...]:
+        return (self.program, *self.properties)
+
+
+def digest(source: Source) -> str:
+    """The SHA-256 of a text, in hexadecimal."""
+    return sha256(source.text.encode("utf-8", errors="surrogatepass")).hexdigest()
+
+
+class ViolationKind(Enum):
+    """What a run broke. (A fault is no violation but a configuration.)"""
+
+    PROPERTY = "property"
+    CONTRACT = "contract"  #: of a module with a model
+    LOST_UPDATE = "lost update"
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """What does not hold at the end of a trace.
+
+    ``name`` is that of the property, the contract or the variable. ``robot`` is the one whose turn
+    broke it, None if that was INIT or the environment's turn (for a contract: whose model it is).
+    """
+
+    kind: ViolationKind
+    name: str
+    round: int
+    robot: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Emitted:
+    """What a step wrote to streams; ``robot`` is None for INIT."""
+
+    round: int
+    robot: int | None
+    written: Written[Constant]
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """A run of a system.
+
+    ``configurations[k]`` is the one before round k; the last one is where the run ended, be it
+    between two rounds or, after a fault or a violation, inside one. So there is one more of them
+    than rounds in the recording.
+    """
+
+    sources: Sources
+    system: System
+    numbers: Numbers
+    recording: Recording
+    configurations: tuple[Configuration[Constant], ...]
+    outputs: tuple[Emitted, ...] = ()
+    violation: Violation | None = None
+
+
+@dataclass(slots=True)
+class Tracer:
+    """Gathers what a trace holds from the steps of a run."""
+
+    configurations: list[Configuration[Constant]] = field(default_factory=list)
+    outputs: list[Emitted] = field(default_factory=list)
+    _open: bool = False  #: whether the last configuration lies inside a round
+
+    def add(self, step: Step) -> None:
+        """The next step of the run."""
+        if self._open:
+            self.configurations.pop()
+        self.configurations.append(step.configuration)
+        self._open = step.rule not in ("INIT", "ENV-TRANS")
+        self.outputs += emitted(step)
+
+    def trace(
+        self,
+        sources: Sources,
+        system: System,
+        numbers: Numbers,
+        recording: Recording,
+        violation: Violation | None = None,
+    ) -> Trace:
+        """The trace of the run, whose recording and texts are known now."""
+        gathered = list(self.configurations)
+        if len(gathered) == len(recording.rounds):
+            # The last round is one that was cut before anybody moved.
+            gathered.append(gathered[-1])
+        configurations = tuple(cleaned(system, numbers, c) for c in gathered)
+        outputs = tuple(self.outputs)
+        return Trace(sources, system, numbers, recording, configurations, outputs, violation)
+
+
+def emitted(step: Step) -> Iterator[Emitted]:
+    """What a step wrote, as a trace has it."""
+    for written in step.stepped.output:
+        yield Emitted(step.round, step.robot, written)
+
+
+def traced(
+    sources: Sources,
+    system: System,
+    numbers: Numbers,
+    recording: Recording,
+    violation: Violation | None = None,
+) -> Trace:
+    """The trace of a recorded run. Raises IllegalStepError where it is none of the system's."""
+    return assembled(
+        sources, system, numbers, recording, execute(numbers.domain, system, recording), violation
+    )
+
+
+def assembled(
+    sources: Sources,
+    system: System,
+    numbers: Numbers,
+    recording: Recording,
+    steps: Iterable[Step],
+    violation: Violation | None = None,
+) -> Trace:
+    """The trace of a run whose steps are at hand."""
+    tracer = Tracer()
+    for step in steps:
+        tracer.add(step)
+    return tracer.trace(sources, system, numbers, recording, violation)
+
+
+# --- what unset atoms hold ----------------------------------------------------------------------
+
+
+def cleaned(
+    system: System, numbers: Numbers, configuration: Configuration[Constant]
+) -> Configuration[Constant]:
+    """The configuration with nothing in its unset atoms: a fault may leave remains there."""
+    if configuration.fault is None:
+        return configuration
+    d = numbers.domain
+
+    def clean(storage: Storage[Constant], type_: Type) -> Storage[Constant]:
+        if isinstance(storage, Tree):
+            types = part_types(type_, len(storage.parts))
+            pairs = zip(storage.parts, types, strict=True)
+            return Tree(tuple(clean(part, t) for part, t in pairs))
+        return storage if storage.is_set else Cell(False, default(d, type_, system.robots))
+
+    def all_clean(
+        storages: tuple[Storage[Constant], ...], declared: Iterable[core.Declaration]
+    ) -> tuple[Storage[Constant], ...]:
+        pairs = zip(storages, declared, strict=True)
+        return tuple(clean(storage, entry.variable.type) for storage, entry in pairs)
+
+    def store(of: Store[Constant]) -> Store[Constant]:
+        program = system.program
+        return Store(
+            all_clean(of.allread, program.allread), all_clean(of.allwrite, program.allwrite)
+        )
+
+    def robot(number: int, of: Robot[Constant]) -> Robot[Constant]:
+        agent = system.agent(number)
+        return replace(
+            of,
+            locals=all_clean(of.locals, agent.locals),
+            ports=all_clean(of.ports, (port.declaration for port in agent.ports)),
+            copy=store(of.copy),
+        )
+
+    robots = tuple(robot(i, of) for i, of in enumerate(configuration.robots))
+    return replace(configuration, robots=robots, store=store(configuration.store))
+
+
+def part_types(type_: Type, count: int) -> tuple[Type, ...]:
+    """The types of the parts of a tree of storage."""
+    if isinstance(type_, RecordType):
+        return tuple(field_type for _, field_type in type_.fields)
+    assert isinstance(type_, ArrayType)
+    return (type_.element,) * count
