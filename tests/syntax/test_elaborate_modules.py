@@ -217,7 +217,7 @@ def test_environments_choose_and_branch() -> None:
         ('stdout << "hot"', "K225"),
         ("temp = true", "K204"),
         ("return", "K221"),
-        ("int x = 3", "K223"),
+        ("int temp = true", "K204"),
     ],
 )
 def test_environments_keep_to_their_ports(line: str, code: str) -> None:
@@ -235,6 +235,26 @@ Go:
        power = 2
 """
     assert errors(text) == [code]
+
+
+def test_environments_may_declare_variables_of_their_own() -> None:
+    """Gone when the block ends; ports are still read as they were before the turn. [ENV-MODEL]"""
+    made = program("""
+        using Heater:
+          sensors:
+            float temp = 60
+          environment:
+            float gain = 0
+            for i = 0, 3:
+              gain = gain + i
+            temp = temp + gain
+    """)
+    (module,) = made.agents[0].modules
+    assert module.environment is not None
+    assert module.environment_bound == 2
+    first = module.environment[0]
+    assert isinstance(first, core.Assign)
+    assert first.place.variable.home is core.Home.BOUND
 
 
 def test_streams_are_ports_without_a_value() -> None:

@@ -17,6 +17,8 @@ from koord.syntax.elaborate.symbols import Role
 from koord.syntax.types import BOOL, STREAM
 
 _PROGRAM = frozenset({Where.EFFECT, Where.INIT})
+#: Where a body has variables of its own, gone when it ends.
+_OWN_VARIABLES = frozenset({Where.FUNCTION, Where.ENVIRONMENT})
 
 
 def block(body: Body, statements: ast.Block) -> core.Block:
@@ -147,7 +149,7 @@ def _stop(body: Body, s: ast.Stop | ast.TryStop) -> core.Block:
 
 def _local(body: Body, s: ast.LocalDecl) -> core.Block:
     decl = s.decl
-    if body.where is not Where.FUNCTION:
+    if body.where not in _OWN_VARIABLES:
         body.error(
             "K223",
             s.span,
