@@ -88,7 +88,7 @@ class Solver:
     _model: z3.ModelRef | None = None
 
     def __post_init__(self) -> None:
-        self._solver = z3.Solver()
+        self._solver = z3.Solver(ctx=self.d.context)
         self._solver.set("random_seed", self.seed)
 
     def add(self, constraints: Iterable[Term]) -> None:
@@ -125,7 +125,7 @@ class Solver:
         self._solver.set("rlimit", limit)
         literals = []
         for term in terms:
-            literal = z3.FreshBool("q")
+            literal = z3.FreshBool("q", self.d.context)
             self._solver.add(z3.Implies(literal, term))
             literals.append(literal)
         spent = self._spent()

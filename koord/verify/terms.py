@@ -31,9 +31,17 @@ Term: TypeAlias = "Constant | z3.ExprRef"
 
 
 class Terms:
-    """Scalars as constants or Z3 terms. One instance per solver run: it owns the string table."""
+    """Scalars as constants or Z3 terms. One instance per solver run: it owns the string table.
+
+    It has a Z3 context of its own too: what a solver answers depends on the names and the age of
+    all terms of its context, so with a shared one answers would depend on what was asked before.
+    """
 
     def __init__(self) -> None:
+        self.context = z3.Context()
+        self._bool = z3.BoolSort(self.context)
+        self._int = z3.IntSort(self.context)
+        self._real = z3.RealSort(self.context)
         self._strings: dict[str, int] = {}
         self._sorts: dict[str, z3.SortRef] = {}
         self._counter = 0
@@ -86,14 +94,14 @@ class Terms:
         """The sort of a scalar type."""
         match type_:
             case IntType() | EnumType() | StringType() | StreamType():
-                return z3.IntSort()
+                return self._int
             case FloatType():
-                return z3.RealSort()
+                return self._real
             case BoolType():
-                return z3.BoolSort()
+                return self._bool
             case OpaqueType(name=name):
                 if name not in self._sorts:
-                    self._sorts[name] = z3.DeclareSort(name)
+                    self._sorts[name] = z3.DeclareSort(name, self.context)
                 return self._sorts[name]
             case _:
                 raise AssertionError(f"{type_} is no scalar type")
@@ -103,16 +111,17 @@ class Terms:
         if isinstance(value, z3.ExprRef):
             return value
         if isinstance(value, bool):
-            return z3.BoolVal(value)
+            return z3.BoolVal(value, self.context)
         if isinstance(value, str):
-            return z3.IntVal(self._strings.setdefault(value, len(self._strings)))
-        if sort == z3.RealSort():
-            return z3.RealVal(Fraction(value))
-        return z3.IntVal(int(value))
+            number = self._strings.setdefault(value, len(self._strings))
+            return z3.IntVal(number, self.context)
+        if sort == self._real:
+            return z3.RealVal(Fraction(value), self.context)
+        return z3.IntVal(int(value), self.context)
 
     def boolean(self, value: Term) -> z3.BoolRef:
         """A Boolean scalar as a formula."""
-        lifted = self.lifted(value, z3.BoolSort())
+        lifted = self.lifted(value, self._bool)
         assert isinstance(lifted, z3.BoolRef)
         return lifted
 
@@ -124,7 +133,7 @@ class Terms:
     def applied(self, name: str, arguments: Sequence[Term], result: Type) -> z3.ExprRef:
         """An uninterpreted function symbol, the same one for a name each time, at arguments."""
         lifted = [
-            self.lifted(a, z3.RealSort() if isinstance(a, Fraction | float) else z3.IntSort())
+            self.lifted(a, self._real if isinstance(a, Fraction | float) else self._int)
             for a in arguments
         ]
         if not lifted:
@@ -207,7 +216,7 @@ class Terms:
     def _quotient(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
         """As :func:`binary_of_numbers`: of ints rounded down, and zero for a zero divisor."""
         zero = self.lifted(0, left.sort())
-        if left.sort() == z3.RealSort():
+        if left.sort() == self._real:
             return (
                 z3.simplify(left / right)
                 if z3.is_rational_value(right) and not _is_zero(right)
@@ -225,7 +234,7 @@ class Terms:
         rest = left - right * quotient
         if z3.is_int_value(right) and right.as_long() != 0:
             return left % right if right.as_long() > 0 else rest
-        return z3.If(right == 0, z3.IntVal(0), rest)
+        return z3.If(right == 0, z3.IntVal(0, self.context), rest)
 
     def _boolean_ite(self, condition: z3.ExprRef, then: Term, other: Term) -> Term:
         """A choice with a constant on one side is a connective."""
@@ -244,7 +253,7 @@ class Terms:
             return then, self.lifted(other, then.sort())
         if isinstance(other, z3.ExprRef):
             return self.lifted(then, other.sort()), other
-        sort = z3.RealSort() if isinstance(then, Fraction) else z3.IntSort()
+        sort = self._real if isinstance(then, Fraction) else self._int
         return self.lifted(then, sort), self.lifted(other, sort)
 
     def _same(self, then: Term, other: Term) -> bool:

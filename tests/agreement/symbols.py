@@ -136,7 +136,9 @@ class Symbols:
         if not symbolic:
             return [t for t in terms if not isinstance(t, z3.ExprRef)]
         # All at once: terms share much.
-        together = z3.Function("together", *[t.sort() for t in symbolic], z3.BoolSort())(*symbolic)
+        together = z3.Function("together", *[t.sort() for t in symbolic], self.d.sort(BOOL))(
+            *symbolic
+        )
         simplified = z3.simplify(z3.substitute(together, self._meanings))
         found = iter([constant(child) for child in simplified.children()])
         return [next(found) if isinstance(t, z3.ExprRef) else t for t in terms]

@@ -180,16 +180,16 @@ def test_cases_are_the_formula_taken_apart(seed: int) -> None:
     atoms = [d.fresh(f"b{k}", BOOL) for k in range(5)]
     whole = formula(random, d, atoms, 4)
     parts = cases(d, whole)
-    s = z3.Solver()
+    s = z3.Solver(ctx=d.context)
     s.add(d.boolean(whole) != z3.Or(*(d.boolean(part) for part in parts)))
     assert s.check() == z3.unsat
 
 
 def test_cases_of_z3s_own_implications_too() -> None:
     d = Terms()
-    a, b, c = (z3.Bool(name) for name in "abc")
+    a, b, c = (z3.Bool(name, d.context) for name in "abc")
     whole = z3.Not(z3.Implies(a, z3.And(b, z3.Not(z3.Or(c, z3.Not(b))))))
-    s = z3.Solver()
+    s = z3.Solver(ctx=d.context)
     s.add(whole != z3.Or(*(d.boolean(part) for part in cases(d, whole))))
     assert s.check() == z3.unsat
     assert len(cases(d, whole)) > 1

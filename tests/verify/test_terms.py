@@ -20,7 +20,7 @@ CONNECTIVES = (BinaryOp.AND, BinaryOp.OR, BinaryOp.IMPLIES, BinaryOp.EQ, BinaryO
 
 
 def same(left: Term, right: Term, d: Terms) -> bool:
-    solver = z3.Solver()
+    solver = z3.Solver(ctx=d.context)
     solver.add(d.boolean(left) != d.boolean(right))
     return bool(solver.check() == z3.unsat)
 
@@ -79,7 +79,7 @@ def test_division_rounds_down_for_every_sign(op: BinaryOp, known: str) -> None:
         b: Term = right if known == "right" else y
         found = d.binary(op, a, b)
         assert isinstance(found, z3.ExprRef)
-        solver = z3.Solver()
+        solver = z3.Solver(ctx=d.context)
         solver.add(x == left, y == right, found != binary_of_numbers(op, left, right))
         assert solver.check() == z3.unsat, (left, right)
 
@@ -91,8 +91,8 @@ def test_division_of_floats_is_exact() -> None:
     for right in (Fraction(1, 3), Fraction(-2)):
         found = d.binary(BinaryOp.DIV, x, right)
         assert isinstance(found, z3.ExprRef)
-        solver = z3.Solver()
-        solver.add(x == z3.RealVal(1), found * d.lifted(right, z3.RealSort()) != 1)
+        solver = z3.Solver(ctx=d.context)
+        solver.add(x == 1, found * d.lifted(right, d.sort(FLOAT)) != 1)
         assert solver.check() == z3.unsat
     zero = d.binary(BinaryOp.DIV, x, Fraction(0))
     assert same(d.binary(BinaryOp.EQ, zero, Fraction(0)), True, d)
@@ -106,7 +106,7 @@ def test_absolute_values_and_widening() -> None:
             found = d.unary(op, x)
             assert isinstance(found, z3.ExprRef)
             wanted: Constant = unary_of_numbers(op, value, exact=True)
-            solver = z3.Solver()
+            solver = z3.Solver(ctx=d.context)
             solver.add(x == value, found != d.lifted(wanted, found.sort()))
             assert solver.check() == z3.unsat
 
@@ -118,7 +118,7 @@ def test_strings_are_told_apart_by_number() -> None:
         d.boolean(d.binary(BinaryOp.EQ, x, "go")), d.boolean(d.binary(BinaryOp.EQ, x, "stop"))
     )
     assert same(both, False, d)
-    numbers = [d.lifted(text, z3.IntSort()).as_long() for text in ("go", "stop", "go")]
+    numbers = [d.lifted(text, d.sort(INT)).as_long() for text in ("go", "stop", "go")]
     assert numbers[0] == numbers[2] != numbers[1]
     assert [d.text_of(number) for number in numbers] == ["go", "stop", "go"]
     assert d.text_of(99) not in ("go", "stop")
