@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.masks import Mask, joined
-from koord.semantics.storage import Storage, Tree
+from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.types import BOOL, ArrayType, ListType, MapType, QueueType, RecordType, Type
@@ -70,6 +70,7 @@ def winning(
     d: Terms, target: Storage[Term], writes: Sequence[Write], before: Before
 ) -> Storage[Term]:
     """A flat variable after everybody's writes: each location has the last writer's value."""
+    original = target
     robots = sorted({robot for robot, _, _ in writes})
     flags = {
         robot: _flags(d, target, [mask for who, _, mask in writes if who == robot])
@@ -87,7 +88,27 @@ def winning(
             beaten = disjunction(d, later)
             kept.append(d.binary(BinaryOp.AND, flag, d.unary(UnaryOp.NOT, beaten)))
         target = joined(d, target, source, _mask(d, target, iter(kept)))
-    return target
+    return set_where_written(d, original, target, [mask for _, _, mask in writes])
+
+
+def set_where_written(
+    d: Terms, before: Storage[Term], after: Storage[Term], masks: Sequence[Mask[Term]]
+) -> Storage[Term]:
+    """``after``, its atoms set if they were before or somebody wrote them, whoever won.
+
+    Who wins decides values only. Said like this it is simpler, and plain where all robots write:
+    then nobody need ask later whether the variable is set.
+    """
+    flags = iter(_flags(d, before, masks))
+
+    def settled(old: Storage[Term], new: Storage[Term]) -> Storage[Term]:
+        if isinstance(new, Tree):
+            assert isinstance(old, Tree)
+            return Tree(tuple(settled(a, b) for a, b in zip(old.parts, new.parts, strict=True)))
+        assert isinstance(old, Cell)
+        return Cell(d.binary(BinaryOp.OR, old.is_set, next(flags)), new.value)
+
+    return settled(before, after)
 
 
 def precedes(d: Terms, first: int, second: int, before: Before) -> Term:

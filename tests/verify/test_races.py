@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from koord.semantics.masks import Mask
+from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
 from koord.syntax.types import (
     BOOL,
@@ -18,8 +20,15 @@ from koord.syntax.types import (
     RecordType,
     Type,
 )
-from koord.verify.races import is_flat, precedes, racy_variables
-from koord.verify.terms import Terms
+from koord.verify.races import (
+    Write,
+    is_flat,
+    precedes,
+    racy_variables,
+    set_where_written,
+    winning,
+)
+from koord.verify.terms import Term, Terms
 from tests.semantics.building import (
     TRUE,
     Build,
@@ -104,3 +113,30 @@ def test_one_of_two_robots_comes_first() -> None:
     before = {(0, 1): first}
     assert precedes(d, 0, 1, before) is first
     assert str(precedes(d, 1, 0, before)) == f"Not({first})"
+
+
+def test_what_all_robots_write_is_set_whoever_wins() -> None:
+    """[ATOM] [T-COMMIT]: nothing of the order is left in whether an atom is set."""
+    d = Terms()
+    before = {(0, 1): d.fresh("0<1", BOOL)}
+    unset: Storage[Term] = Tree((Cell(False, 0), Cell(False, 0)))
+    perhaps = d.fresh("perhaps", BOOL)
+    some: Mask[Term] = Mask(False, (Mask(True), Mask(perhaps)))
+    first: Write = (0, Tree((Cell(True, 5), Cell(perhaps, 6))), some)
+    second: Write = (1, Tree((Cell(True, 7), Cell(False, 0))), Mask(False, (Mask(True), None)))
+    after = winning(d, unset, [first, second], before)
+    assert isinstance(after, Tree)
+    both, one = after.parts
+    assert isinstance(both, Cell)
+    assert isinstance(one, Cell)
+    assert both.is_set is True
+    assert one.is_set is perhaps
+    assert d.known(both.value) is None
+
+
+def test_what_was_set_stays_set() -> None:
+    """[ATOM]"""
+    d = Terms()
+    old: Storage[Term] = Cell(True, 1)
+    after = set_where_written(d, old, Cell(d.fresh("odd", BOOL), 2), [Mask(False)])
+    assert after == Cell(True, 2)
