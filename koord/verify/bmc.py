@@ -16,7 +16,8 @@ from koord.semantics.traces.recording import Recording
 from koord.semantics.turns import holds_in
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.verify.claims import Claim, ClaimKind, Phase, broken
-from koord.verify.rounds import Encoder, Moment, Opening, SymbolicRound
+from koord.verify.moments import Moment, Opening, SymbolicRound
+from koord.verify.rounds import Encoder
 from koord.verify.solving import Answer, Deadline, Effort, Solver
 from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms

@@ -16,7 +16,7 @@ from koord.semantics.configurations import System
 from koord.syntax.core import UnaryOp
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import Claim, Findings, Phase
-from koord.verify.rounds import Moment
+from koord.verify.moments import Moment
 from koord.verify.solving import Answer, Deadline, Effort, cases
 from koord.verify.symbols import SymbolicInputs
 from koord.verify.terms import Term

@@ -248,16 +248,16 @@ SEMANTICS = (
 VERIFY = (
     Mutant(
         "two robots may enter one lock class",
-        "verify/rounds.py",
-        "constraints += self._at_most_one([disjunction(self.d, x) for x in entering.values()])",
+        "verify/choices.py",
+        "constraints += _at_most_one(d, [disjunction(d, x) for x in entering.values()])",
         "del entering",
         (ROUNDS,),
         quick=True,
     ),
     Mutant(
         "a robot may run two events",
-        "verify/rounds.py",
-        "constraints += self._at_most_one(mine)",
+        "verify/choices.py",
+        "constraints += _at_most_one(d, mine)",
         "del mine",
         (ROUNDS,),
     ),
@@ -280,7 +280,7 @@ VERIFY = (
     Mutant(
         "urgent events oblige nobody",
         "verify/rounds.py",
-        "urgency = self._urgency(start, options, inputs) if self._urgent else []",
+        "urgency = obligations(self.d, self.system, start, options, inputs)",
         "urgency: list[Term] = []",
         (ROUNDS,),
     ),
@@ -301,7 +301,7 @@ VERIFY = (
     ),
     Mutant(
         "another event undoes what the chosen one wrote to a list",
-        "verify/rounds.py",
+        "verify/commits.py",
         "changed = joined(d, changed, source, mask)",
         "changed = joined(d, current, source, mask)",
         (ROUNDS,),
@@ -309,9 +309,9 @@ VERIFY = (
     ),
     Mutant(
         "an order need not be transitive",
-        "verify/rounds.py",
-        "if not before:\n            return []",
-        "if before is not None:\n            return []",
+        "verify/choices.py",
+        "if not before:\n        return []",
+        "if before is not None:\n        return []",
         (ROUNDS,),
     ),
     Mutant(

@@ -15,7 +15,7 @@ from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import INT, ArrayType, RecordType, Robots, Type
 from koord.verify.bmc import Unrolling
-from koord.verify.rounds import Moment
+from koord.verify.moments import Moment
 from koord.verify.solving import Answer, Deadline, Model
 from koord.verify.terms import Term
 from koord.verify.witness import Reader
