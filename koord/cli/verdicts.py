@@ -39,13 +39,13 @@ def summary(system: System, bounds: Bounds, report: Report, style: Style) -> str
         case Outcome.HOLDS:
             everywhere = all(verdict.rounds is None for verdict in report.verdicts)
             reach = "every number of rounds" if everywhere else f"{bounds.rounds} rounds"
-            text = f"{outcome}: {len(report.verdicts)} claims, {_fleet(system)}, {reach}"
+            text = f"{outcome}: {_claims(report)}, {_fleet(system)}, {reach}"
         case Outcome.VIOLATED:
             count = sum(v.outcome is Outcome.VIOLATED for v in report.verdicts)
-            text = f"{outcome}: {count} of {len(report.verdicts)} claims, {_fleet(system)}"
+            text = f"{outcome}: {count} of {_claims(report)}, {_fleet(system)}"
         case Outcome.UNKNOWN:
             count = sum(v.outcome is Outcome.UNKNOWN for v in report.verdicts)
-            text = f"{outcome}: {count} of {len(report.verdicts)} claims, {_fleet(system)}"
+            text = f"{outcome}: {count} of {_claims(report)}, {_fleet(system)}"
         case _:
             assert_never(report.outcome)
     return f"{text}; {stopped}{report.seconds:.2f} s"
@@ -76,6 +76,11 @@ def _by(verdict: Verdict) -> str:
     if verdict.engine is Engine.INDUCTION and verdict.depth > 1:
         return f"induction over {verdict.depth} rounds"
     return str(verdict.engine.value)
+
+
+def _claims(report: Report) -> str:
+    count = len(report.verdicts)
+    return f"{count} claim{'s' if count != 1 else ''}"
 
 
 def _fleet(system: System) -> str:

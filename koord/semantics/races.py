@@ -15,6 +15,7 @@ from koord.semantics.masks import Mask, written
 from koord.semantics.values import equal
 from koord.syntax import core
 from koord.syntax.core import Home
+from koord.syntax.source import Span
 from koord.syntax.types import BOOL
 
 V = TypeVar("V")
@@ -44,26 +45,27 @@ def rewritten(program: core.Program) -> dict[tuple[int, int], frozenset[int]]:
     found = {}
     for kind, agent in enumerate(program.agents):
         for position, event in enumerate(agent.events):
-            slots = frozenset(_updates(event.effect))
+            slots = frozenset(slot for slot, _ in updates(event.effect))
             if slots:
                 found[kind, position] = slots
     return found
 
 
-def _updates(block: core.Block) -> Iterator[int]:
+def updates(block: core.Block) -> Iterator[tuple[int, Span]]:
+    """The statements outside of ``atomic`` that update allwrite variables, each with its slot."""
     for statement in block:
         match statement:
             case core.Assign(place=place, value=value):
                 if place.variable.home is Home.ALLWRITE and place.variable in set(_read(value)):
-                    yield place.variable.slot
+                    yield place.variable.slot, statement.span
             case core.Append(place=place) | core.Remove(place=place) | core.Pop(place=place):
                 if place.variable.home is Home.ALLWRITE:
-                    yield place.variable.slot
+                    yield place.variable.slot, statement.span
             case core.If(then=then, otherwise=otherwise):
-                yield from _updates(then)
-                yield from _updates(otherwise)
+                yield from updates(then)
+                yield from updates(otherwise)
             case core.ForRange(body=body) | core.ForEach(body=body):
-                yield from _updates(body)
+                yield from updates(body)
             case _:
                 pass
 

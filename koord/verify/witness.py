@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import koord.verify.solving as solving
 from koord.semantics.configurations import Configuration, System
@@ -11,7 +12,7 @@ from koord.semantics.execution import RecordedInputs, Step, execute
 from koord.semantics.expressions import instances, statement
 from koord.semantics.machine import machine
 from koord.semantics.oracle import Phase as Asked
-from koord.semantics.races import overlap, rewritten
+from koord.semantics.races import overlap, updates
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import held
 from koord.semantics.traces.recording import Answer, Opening, Reading, Recording, Round, Start
@@ -20,6 +21,7 @@ from koord.semantics.turns import program_turn
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core
 from koord.syntax.core import Home
+from koord.syntax.source import Span
 from koord.syntax.types import (
     INT,
     ArrayType,
@@ -29,7 +31,7 @@ from koord.syntax.types import (
     RecordType,
     Type,
 )
-from koord.verify import rounds
+from koord.verify import moments
 from koord.verify.claims import Claim, ClaimKind, Findings, Phase, broken
 from koord.verify.symbols import Symbolic, SymbolicAnswer, SymbolicInputs
 from koord.verify.terms import Term
@@ -93,7 +95,7 @@ class Reader:
 
 
 def recording_of(
-    reader: Reader, opening: rounds.Opening, taken: list[rounds.SymbolicRound], phase: Phase
+    reader: Reader, opening: moments.Opening, taken: list[moments.SymbolicRound], phase: Phase
 ) -> Recording:
     """The run that a model describes, up to the given phase of its last round."""
     system = reader.system
@@ -126,7 +128,7 @@ def _start(reader: Reader, home: Home, slot: int, robot: int | None, value: Symb
 
 
 def _round(
-    reader: Reader, symbolic: rounds.SymbolicRound, phase: Phase | None, system: System
+    reader: Reader, symbolic: moments.SymbolicRound, phase: Phase | None, system: System
 ) -> Round:
     events: list[int | None] = [None] * system.robots
     for option in symbolic.options:
@@ -159,7 +161,7 @@ def _round(
     return Round(order, tuple(events), readings, answers, cut)
 
 
-def _moment(symbolic: rounds.SymbolicRound, phase: Phase) -> rounds.Moment:
+def _moment(symbolic: moments.SymbolicRound, phase: Phase) -> moments.Moment:
     if phase is Phase.END:
         return symbolic.end
     if phase is Phase.MIDDLE or symbolic.inside is None:
@@ -195,7 +197,8 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
 
     Raises :class:`NotReplayedError` where it did not.
     """
-    last = _broken_at(system, recording, claim)
+    steps = _broken_by(system, recording, claim)
+    last = steps[-1]
     number = len(recording.rounds)
     fault = last.configuration.fault
     if claim.kind is ClaimKind.FAULT:
@@ -207,7 +210,8 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
     if claim.stated is not None:
         detail = _falsified(system, recording, claim.stated, last.configuration)
     elif claim.kind is ClaimKind.LOST_UPDATE:
-        detail = f"two robots write {claim.subject} in one round, and one update is lost"
+        met = _meetings(system, recording, steps)[claim.subject]
+        return Counterexample(recording, number, phase, _lost(met), last.robot, met.span)
     elif claim.kind is ClaimKind.CONTRACT:
         detail = f"the environment's model does not keep contract {claim.subject}"
     span = claim.stated.span if claim.stated is not None else None
@@ -271,15 +275,15 @@ def simplified(system: System, recording: Recording, claim: Claim, tries: int = 
                 *recording.rounds[number + 1 :],
             )
             try:
-                _broken_at(system, replace(recording, rounds=rounds_), claim)
+                _broken_by(system, replace(recording, rounds=rounds_), claim)
             except NotReplayedError:
                 continue
             recording = replace(recording, rounds=rounds_)
     return recording
 
 
-def _broken_at(system: System, recording: Recording, claim: Claim) -> Step:
-    """The last step of a recorded run, which breaks the claim. Raises NotReplayedError."""
+def _broken_by(system: System, recording: Recording, claim: Claim) -> list[Step]:
+    """The steps of a recorded run, the last of which breaks the claim. Raises NotReplayedError."""
     try:
         steps = list(execute(EXACT, system, recording))
     except IllegalStepError as error:
@@ -288,7 +292,7 @@ def _broken_at(system: System, recording: Recording, claim: Claim) -> Step:
     if claim.kind is ClaimKind.FAULT:
         if last.configuration.fault is None:
             raise NotReplayedError("no fault happened")
-        return last
+        return steps
     if last.configuration.fault is not None:
         raise NotReplayedError("the run faults before it breaks the claim")
     inputs = RecordedInputs(answers=_last_answers(recording))
@@ -301,7 +305,7 @@ def _broken_at(system: System, recording: Recording, claim: Claim) -> Step:
         raise NotReplayedError("an external function's answer does not meet its summary")
     if violated is not True:
         raise NotReplayedError(f"{claim.name} is not broken where the run ends")
-    return last
+    return steps
 
 
 def _last_answers(recording: Recording) -> tuple[Answer, ...]:
@@ -315,34 +319,52 @@ def _findings(system: System, recording: Recording, steps: list[Step]) -> Findin
     promises = tuple((False, contract.name) for _, contract in last.stepped.promises)
     if not recording.rounds or last.rule == "ENV-TRANS":
         return Findings(False, (), promises)
+    met = _meetings(system, recording, steps)
+    names = (declaration.variable.name for declaration in system.program.allwrite)
+    return Findings(False, tuple((name in met, name) for name in names), promises)
+
+
+@dataclass(frozen=True, slots=True)
+class _Meeting:
+    """Two robots wrote one location of an allwrite variable in a round, one of them an update."""
+
+    name: str
+    first: int
+    later: int
+    updater: int  #: one of the two; the later one if both updated
+    span: Span  #: of the statement that updates
+
+
+def _lost(met: _Meeting) -> str:
+    """What became of two writes that met, in words."""
+    both = f"robots {met.first} and {met.later} write {met.name} in one round"
+    if met.updater == met.later:
+        return f"{both}: robot {met.later} updates what it read before robot {met.first} wrote"
+    return f"{both}: robot {met.later} undoes what robot {met.first} updated"
+
+
+def _meetings(system: System, recording: Recording, steps: list[Step]) -> dict[str, _Meeting]:
+    """By variable, where a robot's update met another's write in the last round. [LOST-UPDATE]"""
     round_ = recording.rounds[-1]
     start = next(
         step.configuration for step in reversed(steps) if step.rule in ("INIT", "ENV-TRANS")
     )
-    return Findings(False, _met(system, start, round_), promises)
-
-
-def _met(
-    system: System, start: Configuration[Constant], round_: Round
-) -> tuple[tuple[Constant, str], ...]:
-    """Where a robot's update of an allwrite variable met another's write. [LOST-UPDATE]"""
     inputs = RecordedInputs(answers=round_.answers)
-    updated = rewritten(system.program)
     written = []
     for robot in round_.order:
         position = round_.events[robot]
         if position is not None:
             state = start.robots[robot]
             _, turned = program_turn(EXACT, system, robot, state, position, inputs)
-            updates = updated.get((system.kinds[robot], position), frozenset())
-            written.append((turned.allwrite, updates))
-    met: list[tuple[Constant, str]] = []
-    for slot, declaration in enumerate(system.program.allwrite):
-        both = any(
-            overlap(EXACT, mine.get(slot), theirs.get(slot))
-            for k, (mine, updates) in enumerate(written)
-            for other, (theirs, _) in enumerate(written)
-            if k != other and slot in updates
-        )
-        met.append((both, declaration.variable.name))
-    return tuple(met)
+            mine = tuple(updates(system.agent(robot).events[position].effect))
+            written.append((robot, turned.allwrite, mine))
+    met: dict[str, _Meeting] = {}
+    for (first, its_writes, its), (later, other_writes, others) in combinations(written, 2):
+        for slot, declaration in enumerate(system.program.allwrite):
+            if overlap(EXACT, its_writes.get(slot), other_writes.get(slot)) is not True:
+                continue
+            name = declaration.variable.name
+            for updater, updated in ((later, others), (first, its)):
+                for span in (span for of, span in updated if of == slot):
+                    met.setdefault(name, _Meeting(name, first, later, updater, span))
+    return met

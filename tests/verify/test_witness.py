@@ -12,6 +12,7 @@ from koord.semantics.execution import execute
 from koord.semantics.oracle import Phase as Asked
 from koord.semantics.traces.recording import Opening, Recording, Round
 from koord.syntax import core
+from koord.syntax.source import Span
 from koord.syntax.types import FLOAT, INT, ListType
 from koord.verify.claims import NO_FAULT, Claim, Phase, claims_of
 from koord.verify.witness import NotReplayedError, replayed, simplified
@@ -107,6 +108,29 @@ def test_a_lost_update_needs_two_writes_that_meet_and_an_update() -> None:
     for events in ((0, 0), (1, 1), (0, None), (1, 0)):
         with pytest.raises(NotReplayedError, match="not broken"):
             replayed(system, rounds(events), claim, Phase.MIDDLE)
+
+
+@pytest.mark.parametrize(
+    ("order", "said"),
+    [
+        ((0, 1), "robot 1 updates what it read before robot 0 wrote"),
+        ((1, 0), "robot 0 undoes what robot 1 updated"),
+    ],
+)
+def test_a_lost_update_is_told_with_its_statement(order: tuple[int, int], said: str) -> None:
+    """[LOST-UPDATE]: whose update, who wrote too, and where the update stands."""
+    b = Build()
+    x = b.allwrite("x", INT, 0)
+    plain = x.set(x + 1)
+    assert isinstance(plain, core.Assign)
+    up = replace(plain, span=Span("x.krd", 7, 9, 7, 18))
+    b.event("Set", TRUE, x.set(5))
+    b.event("Up", TRUE, b.local("y", INT, 0).set(1), up)
+    system = dealt(b.program(), 2)
+    run = replace(rounds((0, 1)), rounds=(Round(order, (0, 1), (), (), True),))
+    shown = replayed(system, run, claim_of(system, "no lost update of x"), Phase.MIDDLE)
+    assert shown.detail == f"robots {order[0]} and {order[1]} write x in one round: {said}"
+    assert shown.span == up.span
 
 
 def test_a_broken_contract_is_the_robots_whose_ports_they_are() -> None:
