@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import assert_never
 
 from koord.cli.arguments import add_json, check_files
 from koord.cli.diagnostics import report_error
@@ -20,7 +21,7 @@ from koord.semantics.replay import Refused, Replayed, replay
 from koord.semantics.runs.policies import Taken
 from koord.semantics.traces.json_reader import shortened
 from koord.semantics.traces.names import Names
-from koord.semantics.traces.trace import BEFORE_ROUNDS, Trace
+from koord.semantics.traces.trace import BEFORE_ROUNDS, Trace, Violation, ViolationKind
 from koord.syntax.diagnostics import KoordError
 
 #: Raised when the JSON changes in a way that its readers must know of.
@@ -131,7 +132,20 @@ def _end(trace: Trace) -> Iterator[str]:
         whose = "" if fault.robot is None else f" of robot {fault.robot}"
         yield f"  it ends in a fault{whose}: {fault.kind.value} ({visible(str(fault.span))})"
     if trace.violation is not None:
-        yield f"  it breaks {visible(trace.violation.name)}, as it says"
+        yield f"  it {_does(trace.violation)}, as it says"
+
+
+def _does(violation: Violation) -> str:
+    """What a run that ends in a violation does, in words."""
+    name = visible(violation.name)
+    match violation.kind:
+        case ViolationKind.PROPERTY:
+            return f"breaks {name}"
+        case ViolationKind.CONTRACT:
+            return f"breaks contract {name}"
+        case ViolationKind.LOST_UPDATE:
+            return f"loses an update of {name}"
+    assert_never(violation.kind)
 
 
 def _where(refused: Refused) -> str:

@@ -72,7 +72,7 @@ class Table:
         rows = [_Row("all", "", tuple(self._shared(step.configuration)))]
         for number, robot in enumerate(step.configuration.robots):
             own = self.names.of(number)
-            pieces = [*_held(own.locals, robot.locals), *_held(own.ports, robot.ports)]
+            pieces = _held((*own.locals, *own.ports), (*robot.locals, *robot.ports))
             rows.append(_Row(self._robot(number), "", tuple(pieces)))
         rows = [row for row in rows if row.pieces]
         rows += [_Row("", "", (), (line,)) for line in _written(step.stepped.output)]
@@ -81,8 +81,8 @@ class Table:
 
     def _shared(self, configuration: Configuration[Constant]) -> Iterator[str]:
         store = configuration.store
-        yield from _held(self.names.allread, store.allread)
-        yield from _held(self.names.allwrite, store.allwrite)
+        names = (*self.names.allread, *self.names.allwrite)
+        yield from _held(names, (*store.allread, *store.allwrite))
 
     def _robot(self, number: int) -> str:
         kind = self.system.agent(number).name
@@ -239,9 +239,17 @@ def _told(change: Change, of: int | None) -> str:
 
 
 def _held(named: Iterable[Named], storages: Iterable[Storage[Constant]]) -> Iterator[str]:
+    """What variables hold; behind those that hold something, the names of those that do not."""
+    unset = []
     for one, storage in zip(named, storages, strict=True):
         shown = show_storage(storage, one.type)
-        yield f"{one.name} {'is unset' if shown == UNSET else f'= {shown}'}"
+        if shown == UNSET:
+            unset.append(one.name)
+        else:
+            yield f"{one.name} = {shown}"
+    if unset:
+        *others, last = unset
+        yield f"{', '.join(others)} and {last} are unset" if others else f"{last} is unset"
 
 
 def _written(output: Iterable[Written[Constant]]) -> Iterator[str]:

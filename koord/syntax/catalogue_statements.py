@@ -205,8 +205,8 @@ ENTRIES: dict[str, Entry] = {
             "K223",
             "a variable is declared inside an event",
             """The variables of a robot are its state, and all of them are declared at the top,
-            where a reader and a verifier find them. Functions and `environment:` blocks have variables
-            of their own, which are gone when the body ends.""",
+            where a reader and a verifier find them. Functions and `environment:` blocks have
+            variables of their own, which are gone when the body ends.""",
             """
             local:
               int n = 0

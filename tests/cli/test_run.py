@@ -153,6 +153,18 @@ def test_a_run_as_a_table(koord: Koord) -> None:
     )
 
 
+def test_what_holds_nothing_is_named_last(koord: Koord, write: Path) -> None:
+    """[ATOM]: of all that a robot has, in one clause."""
+    text = "using Motion\nlocal:\n  int a\n  int b = 1\n  int c\n"
+    text += "Go:\n  eff: a = b\n       c = a\n       Motion.target = pos(a, b, c)\n"
+    (write / "some.krd").write_text(text, encoding="utf-8")
+    _, out = koord("run", "some.krd", "--robots", "1", "--rounds", "1")
+    assert "  0  b = 1, a, c and Motion.target are unset\n" in out
+    (write / "one.krd").write_text("local:\n  int a\nGo:\n  eff: a = 1\n", encoding="utf-8")
+    _, out = koord("run", "one.krd", "--robots", "1", "--rounds", "1")
+    assert "  0  a is unset\n" in out
+
+
 def test_rounds_in_which_nothing_happens_are_told_together(koord: Koord) -> None:
     """[SKIP]"""
     code, out = koord("run", "race.krd", "--robots", "1", "--rounds", "7")

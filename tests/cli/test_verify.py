@@ -142,3 +142,19 @@ def test_a_misspelt_property_is_no_verdict(
     streams = capsys.readouterr()
     assert "--property: there is no 'Smal'; there are Small, " in streams.err
     assert streams.out == ""
+
+
+def test_a_lost_update_is_shown_in_the_text_and_replays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """[LOST-UPDATE] [REPLAY]: with the statement that updates."""
+    monkeypatch.chdir(tmp_path)
+    text = "allwrite:\n  int n = 0\nAdd:\n  eff: n = n + 1\ninvariant Any: n >= 0\n"
+    Path("add.krd").write_text(text, encoding="utf-8")
+    words = ["verify", "add.krd", "--robots", "2", "--rounds", "2", "--trace", "t.json"]
+    assert frame.main(words) == Exit.VIOLATED
+    out = capsys.readouterr().out
+    assert "updates what it read before robot" in out
+    assert "add.krd:4:8\n  4 |   eff: n = n + 1\n    |        ^^^^^^^^^" in out
+    assert frame.main(["replay", "t.json"]) == Exit.OK
+    assert "  it loses an update of n, as it says\n" in capsys.readouterr().out

@@ -48,6 +48,23 @@ def test_a_variable_that_is_called_like_a_port_asks_for_no_port() -> None:
     assert [p.declaration.variable.name for p in both.agents[0].ports] == ["psn", "route"]
 
 
+def test_a_field_that_is_called_like_a_port_asks_for_no_port() -> None:
+    """Behind a dot stands a port only where a module stands before it."""
+    text = """
+        using Motion
+        allwrite:
+          Task[2] list
+        local:
+          pos p
+        Go:
+          eff: p = list[0].target
+               %s
+    """
+    assert ports(program(text % "p = Motion.psn")) == [("Motion", "sensor", "psn")]
+    made = ports(program(text % "Motion.target = p"))
+    assert made == [("Motion", "actuator", "target")]
+
+
 def test_a_programs_list_adds_to_the_librarys_and_overrides_its_types() -> None:
     made = program("""
         using Motion:

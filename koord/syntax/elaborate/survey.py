@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import fields
 from enum import Enum
 from fractions import Fraction
@@ -14,9 +14,10 @@ _LEAVES = (str, int, Fraction, Enum, type(None), Span, ast.Comment)
 
 
 def mentioned(program: ast.Program, variables: Container[str]) -> frozenset[str]:
-    """The names in expressions that are not those of variables, and all names behind dots."""
+    """The names in expressions that are not those of variables, and those of ports of modules."""
     parts: dict[type, tuple[str, ...]] = {}
     names: set[str] = set()
+    modules = set(_modules(program.sections))
     stack: list[object] = [program.sections]
     while stack:
         node = stack.pop()
@@ -31,8 +32,10 @@ def mentioned(program: ast.Program, variables: Container[str]) -> frozenset[str]
             continue
         if kind is ast.Attribute:
             assert isinstance(node, ast.Attribute)
-            names.add(node.name.name)
-            stack.append(node.base)
+            if isinstance(node.base, ast.Name) and node.base.name in modules:
+                names.add(node.name.name)
+            else:
+                stack.append(node.base)
             continue
         known = parts.get(kind)
         if known is None:
@@ -41,6 +44,14 @@ def mentioned(program: ast.Program, variables: Container[str]) -> frozenset[str]
         for part in known:
             stack.append(getattr(node, part))
     return frozenset(names)
+
+
+def _modules(sections: Iterable[ast.Section]) -> Iterator[str]:
+    for section in sections:
+        if isinstance(section, ast.Using):
+            yield section.module.name
+        elif isinstance(section, ast.Agent):
+            yield from _modules(section.sections)
 
 
 def _parts(node: object) -> tuple[str, ...]:
