@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from fractions import Fraction
 from random import Random
 
@@ -82,6 +83,64 @@ def test_effort_is_used_up() -> None:
     whole = Effort(10**9)
     assert s.check([hard(d)], NEVER, whole, at_most=100_000) is Answer.UNKNOWN
     assert whole.left > 10**8
+
+
+@pytest.mark.parametrize("limit", [500, 1_000, 10_000, 50_000])
+def test_want_of_effort_is_no_interruption(limit: int) -> None:
+    """Z3 says "canceled" of a question that used up its effort, as it does on Ctrl-C."""
+    d, _, s = solver()
+    for _ in range(3):
+        assert s.check([hard(d)], NEVER, Effort(10**9), at_most=limit) is Answer.UNKNOWN
+    assert s.check([d.fresh("x", BOOL)], NEVER, Effort(10**6)) is Answer.SAT
+
+
+@dataclass
+class Stopped:
+    """A solver that stops at once, for a reason, after so much work."""
+
+    reason: str
+    work: int
+    done: int = 0
+
+    def set(self, *settings: object) -> None: ...
+
+    def add(self, *terms: object) -> None: ...
+
+    def check(self, *literals: object) -> z3.CheckSatResult:
+        self.done += self.work
+        return z3.unknown
+
+    def reason_unknown(self) -> str:
+        return self.reason
+
+    def statistics(self) -> Stopped:
+        return self
+
+    def keys(self) -> list[str]:
+        return ["rlimit count"]
+
+    def get_key_value(self, key: str) -> int:
+        return self.done
+
+
+@pytest.mark.parametrize("reason", ["canceled", "interrupted", "interrupted from keyboard"])
+def test_an_interruption_ends_the_question_and_is_passed_on(reason: str) -> None:
+    """Ctrl-C while Z3 works: with effort left, or without a limit at all."""
+    d, _, s = solver()
+    s._solver = Stopped(reason, work=40)
+    with pytest.raises(KeyboardInterrupt):
+        s.check([d.fresh("x", BOOL)], NEVER)
+    with pytest.raises(KeyboardInterrupt):
+        s.check([d.fresh("x", BOOL)], Deadline.after(1000), Effort(100))
+
+
+def test_what_else_stops_a_solver_is_unknown() -> None:
+    d, _, s = solver()
+    s._solver = Stopped("canceled", work=40)
+    assert s.check([d.fresh("x", BOOL)], NEVER, Effort(40)) is Answer.UNKNOWN
+    assert s.check([d.fresh("x", BOOL)], Deadline.after(0.04)) is Answer.UNKNOWN
+    s._solver = Stopped("(incomplete (theory arithmetic))", work=40)
+    assert s.check([d.fresh("x", BOOL)], NEVER) is Answer.UNKNOWN
 
 
 def test_deadlines() -> None:
