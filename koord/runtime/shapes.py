@@ -1,0 +1,223 @@
+"""What the values of a variable look like: the types of a compiled program while it runs.
+
+A value is Python's own, and never changes: ``int``, ``float``, ``bool``, ``str``; a tuple for a
+list, a queue or an array; a named tuple for a record; for a map a ``dict`` that nobody writes to.
+An atom that is not set is ``None``. So values can be shared freely, and throwing a robot's writes
+away is forgetting them (decision record 0012).
+
+:func:`to_plain` and :func:`from_plain` go from there to :data:`~koord.runtime.proposals.Plain`,
+which codecs can carry, and back; whatever comes from outside passes through the second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as MappingOf
+from collections.abc import Sequence as SequenceOf
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, assert_never
+
+from koord.runtime.proposals import Plain
+
+
+class ShapeError(ValueError):
+    """A plain value is none of the shape that its place has."""
+
+
+class Kind(Enum):
+    """The scalars."""
+
+    INT = "int"
+    FLOAT = "float"
+    BOOL = "bool"
+    STRING = "string"
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """A number, a truth value, a text."""
+
+    kind: Kind
+
+
+@dataclass(frozen=True, slots=True)
+class Enumeration:
+    """The positions of some members."""
+
+    name: str
+    members: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A named tuple, and the shapes of its fields."""
+
+    make: type[tuple[Any, ...]]
+    fields: tuple[Shape, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """``T[k]``: its parts are set one by one."""
+
+    element: Shape
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class PerRobot:
+    """``T[numAgents]``, and every allread variable."""
+
+    element: Shape
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """A list or a queue, whole or not set."""
+
+    element: Shape
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """A map, whole or not set."""
+
+    key: Shape
+    value: Shape
+
+
+Shape = Scalar | Enumeration | Record | Array | PerRobot | Sequence | Mapping
+
+INT = Scalar(Kind.INT)
+FLOAT = Scalar(Kind.FLOAT)
+BOOL = Scalar(Kind.BOOL)
+STRING = Scalar(Kind.STRING)
+
+#: What a scalar is in Python. A ``bool`` is no ``int`` here.
+_PYTHON = {Kind.INT: int, Kind.FLOAT: float, Kind.BOOL: bool, Kind.STRING: str}
+
+
+def blank(shape: Shape, robots: int) -> Any:
+    """What a variable holds that nothing was stored in yet."""
+    match shape:
+        case Record(make=make, fields=fields):
+            return tuple.__new__(make, [blank(field, robots) for field in fields])
+        case Array(element=element, size=size):
+            return (blank(element, robots),) * size
+        case PerRobot(element=element):
+            return (blank(element, robots),) * robots
+        case _:
+            return None
+
+
+def default(shape: Shape, robots: int) -> Any:
+    """Some value of a shape: what a function gives that returns nothing."""
+    match shape:
+        case Scalar(kind=kind):
+            return _PYTHON[kind]()
+        case Enumeration():
+            return 0
+        case Record(make=make, fields=fields):
+            return tuple.__new__(make, [default(field, robots) for field in fields])
+        case Array(element=element, size=size):
+            return (default(element, robots),) * size
+        case PerRobot(element=element):
+            return (default(element, robots),) * robots
+        case Sequence():
+            return ()
+        case Mapping():
+            return {}
+    assert_never(shape)
+
+
+def to_plain(shape: Shape, value: Any) -> Plain:
+    """A value as codecs can carry it. It is not copied where it is plain already."""
+    if value is None:
+        return None
+    match shape:
+        case Scalar() | Enumeration():
+            return value  # type: ignore[no-any-return]
+        case Record(fields=fields):
+            if all(type(field) is Scalar for field in fields):
+                return tuple(value)
+            return tuple(map(to_plain, fields, value))
+        case Array(element=element) | PerRobot(element=element) | Sequence(element=element):
+            if type(element) is Scalar:
+                return value  # type: ignore[no-any-return]
+            return tuple([to_plain(element, item) for item in value])
+        case Mapping(key=key, value=held):
+            return tuple([(to_plain(key, k), to_plain(held, v)) for k, v in value.items()])
+    assert_never(shape)
+
+
+def from_plain(shape: Shape, plain: Any, robots: int, *, unset: bool = False) -> Any:
+    """The value that a plain one stands for; lists will do for tuples, as codecs make them.
+
+    ``unset`` says whether atoms of a variable may be missing. Raises ShapeError, and nothing else,
+    whatever ``plain`` is.
+    """
+    match shape:
+        case Scalar(kind=kind):
+            if type(plain) is _PYTHON[kind] or (plain is None and unset):
+                return plain
+            raise ShapeError(f"{_named(plain)} is no {kind.value}")
+        case Enumeration(name=name, members=members):
+            if plain is None and unset:
+                return None
+            if type(plain) is int and 0 <= plain < len(members):
+                return plain
+            raise ShapeError(f"{_named(plain)} is no member of {name}")
+        case Record(make=make, fields=fields):
+            parts = _items(plain, len(fields))
+            made = [
+                from_plain(f, p, robots, unset=unset) for f, p in zip(fields, parts, strict=True)
+            ]
+            return tuple.__new__(make, made)
+        case Array(element=element, size=size):
+            items = _items(plain, size)
+            return tuple([from_plain(element, item, robots, unset=unset) for item in items])
+        case PerRobot(element=element):
+            items = _items(plain, robots)
+            return tuple([from_plain(element, item, robots, unset=unset) for item in items])
+        case Sequence(element=element):
+            if plain is None and unset:
+                return None
+            return tuple([from_plain(element, item, robots) for item in _items(plain, None)])
+        case Mapping():
+            return None if plain is None and unset else _map(shape, plain, robots)
+    assert_never(shape)
+
+
+def _map(shape: Mapping, plain: Any, robots: int) -> dict[Any, Any]:
+    """A map, of its pairs; a ``dict`` will do, as drivers make them."""
+    pairs = plain.items() if isinstance(plain, MappingOf) else _items(plain, None)
+    made: dict[Any, Any] = {}
+    for pair in pairs:
+        key, value = _items(pair, 2)
+        read = from_plain(shape.key, key, robots)
+        try:
+            made[read] = from_plain(shape.value, value, robots)
+        except TypeError:
+            raise ShapeError("a key that holds a map") from None
+    return made
+
+
+def _items(plain: Any, count: int | None) -> SequenceOf[Any]:
+    if type(plain) is not tuple and not isinstance(plain, tuple | list):
+        raise ShapeError(f"{_named(plain)} is no sequence")
+    if count is not None and len(plain) != count:
+        raise ShapeError(f"there are {len(plain)} parts, not {count}")
+    return plain
+
+
+def _named(plain: Any) -> str:
+    return f"a {type(plain).__name__}"
+
+
+def element_of(shape: Shape) -> Shape:
+    """The shape of an element of an array, list or queue."""
+    match shape:
+        case Array(element=element) | PerRobot(element=element) | Sequence(element=element):
+            return element
+        case _:
+            raise ShapeError("an index leads into something that has no elements")

@@ -1,0 +1,161 @@
+"""The shared variables as all robots have agreed on them: the same store everywhere. [REFRESH]
+
+A store changes by decisions only. What a robot writes in its own turn it sees at once, but in its
+own copy, which is forgotten.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from hashlib import blake2b
+from typing import Any
+
+from koord.runtime.proposals import Plain, Write
+from koord.runtime.shapes import (
+    Array,
+    Enumeration,
+    PerRobot,
+    Record,
+    Scalar,
+    Sequence,
+    Shape,
+    ShapeError,
+    blank,
+    element_of,
+    from_plain,
+    to_plain,
+)
+from koord.runtime.shapes import Mapping as MapShape
+
+#: Bytes of a digest: enough that two stores with one digest are one store.
+DIGEST_BYTES = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """A shared variable: the attribute that holds it, and its shape."""
+
+    name: str
+    shape: Shape
+
+    @property
+    def is_allread(self) -> bool:
+        """Whether each robot writes its own entry alone."""
+        return isinstance(self.shape, PerRobot)
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The shared variables of a program in the order that :class:`Write` counts them."""
+
+    variables: tuple[Shared, ...]
+
+
+class Store:
+    """The agreed values by name. ``values`` is for reading; :meth:`apply` alone changes it."""
+
+    __slots__ = ("layout", "robots", "values")
+
+    def __init__(self, layout: Layout, robots: int) -> None:
+        self.layout = layout
+        self.robots = robots
+        self.values: dict[str, Any] = {v.name: blank(v.shape, robots) for v in layout.variables}
+
+    def declare(self, values: Mapping[str, Any]) -> None:
+        """What the variables hold before any robot's INIT. [INIT]"""
+        for variable in self.layout.variables:
+            if variable.name in values:
+                self.values[variable.name] = values[variable.name]
+
+    def apply(self, writes: Iterable[Write]) -> dict[str, Any]:
+        """Put writes into the store, in order, and say which variables hold what now.
+
+        A location that is no more (of a list that became shorter) is lost (decision record 0007).
+        Raises ShapeError if a write is none of this program's; then the store is as before.
+        [SHARED-ASSIGN] [LOCATION]
+        """
+        variables, robots = self.layout.variables, self.robots
+        changed: dict[str, Any] = {}
+        #: Arrays and lists that elements are being put into, not yet made tuples again.
+        unpacked: dict[str, list[Any]] = {}
+        for write in writes:
+            if not 0 <= write.variable < len(variables):
+                raise ShapeError(f"there is no shared variable {write.variable}")
+            variable = variables[write.variable]
+            name, shape = variable.name, variable.shape
+            if not write.path:
+                unpacked.pop(name, None)
+                changed[name] = from_plain(shape, write.value, robots)
+                continue
+            if isinstance(shape, Array | PerRobot | Sequence):
+                items = unpacked.get(name)
+                if items is None:
+                    held = changed[name] if name in changed else self.values[name]
+                    if held is None:
+                        continue
+                    items = unpacked[name] = list(held)
+                first = _index(write.path[0])
+                if first < len(items):
+                    items[first] = _put(
+                        shape.element, items[first], write.path[1:], write.value, robots
+                    )
+            else:
+                held = changed[name] if name in changed else self.values[name]
+                changed[name] = _put(shape, held, write.path, write.value, robots)
+        for name, items in unpacked.items():
+            changed[name] = tuple(items)
+        self.values.update(changed)
+        return changed
+
+    def digest(self) -> bytes:
+        """A hash of all values: robots that agree on it agree on the store."""
+        return blake2b(repr(self.snapshot()).encode(), digest_size=DIGEST_BYTES).digest()
+
+    def snapshot(self) -> tuple[Plain, ...]:
+        """The whole store, plain, variable by variable."""
+        return tuple(to_plain(v.shape, self.values[v.name]) for v in self.layout.variables)
+
+    def restore(self, snapshot: Any) -> None:
+        """Become the store of a snapshot. Raises ShapeError if it is none of this program's."""
+        variables = self.layout.variables
+        if not isinstance(snapshot, tuple | list) or len(snapshot) != len(variables):
+            raise ShapeError(f"a store of this program has {len(variables)} variables")
+        self.values = {
+            variable.name: from_plain(variable.shape, plain, self.robots, unset=True)
+            for variable, plain in zip(variables, snapshot, strict=True)
+        }
+
+
+def _put(shape: Shape, held: Any, path: tuple[Plain, ...], new: Plain, robots: int) -> Any:
+    """What a place holds after a write below it; as before, if the location is no more."""
+    if not path:
+        return from_plain(shape, new, robots)
+    rest = path[1:]
+    match shape:
+        case Record(fields=fields):
+            position = _index(path[0])
+            if position >= len(fields):
+                raise ShapeError(f"a record has no field {position}")
+            parts = list(held)
+            parts[position] = _put(fields[position], parts[position], rest, new, robots)
+            return tuple.__new__(shape.make, parts)
+        case Array() | PerRobot() | Sequence():
+            position = _index(path[0])
+            if held is None or position >= len(held):
+                return held
+            part = _put(element_of(shape), held[position], rest, new, robots)
+            return (*held[:position], part, *held[position + 1 :])
+        case MapShape(key=key, value=value):
+            if rest:
+                raise ShapeError("a path ends at its first key")
+            at = from_plain(key, path[0], robots)
+            return held if held is None else {**held, at: from_plain(value, new, robots)}
+        case Scalar() | Enumeration():
+            raise ShapeError("a path leads into a scalar")
+
+
+def _index(step: Plain) -> int:
+    if type(step) is not int or step < 0:
+        raise ShapeError(f"{step!r} is no index")
+    return step
