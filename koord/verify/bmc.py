@@ -6,29 +6,23 @@ What was shown of a round is required of it from then on, so each round is asked
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
-from koord.semantics.traces.recording import Recording
 from koord.semantics.turns import holds_in
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.verify.claims import Claim, ClaimKind, Phase, broken
+from koord.verify.ledger import Judge
 from koord.verify.moments import Moment, Opening, SymbolicRound
 from koord.verify.rounds import Encoder
 from koord.verify.solving import Answer, Deadline, Effort, Solver
 from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms
-from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
+from koord.verify.verdicts import Engine, Outcome, Verdict
 from koord.verify.witness import NotReplayedError, Reader, recording_of
-
-#: Replays a recording that should break a claim; raises NotReplayedError if it does not.
-Judge = Callable[[Recording, Claim, Phase], Counterexample]
-
-#: Called with the number of the round that is being looked at.
-Progress = Callable[[int], None]
 
 
 @dataclass(slots=True)
@@ -119,7 +113,6 @@ class Bounded:
         proved: Sequence[Claim],
         rounds: int,
         deadline: Deadline,
-        progress: Progress = lambda round_: None,
     ) -> dict[Claim, Verdict]:
         """The claims that are violated within ``rounds`` rounds, each in the first possible one.
 
@@ -132,7 +125,6 @@ class Bounded:
         while pending and not self.reason:
             if self.completed is not None and self.completed >= rounds:
                 break
-            progress(0 if self.completed is None else self.completed + 1)
             moment = self._next()
             self._take_for_granted(moment, proved)
             found, unreplayed, self.reason = _look(

@@ -13,8 +13,8 @@ from koord.semantics.search.findings import Exhausted, OutOfBounds, Subject, Vio
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
 from koord.semantics.traces.recording import Recording
-from koord.verify.bmc import Judge
 from koord.verify.claims import Claim, ClaimKind, Phase
+from koord.verify.ledger import Judge
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
 from koord.verify.witness import NotReplayedError

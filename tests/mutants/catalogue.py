@@ -413,9 +413,30 @@ VERIFY = (
     ),
     Mutant(
         "induction believes what did not replay",
-        "verify/portfolio.py",
-        "claims = [c for c in session.open() if c not in session.bounded.unreplayed]",
-        "claims = session.open()",
+        "verify/engines.py",
+        "claims = [c for c in ledger.open() if c not in bounded.unreplayed]",
+        "claims = ledger.open()",
+        (PORTFOLIO,),
+    ),
+    Mutant(
+        "what did not go far enough passes for holds",
+        "verify/ledger.py",
+        "not r.reason and _rounds(r) >= self.bounds.rounds",
+        "not r.reason",
+        (PORTFOLIO,),
+    ),
+    Mutant(
+        "what stopped on the way passes for holds",
+        "verify/ledger.py",
+        "not r.reason and _rounds(r) >= self.bounds.rounds",
+        "_rounds(r) >= self.bounds.rounds",
+        (PORTFOLIO, "tests/verify/test_limits.py"),
+    ),
+    Mutant(
+        "claims that hold through some rounds are lemmas for all",
+        "verify/ledger.py",
+        "return [claim for claim in held if self.verdicts[claim].outcome is Outcome.HOLDS]",
+        "return list(self.claims)",
         (PORTFOLIO,),
     ),
     Mutant(

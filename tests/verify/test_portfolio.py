@@ -69,12 +69,19 @@ def test_a_proof_says_for_all_rounds() -> None:
 
 
 def test_bounded_model_checking_says_through_which_round() -> None:
-    asked = ask(growing().program(), robots=1, rounds=4)
-    assert asked["no fault"].rounds is None
-    verdict = asked["NotSeven"]
+    verdict = ask(growing().program(), robots=1, rounds=4, choice=Choice.BMC)["NotSeven"]
     assert (verdict.outcome, verdict.engine, verdict.rounds) == (Outcome.HOLDS, Engine.BMC, 4)
     asked = ask(programs.sum_of_ids(), rounds=2, choice=Choice.BMC)
     assert all((v.engine, v.rounds) == (Engine.BMC, 2) for v in asked)
+
+
+def test_a_search_that_came_far_enough_answers_too() -> None:
+    asked = ask(growing().program(), robots=1, rounds=4)
+    assert asked["no fault"].rounds is None
+    verdict = asked["NotSeven"]
+    assert (verdict.outcome, verdict.engine) == (Outcome.HOLDS, Engine.SEARCH)
+    assert verdict.rounds is not None
+    assert verdict.rounds >= 4
 
 
 def test_a_violation_says_in_which_round_and_is_shortest() -> None:
@@ -188,18 +195,27 @@ class _CtrlC:
             raise KeyboardInterrupt
 
 
-def interrupted(program: core.Program, when: Callable[[int, str], bool]) -> Report:
-    return verify(dealt(program, 1), Bounds(9), progress=_CtrlC(when))
+def interrupted(
+    program: core.Program, when: Callable[[int, str], bool], choice: Choice = Choice.AUTO
+) -> Report:
+    return verify(dealt(program, 1), Bounds(9), choice, progress=_CtrlC(when))
 
 
 def test_ctrl_c_ends_in_what_is_known() -> None:
     program = growing().program()
-    report = interrupted(program, lambda n, text: "bmc, round 5" in text)
+    report = interrupted(program, lambda n, text: "bmc, round 5" in text, Choice.BMC)
+    assert report.interrupted
+    for verdict in report.verdicts:
+        assert (verdict.outcome, verdict.engine) == (Outcome.UNKNOWN, Engine.BMC)
+        assert (verdict.rounds, verdict.reason) == (4, "interrupted")
+
+
+def test_ctrl_c_leaves_what_is_proved() -> None:
+    report = interrupted(growing().program(), lambda n, text: "over 3" in text)
     verdicts = {v.claim.name: v for v in report.verdicts}
     assert report.interrupted
     assert verdicts["no fault"].outcome is Outcome.HOLDS
     assert verdicts["NotSeven"].outcome is Outcome.UNKNOWN
-    assert verdicts["NotSeven"].rounds == 4
     assert verdicts["NotSeven"].reason == "interrupted"
 
 

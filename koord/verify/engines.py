@@ -1,0 +1,132 @@
+"""The engines on the words of Z3 and on explicit states, as workers on a ledger."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+from koord.semantics.search.limits import Limits
+from koord.verify.bmc import Bounded
+from koord.verify.claims import Claim
+from koord.verify.exhaustive import exhaust
+from koord.verify.induction import prove
+from koord.verify.ledger import Ledger, Reach
+from koord.verify.solving import Effort
+from koord.verify.verdicts import Engine
+
+#: How many rounds an inductive step may span.
+MAX_DEPTH = 3
+
+#: What inductive attempts may cost before other engines get their turn: about so many seconds.
+PROOF_S = 30.0
+
+
+@dataclass(slots=True)
+class ByUnrolling:
+    """Bounded model checking, which goes on from where it stopped."""
+
+    bounded: Bounded | None = None
+
+    def work(self, ledger: Ledger) -> None:
+        if ledger.wanting():
+            self.through(ledger, ledger.bounds.rounds)
+
+    def of(self, ledger: Ledger) -> Bounded:
+        if self.bounded is None:
+            self.bounded = Bounded(ledger.system, ledger.subject.judge, ledger.seed)
+        return self.bounded
+
+    def through(self, ledger: Ledger, rounds: int) -> None:
+        """Settle what is violated within so many rounds."""
+        bounded = self.of(ledger)
+        try:
+            self._through(bounded, ledger, rounds)
+        finally:
+            self._leave(bounded, ledger)
+
+    def _through(self, bounded: Bounded, ledger: Ledger, rounds: int) -> None:
+        while not bounded.reason and (claims := self._pending(bounded, ledger)):
+            number = 0 if bounded.completed is None else bounded.completed + 1
+            if number > rounds:
+                return
+            ledger.progress(f"bmc, round {number} of {ledger.bounds.rounds}")
+            ledger.settle(bounded.check(claims, ledger.proved(), number, ledger.deadline))
+
+    def _pending(self, bounded: Bounded, ledger: Ledger) -> list[Claim]:
+        return [claim for claim in ledger.open() if claim not in bounded.unreplayed]
+
+    def _leave(self, bounded: Bounded, ledger: Ledger) -> None:
+        reason = bounded.reason
+        if not reason and bounded.limits:
+            reason = f"not covered: {'; '.join(bounded.limits)}"
+        reach = Reach(Engine.BMC, bounded.completed, reason, bounded.seconds)
+        ledger.leave(self._pending(bounded, ledger), reach)
+        for claim, (why, rounds) in bounded.unreplayed.items():
+            ledger.leave([claim], Reach(Engine.BMC, rounds, why, bounded.seconds))
+
+
+@dataclass(slots=True)
+class ByInduction:
+    """Inductive proofs over one round, then two, …: for every number of rounds.
+
+    A step of k rounds proves what holds in the first k - 1 rounds too, which is unrolled for it.
+    """
+
+    unrolling: ByUnrolling
+    effort: Effort = field(default_factory=lambda: Effort.of_seconds(PROOF_S))
+
+    def work(self, ledger: Ledger) -> None:
+        started = time.monotonic()
+        for depth in range(1, MAX_DEPTH + 1):
+            self.unrolling.through(ledger, depth - 1)
+            bounded = self.unrolling.of(ledger)
+            # What is not known to hold in those rounds is neither to be proved nor to be assumed.
+            claims = [c for c in ledger.open() if c not in bounded.unreplayed]
+            if not claims or bounded.reason:
+                return
+            ledger.progress(f"induction over {depth} round{'s' if depth > 1 else ''}")
+            result = prove(
+                ledger.system,
+                claims,
+                ledger.proved(),
+                ledger.deadline,
+                self.effort,
+                depth=depth,
+                seed=ledger.seed,
+            )
+            ledger.settle(result.proved)
+            for claim, reason in result.reasons.items():
+                seconds = time.monotonic() - started
+                ledger.leave([claim], Reach(Engine.INDUCTION, None, reason, seconds))
+            if not ledger.open() or ledger.deadline.passed() or self.effort.left <= 0:
+                return
+
+
+@dataclass(frozen=True, slots=True)
+class BySearch:
+    """All configurations one by one, where they are few."""
+
+    limits: Limits
+
+    def work(self, ledger: Ledger) -> None:
+        claims = ledger.open()
+        if ledger.subject.is_abstract:
+            reason = "search: positions or paths have infinitely many values"
+            ledger.leave(claims, Reach(Engine.SEARCH, None, reason, 0.0))
+            return
+        started = time.monotonic()
+        found = exhaust(
+            ledger.system,
+            claims,
+            self.limits,
+            ledger.deadline,
+            ledger.subject.judge,
+            ledger.progress,
+        )
+        ledger.settle(found.verdicts)
+        seconds = time.monotonic() - started
+        enough = found.depth is not None and found.depth >= ledger.bounds.rounds
+        reach = Reach(Engine.SEARCH, found.depth, "" if enough else found.reason, seconds)
+        ledger.leave([c for c in ledger.open() if c not in found.unreplayed], reach)
+        for claim, reason in found.unreplayed.items():
+            ledger.leave([claim], Reach(Engine.SEARCH, None, reason, seconds))

@@ -1,0 +1,117 @@
+"""What one verification knows so far: the claims that are settled, and how far others were seen.
+
+Engines work on a ledger and write down each answer as it comes, so that stopping one loses nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from koord.semantics.configurations import System
+from koord.semantics.traces.recording import Recording
+from koord.verify.claims import Claim, Phase
+from koord.verify.solving import Deadline
+from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Verdict
+
+#: Replays a recording that should break a claim; raises NotReplayedError if it does not.
+Judge = Callable[[Recording, Claim, Phase], Counterexample]
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What engines work on, and who replays what they find.
+
+    ``original`` is the system without opaque values: the same as ``system`` if it has none.
+    """
+
+    system: System
+    judge: Judge
+    original: System
+
+    @property
+    def is_abstract(self) -> bool:
+        return self.system is not self.original
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far an engine saw a claim hold that it did not settle, and why it went no further.
+
+    ``rounds`` is the last round through which the claim holds; None: not even INIT is known.
+    ``reason`` is empty if it was not asked to go further.
+    """
+
+    engine: Engine
+    rounds: int | None
+    reason: str
+    seconds: float
+
+
+@dataclass(slots=True)
+class Ledger:
+    """The state of one verification."""
+
+    subject: Subject
+    bounds: Bounds
+    deadline: Deadline
+    claims: tuple[Claim, ...]
+    seed: int = 0
+    progress: Callable[[str], None] = lambda text: None
+    verdicts: dict[Claim, Verdict] = field(default_factory=dict)
+    stopped: str = ""  #: why all engines were stopped, if they were
+    _reaches: dict[Claim, dict[Engine, Reach]] = field(default_factory=dict)
+
+    @property
+    def system(self) -> System:
+        return self.subject.system
+
+    def open(self) -> list[Claim]:
+        """The claims that are not settled, in order."""
+        return [claim for claim in self.claims if claim not in self.verdicts]
+
+    def wanting(self) -> list[Claim]:
+        """The open claims that no engine saw hold through as many rounds as asked for."""
+        return [claim for claim in self.open() if self.verdict(claim).outcome is Outcome.UNKNOWN]
+
+    def proved(self) -> list[Claim]:
+        """The claims that hold in all rounds: what else is asked may rely on them."""
+        held = (claim for claim in self.claims if claim in self.verdicts)
+        return [claim for claim in held if self.verdicts[claim].outcome is Outcome.HOLDS]
+
+    def settle(self, verdicts: Mapping[Claim, Verdict]) -> None:
+        self.verdicts.update(verdicts)
+
+    def leave(self, claims: Iterable[Claim], reach: Reach) -> None:
+        """Note how far an engine came with claims, in place of what it said of them before."""
+        for claim in claims:
+            self._reaches.setdefault(claim, {})[reach.engine] = reach
+
+    def verdict(self, claim: Claim) -> Verdict:
+        """The answer to a claim, as far as it is known."""
+        if claim in self.verdicts:
+            return self.verdicts[claim]
+        # Of engines that came equally far the last one knows best why nobody went further.
+        reaches = list(self._reaches.get(claim, {}).values())[::-1]
+        if not reaches:
+            reason = self.stopped or "not decided"
+            return Verdict(claim, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=reason)
+        farthest = max(reaches, key=_rounds)
+        engine = Engine.NONE if farthest.rounds is None else farthest.engine
+        outcome, reason = Outcome.HOLDS, ""
+        if not any(not r.reason and _rounds(r) >= self.bounds.rounds for r in reaches):
+            outcome = Outcome.UNKNOWN
+            reasons = [self.stopped, farthest.reason, *(r.reason for r in reaches), "not decided"]
+            reason = next(filter(None, reasons))
+        return Verdict(claim, outcome, engine, farthest.seconds, farthest.rounds, reason=reason)
+
+
+def _rounds(reach: Reach) -> int:
+    return -1 if reach.rounds is None else reach.rounds
+
+
+class Works(Protocol):
+    """An engine: settles the open claims of a ledger, or says how far it came with them."""
+
+    def work(self, ledger: Ledger) -> None: ...
