@@ -6,11 +6,13 @@ variables and its copy of every shared one; ``cp`` is ``ports``.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from fractions import Fraction
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
+from koord.semantics.crowds import Crowd, Size
 from koord.semantics.storage import Storage
 from koord.semantics.values import Value
 from koord.syntax import core
@@ -103,7 +105,8 @@ class Configuration(Generic[V]):
     """A system configuration ``c = ({L_i}, S, τ, turn)``; ``τ`` is ``round · δ``.
 
     ``taken`` are the lock classes that a robot entered in this round. A configuration with a
-    ``fault`` has no successors.
+    ``fault`` has no successors. Of a crowd no robot is listed: ``at`` says which robots a number
+    may be that of, each with the condition that it is.
     """
 
     robots: tuple[Robot[V], ...]
@@ -112,20 +115,30 @@ class Configuration(Generic[V]):
     turn: Turn = Turn.PROG
     taken: frozenset[int] = frozenset()
     fault: Fault | None = None
+    at: Callable[[V], Sequence[tuple[V, Robot[V]]]] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class System:
-    """A program with its robots: ``kinds[i]`` is robot i's position in ``program.agents``."""
+    """A program with its robots: ``kinds[i]`` is robot i's position in ``program.agents``.
+
+    With a ``crowd`` the robots of ``kinds`` are only those that are looked at, and not all.
+    """
 
     program: core.Program
     kinds: tuple[int, ...]
     delta_s: Fraction = Fraction(1, 10)
+    crowd: Crowd[Any] | None = None
 
     @property
     def robots(self) -> int:
         """``numAgents``."""
         return len(self.kinds)
+
+    @property
+    def size(self) -> Size[Any]:
+        """How many elements an array over robots has."""
+        return len(self.kinds) if self.crowd is None else self.crowd
 
     def agent(self, robot: int) -> core.Agent:
         """The kind of one robot."""

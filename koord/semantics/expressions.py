@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TypeVar, assert_never
+from collections.abc import Callable, Iterator, Sequence
+from typing import TypeAlias, TypeVar, assert_never
 
 from koord.semantics.configurations import FaultKind, Robot, Status
+from koord.semantics.crowds import Crowd
 from koord.semantics.domain import disjunction
 from koord.semantics.machine import Machine, NotFiniteError
 from koord.semantics.storage import (
@@ -23,6 +24,7 @@ from koord.semantics.storage import (
     part_of,
 )
 from koord.semantics.values import (
+    Family,
     Rec,
     Seq,
     Table,
@@ -43,6 +45,9 @@ from koord.syntax.types import INT, ArrayType, Robots
 
 V = TypeVar("V")
 
+#: Low, high, the value that an integer stands for, and whether it counts.
+Range: TypeAlias = "tuple[V, V, Callable[[V], Value[V]], Callable[[V], V]]"
+
 
 def evaluate(m: Machine[V], e: core.Expr) -> Value[V]:
     """The value of an expression on the machine's memory. Total: faults are logged. [E-CONST]"""
@@ -56,10 +61,9 @@ def evaluate(m: Machine[V], e: core.Expr) -> Value[V]:
         case core.Unary():
             return m.d.unary(e.op, scalar(evaluate(m, e.operand)))
         case core.Pid():
-            assert m.robot is not None
-            return m.d.const(m.robot, INT)
+            return m.pid()
         case core.NumAgents():
-            return m.d.const(m.system.robots, INT)
+            return m.count()
         case core.Delta():
             return m.d.const(m.system.delta_s, e.type)
         case core.Select():
@@ -150,7 +154,7 @@ def builtin(m: Machine[V], e: core.Builtin) -> Value[V]:
     if e.op is ListOp.LENGTH and isinstance(first.type, ArrayType):
         # A fixed array's length is known without reading what may still be unset.
         size = first.type.size
-        return m.d.const(m.system.robots if size is Robots.ALL else size, INT)
+        return m.count() if size is Robots.ALL else m.d.const(size, INT)
     value = evaluate(m, first)
     match e.op:
         case ListOp.LENGTH:
@@ -172,6 +176,9 @@ def contains(m: Machine[V], value: Value[V], wanted: Value[V]) -> V:
         found_key, _ = lookup(m.d, entries, wanted)
         return found_key
     items = sequence(value)
+    if isinstance(items, Family):
+        family: Family[V] = items
+        return m.negated(family.every(lambda item: m.negated(equal(m.d, item, wanted))))
     found = [
         m.both(inside(m.d, k, items.length), equal(m.d, item, wanted))
         for k, item in enumerate(items.items)
@@ -181,6 +188,11 @@ def contains(m: Machine[V], value: Value[V], wanted: Value[V]) -> V:
 
 def any_or_all(m: Machine[V], op: ListOp, items: Seq[V]) -> V:
     """Whether some or every element of a list of Booleans is true."""
+    if isinstance(items, Family):
+        family: Family[V] = items
+        if op is ListOp.ALL:
+            return family.every(scalar)
+        return m.negated(family.every(lambda item: m.negated(scalar(item))))
     result = m.truth(op is ListOp.ALL)
     for k, item in enumerate(items.items):
         here = inside(m.d, k, items.length)
@@ -195,13 +207,24 @@ def extreme(m: Machine[V], e: core.Builtin, items: Seq[V]) -> V:
     """The least or greatest element of a list of numbers; of an empty one a fault."""
     some = m.d.binary(BinaryOp.LT, m.d.const(0, INT), items.length)
     m.fault_unless(some, FaultKind.EMPTY, e.span)
-    if not items.items:
-        return scalar(default(m.d, e.type, m.system.robots))
-    best = scalar(items.items[0])
     op = BinaryOp.MIN if e.op is ListOp.MIN else BinaryOp.MAX
+    if isinstance(items, Family):
+        family: Family[V] = items
+        return extreme_of_all(op, family)
+    if not items.items:
+        nothing: V = scalar(default(m.d, e.type, m.system.size))
+        return nothing
+    best = scalar(items.items[0])
     for k, item in enumerate(items.items[1:], start=1):
         better = m.d.binary(op, best, scalar(item))
         best = scalar(merge_known(m.d, inside(m.d, k, items.length), better, best))
+    return best
+
+
+def extreme_of_all(op: BinaryOp, items: Family[V]) -> V:
+    """The least or greatest element of an array over a crowd."""
+    crowd: Crowd[V] = items.crowd
+    best: V = crowd.extreme(op, crowd.first, crowd.count, lambda i: scalar(items.at(i)))
     return best
 
 
@@ -219,7 +242,7 @@ def read(m: Machine[V], place: core.Place) -> Value[V]:
         m.fault_unless(legal, FaultKind.INDEX, step.span)
         type_ = step.type
         if below is None:
-            return default(m.d, place.type, m.system.robots)
+            return default(m.d, place.type, m.system.size)
         storage = below
     value, is_set = contents(m.d, storage, type_)
     m.fault_unless(is_set, FaultKind.UNSET, place.span, place.variable.name)
@@ -233,7 +256,7 @@ def parts(m: Machine[V], value: Value[V], steps: tuple[core.Step, ...]) -> Value
         below, legal = part_of(m.d, value, location)
         kind = FaultKind.KEY if isinstance(location, AtKey) else FaultKind.INDEX
         m.fault_unless(legal, kind, step.span)
-        value = below if below is not None else default(m.d, step.type, m.system.robots)
+        value = below if below is not None else default(m.d, step.type, m.system.size)
     return value
 
 
@@ -260,7 +283,7 @@ def root(m: Machine[V], place: core.Place) -> Storage[V]:
     if variable.home is Home.BOUND:
         cell = m.memory.bound[variable.slot]
         if cell is None:
-            return Cell(m.truth(False), default(m.d, variable.type, m.system.robots))
+            return Cell(m.truth(False), default(m.d, variable.type, m.system.size))
         return cell
     if m.view is not None:
         return viewed(m, place)
@@ -297,21 +320,29 @@ def at_robot(m: Machine[V], place: core.Place, index: V) -> Storage[V]:
     """The storage of the robot that ``v@i`` names; no such robot is a fault."""
     assert m.view is not None
     assert place.robot is not None
-    storages = {
-        number: storage
-        for number, robot in enumerate(m.view.robots)
+    found = [
+        (here, storage)
+        for here, robot in those_at(m, index)
         if (storage := _of_robot(m, place.variable, robot)) is not None
-    }
-    there = [m.d.binary(BinaryOp.EQ, index, m.d.const(robot, INT)) for robot in storages]
-    m.fault_unless(disjunction(m.d, there), FaultKind.INDEX, place.robot.span)
-    if not storages:
-        return Cell(m.truth(False), default(m.d, place.variable.type, m.system.robots))
-    *others, last = storages.values()
-    chosen = last
-    for here, storage in zip(there, others, strict=False):
+    ]
+    there = disjunction(m.d, [here for here, _ in found])
+    m.fault_unless(there, FaultKind.INDEX, place.robot.span)
+    if not found:
+        return Cell(m.truth(False), default(m.d, place.variable.type, m.system.size))
+    *others, (_, chosen) = found
+    for here, storage in others:
         if m.d.known(here) is None:
             chosen = merge_storage(m.d, here, storage, chosen)
     return chosen
+
+
+def those_at(m: Machine[V], index: V) -> Sequence[tuple[V, Robot[V]]]:
+    """The robots that a number may be that of, each with the condition that it is. [PROP-READ]"""
+    assert m.view is not None
+    if m.view.at is not None:
+        return m.view.at(index)
+    numbered = enumerate(m.view.robots)
+    return [(m.d.binary(BinaryOp.EQ, index, m.d.const(n, INT)), robot) for n, robot in numbered]
 
 
 def _of_robot(m: Machine[V], variable: core.Variable, robot: Robot[V]) -> Storage[V] | None:
@@ -396,6 +427,8 @@ def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
 
         assert e.quantifier is core.QuantifierKind.FORALL
         return m.oracle.every(e.domain.type, body)
+    if m.system.crowd is not None and (over := span_of(m, e.domain)) is not None:
+        return quantified_over(m, e, *over)
     universal = e.quantifier is core.QuantifierKind.FORALL
     result = m.truth(universal)
     for label, here, value in instances(m, e):
@@ -413,6 +446,83 @@ def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
         else:
             result = m.either(result, m.both(here, holds))
     return result
+
+
+def span_of(m: Machine[V], over: core.QuantifierDomain) -> Range[V] | None:
+    """The integers that a quantifier in a crowd is about, where the domain cannot list them.
+
+    With them the value that each stands for, and the condition under which it counts.
+    """
+    crowd: Crowd[V] | None = m.system.crowd
+    assert crowd is not None
+    match over:
+        case core.RobotRange(agent=agent):
+            kind = agent
+
+            def counts(i: V) -> V:
+                return m.truth(True) if kind is None else crowd.is_of(i, kind)
+
+            return crowd.first, crowd.count, lambda i: i, counts
+        case core.IntRange(low=low, high=high):
+            start, end = scalar(evaluate(m, low)), scalar(evaluate(m, high))
+            if listable(m, low, high, start, end):
+                return None
+            return start, end, lambda i: i, lambda i: m.truth(True)
+        case core.Elements(sequence=elements):
+            items = sequence(evaluate(m, elements))
+            if not isinstance(items, Family):
+                return None
+            return crowd.first, crowd.count, items.at, lambda i: m.truth(True)
+        case core.AllValues():
+            return None
+
+
+def quantified_over(
+    m: Machine[V],
+    e: core.Quantified,
+    low: V,
+    high: V,
+    value: Callable[[V], Value[V]],
+    counts: Callable[[V], V],
+) -> V:
+    """[E-QUANT] over integers that cannot be listed: what it gives, and where it faults.
+
+    As with lists, a fault counts only if what comes before leaves the outcome undecided.
+    """
+    crowd: Crowd[V] | None = m.system.crowd
+    assert crowd is not None
+    universal = e.quantifier is core.QuantifierKind.FORALL
+
+    def undecided(i: V) -> V:
+        """Whether the trip for ``i`` leaves the outcome open."""
+        holds, _ = looked_at(m, e, value(i))
+        wanted = holds if universal else m.negated(holds)
+        return m.d.binary(BinaryOp.IMPLIES, counts(i), wanted)
+
+    def sound(i: V) -> V:
+        _, faults = looked_at(m, e, value(i))
+        if not faults:
+            return m.truth(True)
+        broken = m.both(counts(i), disjunction(m.d, faults))
+        return m.negated(m.both(broken, crowd.every(low, i, undecided)))
+
+    safe = crowd.every(low, high, sound)
+    m.fault_unless(safe, FaultKind.UNSET, e.span, "in a quantifier")
+    every = crowd.every(low, high, undecided)
+    return every if universal else m.negated(every)
+
+
+def looked_at(m: Machine[V], e: core.Quantified, value: Value[V]) -> tuple[V, list[V]]:
+    """The body of a quantifier for one value: what it gives, and the conditions of its faults."""
+    inner = m.apart()
+    inner.memory.bound[e.variable.slot] = held(m.d, value)
+    holds = scalar(evaluate(inner, e.body))
+    crowd: Crowd[V] | None = m.system.crowd
+    assert crowd is not None
+    for needed in inner.legality:
+        # Nothing is left open in a statement but functions, which answer alike everywhere.
+        crowd.assume(needed.condition)
+    return holds, [fault for fault, _ in inner.faults]
 
 
 def instances(m: Machine[V], e: core.Quantified) -> Iterator[tuple[int, V, Value[V]]]:
@@ -449,6 +559,18 @@ def integers(m: Machine[V], low: core.Expr, high: core.Expr) -> Iterator[tuple[i
             yield k, here, number
 
 
+def listable(m: Machine[V], low: core.Expr, high: core.Expr, start: V, end: V) -> bool:
+    """Whether the domain knows bounds of a range, so that its integers can be listed."""
+    if m.system.crowd is None:
+        return True
+    try:
+        limit(m, low, start, least=True)
+        limit(m, high, end, least=False)
+    except NotFiniteError:
+        return False
+    return True
+
+
 def limit(m: Machine[V], e: core.Expr, value: V, *, least: bool) -> int:
     """A bound of an integer that the domain knows in part: itself, or from how it is built."""
     known = m.d.known(value)
@@ -479,8 +601,7 @@ def ran(m: Machine[V], e: core.Ran) -> Value[V]:
     assert m.view is not None
     index = scalar(evaluate(m, e.robot))
     holds = []
-    for number, robot in enumerate(m.view.robots):
-        here = m.d.binary(BinaryOp.EQ, index, m.d.const(number, INT))
+    for here, robot in those_at(m, index):
         for kind, position in e.events:
             if kind == robot.kind:
                 did = m.d.binary(BinaryOp.EQ, robot.ran, m.d.const(position, INT))
@@ -493,8 +614,7 @@ def stopped(m: Machine[V], e: core.Stopped) -> Value[V]:
     assert m.view is not None
     index = scalar(evaluate(m, e.robot))
     holds = []
-    for number, robot in enumerate(m.view.robots):
-        here = m.d.binary(BinaryOp.EQ, index, m.d.const(number, INT))
+    for here, robot in those_at(m, index):
         done = m.d.binary(BinaryOp.EQ, robot.status, m.d.const(int(Status.STOPPED), INT))
         holds.append(m.both(here, done))
     return disjunction(m.d, holds)

@@ -8,7 +8,7 @@ found out (faults, conditions of legality) is logged together with the condition
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 from koord.semantics.configurations import (
@@ -19,6 +19,7 @@ from koord.semantics.configurations import (
     System,
     Written,
 )
+from koord.semantics.crowds import Crowd, NotFiniteError
 from koord.semantics.domain import Domain
 from koord.semantics.masks import Mask
 from koord.semantics.oracle import Oracle
@@ -26,18 +27,9 @@ from koord.semantics.storage import Storage, merge_storage, set_only_if
 from koord.semantics.values import Value
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.source import Span
-from koord.syntax.types import BOOL
+from koord.syntax.types import BOOL, INT
 
 V = TypeVar("V")
-
-
-class NotFiniteError(Exception):
-    """A loop or quantifier has no bound that the domain knows: the caller must say *unknown*."""
-
-    def __init__(self, span: Span, what: str) -> None:
-        super().__init__(f"{span}: {what}")
-        self.span = span
-        self.what = what
 
 
 @dataclass(slots=True)
@@ -181,6 +173,34 @@ class Machine(Generic[V]):
         if self.d.known(needed) is not True:
             self.legality.append(Legality(rule, needed, what, span))
 
+    def apart(self) -> Machine[V]:
+        """A machine in the same state with an empty log, which changes on its own from here."""
+        return replace(
+            self,
+            memory=self.memory.copied(),
+            guard=self.truth(True),
+            trail=self.trail.copy(),
+            faults=[],
+            legality=[],
+            entered={},
+            allread_masks={},
+            allwrite_masks={},
+            output=[],
+        )
+
+    # --- the robots -----------------------------------------------------------------------------
+
+    def pid(self) -> V:
+        """``pid`` of the robot that runs. [E-CONST]"""
+        assert self.robot is not None
+        crowd: Crowd[V] | None = self.system.crowd
+        return self.d.const(self.robot, INT) if crowd is None else crowd.pid(self.robot)
+
+    def count(self) -> V:
+        """``numAgents``. [E-CONST]"""
+        crowd: Crowd[V] | None = self.system.crowd
+        return self.d.const(self.system.robots, INT) if crowd is None else crowd.count
+
     # --- Booleans -------------------------------------------------------------------------------
 
     def truth(self, value: bool) -> V:
@@ -224,3 +244,6 @@ def machine(
         never,
     )
     return Machine(d, system, robot, oracle, memory, d.const(True, BOOL), view)
+
+
+__all__ = ["Legality", "Machine", "Memory", "NotFiniteError", "machine"]

@@ -17,6 +17,7 @@ from koord.semantics.storage import (
     AtKey,
     Cell,
     Location,
+    Many,
     Storage,
     Tree,
     merge_storage_known,
@@ -68,6 +69,8 @@ def marked(
     if isinstance(first, AtKey):
         # Below a key the whole entry is one location: keys may differ in shape between robots.
         return Mask(mask.whole, mask.parts, (*mask.keys, (condition, first.key)))
+    if isinstance(storage, Many):
+        return _own_entry_marked(d, mask, storage, first, rest, condition)
     below = _parts(storage)
     parts = list(mask.parts) + [None] * (len(below) - len(mask.parts))
     for position, part in enumerate(below):
@@ -76,6 +79,21 @@ def marked(
             both = d.binary(BinaryOp.AND, condition, here)
             parts[position] = marked(d, parts[position], part, rest, both)
     return Mask(mask.whole, tuple(parts), mask.keys)
+
+
+def _own_entry_marked(
+    d: Domain[V],
+    mask: Mask[V],
+    many: Many[V],
+    first: Location[V],
+    rest: Sequence[Location[V]],
+    condition: V,
+) -> Mask[V]:
+    """Of a crowd's array a robot writes one entry, its own: a mask of one part. [ALLREAD]"""
+    assert isinstance(first, AtIndex)
+    own = mask.parts[0] if mask.parts else None
+    part = marked(d, own, many.at(first.index), rest, condition)
+    return Mask(mask.whole, (part,), mask.keys)
 
 
 def _addresses(d: Domain[V], location: AtIndex[V] | AtField, position: int) -> V:

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TypeVar, assert_never
 
 from koord.semantics.configurations import FaultKind, Written
-from koord.semantics.expressions import condition, evaluate, integers, located
+from koord.semantics.expressions import condition, evaluate, integers, listable, located
 from koord.semantics.machine import Machine
 from koord.semantics.masks import marked
 from koord.semantics.storage import (
@@ -15,6 +15,7 @@ from koord.semantics.storage import (
     AtKey,
     Cell,
     Location,
+    Many,
     Storage,
     Tree,
     descend,
@@ -25,6 +26,7 @@ from koord.semantics.storage import (
     write,
 )
 from koord.semantics.values import (
+    Family,
     Rec,
     Seq,
     Table,
@@ -35,6 +37,7 @@ from koord.semantics.values import (
     lookup,
     merge_known,
     put_at,
+    scalar,
     sequence,
     table,
     without,
@@ -152,11 +155,15 @@ def _fresh(
         if not isinstance(part, Tree):
             return Cell(m.truth(True), value)
         assert not isinstance(location, AtKey)
+        if isinstance(part, Many):
+            assert isinstance(location, AtIndex)
+            part = part.at(location.index)
+            continue
         if not part.parts:
             return Cell(m.truth(True), value)
         # All elements of an array have one shape.
         part = part.parts[0 if isinstance(location, AtIndex) else location.position]
-    return stored(m.d, place.type, value, m.system.robots)
+    return stored(m.d, place.type, value, m.system.size)
 
 
 def _check_write(
@@ -199,7 +206,7 @@ def _assign_bound(
     variable = place.variable
     storage = m.memory.bound[variable.slot]
     if storage is None:
-        storage = unset(m.d, variable.type, m.system.robots)
+        storage = unset(m.d, variable.type, m.system.size)
     if isinstance(storage, Cell) and not locations:
         m.memory.bound[variable.slot] = held(m.d, value)
         return
@@ -228,12 +235,18 @@ def _mark(
 def for_range(m: Machine[V], s: core.ForRange) -> None:
     """[S-FOR]: bounds are taken once; each trip is under the condition that it happens."""
 
-    def trip(number: V) -> Callable[[], None]:
-        def body() -> None:
-            m.memory.bound[s.variable.slot] = held(m.d, number)
-            run(m, s.body)
+    def once(m: Machine[V], number: V) -> None:
+        m.memory.bound[s.variable.slot] = held(m.d, number)
+        run(m, s.body)
 
-        return body
+    if m.system.crowd is not None:
+        start, end = scalar(evaluate(m, s.low)), scalar(evaluate(m, s.high))
+        if not listable(m, s.low, s.high, start, end):
+            m.system.crowd.loop(m, start, end, once, s.span)
+            return
+
+    def trip(number: V) -> Callable[[], None]:
+        return partial(once, m, number)
 
     trips = [(k, here, trip(number)) for k, here, number in integers(m, s.low, s.high)]
     _loop(m, trips)
@@ -244,6 +257,9 @@ def for_each(m: Machine[V], s: core.ForEach) -> None:
     over = evaluate(m, s.sequence)
     if isinstance(over, Table):
         pairs = list(over.entries)
+    elif isinstance(over, Family):
+        for_each_robot(m, s, over)
+        return
     else:
         items = sequence(over).items
         pairs = [(m.d.const(k, INT), item) for k, item in enumerate(items)]
@@ -260,6 +276,18 @@ def for_each(m: Machine[V], s: core.ForEach) -> None:
 
     length = over.length
     _loop(m, [(k, inside(m.d, k, length), trip(*pair)) for k, pair in enumerate(pairs)])
+
+
+def for_each_robot(m: Machine[V], s: core.ForEach, over: Family[V]) -> None:
+    """[S-FOREACH] over an array of a crowd."""
+
+    def once(m: Machine[V], number: V) -> None:
+        if s.key is not None:
+            m.memory.bound[s.key.slot] = held(m.d, number)
+        m.memory.bound[s.value.slot] = held(m.d, over.at(number))
+        run(m, s.body)
+
+    over.crowd.loop(m, over.crowd.first, over.crowd.count, once, s.span)
 
 
 def _loop(m: Machine[V], trips: Iterable[tuple[int, V, Callable[[], None]]]) -> None:
@@ -298,7 +326,7 @@ def call(m: Machine[V], e: core.Call) -> Value[V]:
     result = m.memory.result
     m.memory.bound, m.memory.broke, m.memory.returned, m.memory.result = outer
     if result is None:
-        result = Cell(m.truth(False), default(m.d, e.type, m.system.robots))
+        result = Cell(m.truth(False), default(m.d, e.type, m.system.size))
     assert isinstance(result, Cell)
     m.fault_unless(result.is_set, FaultKind.UNSET, e.span, f"{e.function} returned nothing")
     return result.value
@@ -360,7 +388,7 @@ def pop(m: Machine[V], s: core.Pop) -> None:
     m.fault_unless(some, FaultKind.EMPTY, s.span)
     if not items.items:
         if s.into is not None:
-            assign(m, s.into, default(m.d, s.into.type, m.system.robots))
+            assign(m, s.into, default(m.d, s.into.type, m.system.size))
         return
     last = m.d.binary(BinaryOp.SUB, items.length, one)
     position = zero if isinstance(s.place.type, QueueType) else last

@@ -6,12 +6,14 @@ trees of atoms.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeAlias, TypeVar
 
+from koord.semantics.crowds import Crowd, NotFiniteError, Size
 from koord.semantics.domain import Domain, conjunction
 from koord.semantics.values import (
+    Family,
     Rec,
     Seq,
     Table,
@@ -30,6 +32,7 @@ from koord.semantics.values import (
     table,
 )
 from koord.syntax.core import BinaryOp
+from koord.syntax.source import NOWHERE
 from koord.syntax.types import BOOL, INT, ArrayType, RecordType, Robots, Type
 
 V = TypeVar("V")
@@ -48,6 +51,24 @@ class Tree(Generic[V]):
     """The fields of a record or the elements of a fixed array."""
 
     parts: tuple[Storage[V], ...]
+
+
+class Many(Tree[V]):
+    """The elements of an array over the robots of a crowd, none of them listed."""
+
+    __slots__ = ("at", "crowd")
+
+    crowd: Crowd[V]
+    at: Callable[[V], Storage[V]]
+
+    def __init__(self, crowd: Crowd[V], at: Callable[[V], Storage[V]]) -> None:
+        object.__setattr__(self, "crowd", crowd)
+        object.__setattr__(self, "at", at)
+
+    @property
+    def parts(self) -> tuple[Storage[V], ...]:
+        """Nobody can list them."""
+        raise NotFiniteError(NOWHERE, "an array over all robots is needed element by element")
 
 
 Storage: TypeAlias = "Cell[V] | Tree[V]"
@@ -77,19 +98,22 @@ Location: TypeAlias = "AtIndex[V] | AtKey[V] | AtField"
 # --- making -------------------------------------------------------------------------------------
 
 
-def unset(d: Domain[V], type_: Type, robots: int) -> Storage[V]:
+def unset(d: Domain[V], type_: Type, robots: Size[V]) -> Storage[V]:
     """Storage of a type that holds nothing yet."""
     match type_:
         case RecordType(fields=fields):
             return Tree(tuple(unset(d, field, robots) for _, field in fields))
         case ArrayType(element=element, size=size):
             count = robots if size is Robots.ALL else size
-            return Tree((unset(d, element, robots),) * count)
+            nothing = unset(d, element, robots)
+            if not isinstance(count, int):
+                return Many(count, lambda index: nothing)
+            return Tree((nothing,) * count)
         case _:
             return Cell(d.const(False, BOOL), default(d, type_, robots))
 
 
-def stored(d: Domain[V], type_: Type, value: Value[V], robots: int) -> Storage[V]:
+def stored(d: Domain[V], type_: Type, value: Value[V], robots: Size[V]) -> Storage[V]:
     """Storage of a type that holds a value. A fixed array takes what fits; the rest is unset."""
     match type_:
         case RecordType(fields=fields):
@@ -97,11 +121,20 @@ def stored(d: Domain[V], type_: Type, value: Value[V], robots: int) -> Storage[V
             return Tree(tuple(stored(d, field, part, robots) for (_, field), part in pairs))
         case ArrayType(element=element, size=size):
             count = robots if size is Robots.ALL else size
+            if not isinstance(count, int):
+                return _stored_family(d, element, value, robots)
             items = sequence(value).items[:count]
             filled = [stored(d, element, item, robots) for item in items]
             return Tree((*filled, *[unset(d, element, robots)] * (count - len(filled))))
         case _:
             return Cell(d.const(True, BOOL), value)
+
+
+def _stored_family(d: Domain[V], element: Type, value: Value[V], robots: Size[V]) -> Storage[V]:
+    if not isinstance(value, Family):
+        raise NotFiniteError(NOWHERE, "a list is stored in an array over all robots")
+    family: Family[V] = value
+    return Many(family.crowd, lambda i: stored(d, element, family.at(i), robots))
 
 
 def held(d: Domain[V], value: Value[V]) -> Cell[V]:
@@ -116,6 +149,8 @@ def contents(d: Domain[V], storage: Storage[V], type_: Type) -> tuple[Value[V], 
     """The value held, and whether every atom of it is set. [LOOKUP]"""
     if isinstance(storage, Cell):
         return storage.value, storage.is_set
+    if isinstance(storage, Many):
+        return _family_contents(d, storage, type_)
     if isinstance(type_, RecordType):
         types: Sequence[Type] = [field for _, field in type_.fields]
     else:
@@ -127,6 +162,14 @@ def contents(d: Domain[V], storage: Storage[V], type_: Type) -> tuple[Value[V], 
     return (Rec(values) if isinstance(type_, RecordType) else listed(d, values)), all_set
 
 
+def _family_contents(d: Domain[V], many: Many[V], type_: Type) -> tuple[Value[V], V]:
+    assert isinstance(type_, ArrayType)
+    element, crowd = type_.element, many.crowd
+    value = Family(crowd, lambda i: contents(d, many.at(i), element)[0])
+    all_set = crowd.every(crowd.first, crowd.count, lambda i: contents(d, many.at(i), element)[1])
+    return value, all_set
+
+
 def descend(
     d: Domain[V], storage: Storage[V], location: Location[V]
 ) -> tuple[Storage[V] | None, V]:
@@ -135,6 +178,8 @@ def descend(
     if isinstance(location, AtField):
         return storage.parts[location.position], d.const(True, BOOL)
     assert isinstance(location, AtIndex)
+    if isinstance(storage, Many):
+        return storage.at(location.index), in_range(d, location.index, storage.crowd.count)
     legal = in_range(d, location.index, d.const(len(storage.parts), INT))
     return _pick_storage(d, location.index, storage.parts), legal
 
@@ -161,7 +206,10 @@ def part_of(d: Domain[V], value: Value[V], location: Location[V]) -> tuple[Value
         return record(value).fields[location.position], d.const(True, BOOL)
     if isinstance(location, AtIndex):
         items = sequence(value)
-        return pick(d, location.index, items.items), in_range(d, location.index, items.length)
+        legal = in_range(d, location.index, items.length)
+        if isinstance(items, Family):
+            return items.at(location.index), legal
+        return pick(d, location.index, items.items), legal
     found, there = lookup(d, table(value), location.key)
     return there, found
 
@@ -198,6 +246,8 @@ def write(
 def _write_element(
     d: Domain[V], storage: Tree[V], index: V, rest: Sequence[Location[V]], fresh: Storage[V]
 ) -> tuple[Storage[V], V]:
+    if isinstance(storage, Many):
+        return _write_robots(d, storage, index, rest, fresh)
     legal = in_range(d, index, d.const(len(storage.parts), INT))
     known = d.known(index)
     if known is not None:
@@ -215,6 +265,20 @@ def _write_element(
     return Tree(tuple(parts)), legal
 
 
+def _write_robots(
+    d: Domain[V], many: Many[V], index: V, rest: Sequence[Location[V]], fresh: Storage[V]
+) -> tuple[Storage[V], V]:
+    """The same where the elements are those of a crowd."""
+    part, below = write(d, many.at(index), rest, fresh)
+
+    def at(i: V) -> Storage[V]:
+        here = d.binary(BinaryOp.EQ, i, index)
+        return merge_storage_known(d, here, part, many.at(i))
+
+    legal = in_range(d, index, many.crowd.count)
+    return Many(many.crowd, at), conjunction(d, [legal, below])
+
+
 def _write_inside(
     d: Domain[V], value: Value[V], locations: Sequence[Location[V]], fresh: Value[V]
 ) -> tuple[Value[V], V]:
@@ -230,6 +294,8 @@ def _write_inside(
         return _write_key(d, table(value), first.key, rest, fresh)
     items = sequence(value)
     legal = in_range(d, first.index, items.length)
+    if isinstance(items, Family):
+        return _write_family(d, items, first.index, rest, fresh)
     known = d.known(first.index)
     if known is not None and known not in range(len(items.items)):
         return value, legal
@@ -243,6 +309,18 @@ def _write_inside(
         changed.append(merge_known(d, here, part, item))
         legal = conjunction(d, [legal, d.binary(BinaryOp.IMPLIES, here, below)])
     return Seq(items.length, tuple(changed)), legal
+
+
+def _write_family(
+    d: Domain[V], family: Family[V], index: V, rest: Sequence[Location[V]], fresh: Value[V]
+) -> tuple[Value[V], V]:
+    part, below = _write_inside(d, family.at(index), rest, fresh)
+
+    def at(i: V) -> Value[V]:
+        return merge_known(d, d.binary(BinaryOp.EQ, i, index), part, family.at(i))
+
+    legal = in_range(d, index, family.length)
+    return Family(family.crowd, at), conjunction(d, [legal, below])
 
 
 def _write_key(
@@ -268,6 +346,9 @@ def set_only_if(d: Domain[V], storage: Storage[V], condition: V) -> Storage[V]:
     """The storage, with nothing set where the condition does not hold."""
     if isinstance(storage, Cell):
         return Cell(d.binary(BinaryOp.AND, storage.is_set, condition), storage.value)
+    if isinstance(storage, Many):
+        at = storage.at
+        return Many(storage.crowd, lambda i: set_only_if(d, at(i), condition))
     return Tree(tuple(set_only_if(d, part, condition) for part in storage.parts))
 
 
@@ -283,6 +364,9 @@ def merge_storage(d: Domain[V], condition: V, then: Storage[V], other: Storage[V
         is_set = d.ite(condition, then.is_set, other.is_set)
         return Cell(is_set, merge(d, condition, then.value, other.value))
     assert isinstance(other, Tree)
+    if isinstance(then, Many) and isinstance(other, Many):
+        first, second = then.at, other.at
+        return Many(then.crowd, lambda i: merge_storage(d, condition, first(i), second(i)))
     pairs = zip(then.parts, other.parts, strict=True)
     return Tree(tuple(merge_storage(d, condition, a, b) for a, b in pairs))
 

@@ -58,7 +58,7 @@ def declared(
     d: Domain[V], system: System, inputs: Inputs[V]
 ) -> tuple[Store[V], tuple[tuple[V, Fault], ...]]:
     """The shared store before any robot's INIT: allwrite variables as declared. [INIT]"""
-    program, robots = system.program, system.robots
+    program, robots = system.program, system.size
     allread = tuple(unset(d, entry.variable.type, robots) for entry in program.allread)
     m = machine(d, system, inputs.oracle(Phase.INIT, 0))
     m.memory.allread = list(allread)
@@ -81,8 +81,8 @@ def _starting(
     if entry.initial is Start.UNSET:
         return None
     if entry.initial is Start.ARBITRARY:
-        return stored(m.d, type_, inputs.start(entry, robot), m.system.robots)
-    return stored(m.d, type_, evaluate(m, entry.initial), m.system.robots)
+        return stored(m.d, type_, inputs.start(entry, robot), m.system.size)
+    return stored(m.d, type_, evaluate(m, entry.initial), m.system.size)
 
 
 def initial_turn(
@@ -95,8 +95,8 @@ def initial_turn(
         system,
         inputs.oracle(Phase.INIT, robot),
         robot=robot,
-        locals=tuple(unset(d, x.variable.type, system.robots) for x in agent.locals),
-        ports=tuple(unset(d, p.declaration.variable.type, system.robots) for p in agent.ports),
+        locals=tuple(unset(d, x.variable.type, system.size) for x in agent.locals),
+        ports=tuple(unset(d, p.declaration.variable.type, system.size) for p in agent.ports),
         copy=store,
         bound=agent.init_bound,
     )
@@ -298,7 +298,7 @@ def _sense(
         if port.direction is Direction.SENSOR:
             variable = port.declaration.variable
             value = inputs.sensor(robot, port)
-            m.memory.after[variable.slot] = stored(m.d, variable.type, value, m.system.robots)
+            m.memory.after[variable.slot] = stored(m.d, variable.type, value, m.system.size)
 
 
 def _kept(m: Machine[V], contract: core.Contract) -> V:

@@ -7,12 +7,14 @@ knows only in part has a ``length`` scalar and as many ``items`` as it may have 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeAlias, TypeVar
 
+from koord.semantics.crowds import Crowd, NotFiniteError, Size
 from koord.semantics.domain import Domain, conjunction, disjunction
 from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.source import NOWHERE
 from koord.syntax.types import (
     INT,
     ArrayType,
@@ -47,6 +49,29 @@ class Seq(Generic[V]):
 
     length: V
     items: tuple[Value[V], ...]
+
+
+class Family(Seq[V]):
+    """An array over the robots of a crowd: an element for each number, none of them listed."""
+
+    __slots__ = ("at", "crowd")
+
+    crowd: Crowd[V]
+    at: Callable[[V], Value[V]]
+
+    def __init__(self, crowd: Crowd[V], at: Callable[[V], Value[V]]) -> None:
+        object.__setattr__(self, "length", crowd.count)
+        object.__setattr__(self, "crowd", crowd)
+        object.__setattr__(self, "at", at)
+
+    @property
+    def items(self) -> tuple[Value[V], ...]:
+        """Nobody can list them."""
+        raise NotFiniteError(NOWHERE, "an array over all robots is needed element by element")
+
+    def every(self, body: Callable[[Value[V]], V]) -> V:
+        """Whether a Boolean holds of every element."""
+        return self.crowd.every(self.crowd.first, self.length, lambda index: body(self.at(index)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +114,7 @@ def listed(d: Domain[V], items: Sequence[Value[V]]) -> Seq[V]:
     return Seq(d.const(len(items), INT), tuple(items))
 
 
-def default(d: Domain[V], type_: Type, robots: int) -> Value[V]:
+def default(d: Domain[V], type_: Type, robots: Size[V]) -> Value[V]:
     """Some value of a type: what total operations give where they fault."""
     match type_:
         case IntType() | FloatType() | EnumType():
@@ -104,7 +129,10 @@ def default(d: Domain[V], type_: Type, robots: int) -> Value[V]:
             return Rec(tuple(default(d, field, robots) for _, field in fields))
         case ArrayType(element=element, size=size):
             count = robots if size is Robots.ALL else size
-            return listed(d, [default(d, element, robots)] * count)
+            some = default(d, element, robots)
+            if not isinstance(count, int):
+                return Family(count, lambda index: some)
+            return listed(d, [some] * count)
         case ListType() | QueueType():
             return listed(d, [])
         case MapType():
@@ -118,6 +146,8 @@ def merge(d: Domain[V], condition: V, then: Value[V], other: Value[V]) -> Value[
     if isinstance(then, Rec):
         pairs = zip(then.fields, record(other).fields, strict=True)
         return Rec(tuple(merge(d, condition, a, b) for a, b in pairs))
+    if isinstance(then, Family):
+        return _merged_family(d, condition, then, other)
     if isinstance(then, Seq):
         other = sequence(other)
         return Seq(
@@ -131,6 +161,12 @@ def merge(d: Domain[V], condition: V, then: Value[V], other: Value[V]) -> Value[
         length = d.ite(condition, then.length, other.length)
         return Table(length, tuple(zip(keys, values, strict=True)))
     return d.ite(condition, scalar(then), scalar(other))
+
+
+def _merged_family(d: Domain[V], condition: V, then: Family[V], other: Value[V]) -> Value[V]:
+    assert isinstance(other, Family), other
+    second: Family[V] = other
+    return Family(then.crowd, lambda i: merge(d, condition, then.at(i), second.at(i)))
 
 
 def _zipped(
@@ -149,6 +185,11 @@ def equal(d: Domain[V], left: Value[V], right: Value[V]) -> V:
         pairs = zip(left.fields, record(right).fields, strict=True)
         parts = [equal(d, a, b) for a, b in pairs]
         return conjunction(d, parts)
+    if isinstance(left, Family) and isinstance(right, Family):
+        one: Family[V] = left
+        two: Family[V] = right
+        crowd = one.crowd
+        return crowd.every(crowd.first, crowd.count, lambda i: equal(d, one.at(i), two.at(i)))
     if isinstance(left, Seq):
         right = sequence(right)
         parts = [d.binary(BinaryOp.EQ, left.length, right.length)]
