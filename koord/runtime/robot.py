@@ -1,0 +1,468 @@
+"""What compiled programs are made of: a robot, its events, and the operations on its values.
+
+`koord compile` writes classes that derive from :class:`Robot`. Their attributes are the robot's
+variables, its ports, and its copy of every shared variable: ``M`` and ``cp`` of the semantics. An
+event runs on a copy of the attributes: until a decision lets it through, nothing has happened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, ClassVar, Protocol
+
+from koord.runtime import shapes
+from koord.runtime.operations import (
+    UNSET,
+    FaultError,
+    at,
+    contains,
+    entry,
+    first_of,
+    greatest,
+    has_key,
+    known,
+    last_of,
+    least,
+    no_choice,
+    put,
+    quotient,
+    ratio,
+    real,
+    remainder,
+    same,
+    whole,
+    without,
+    without_key,
+)
+from koord.runtime.proposals import (
+    INIT_ROUND,
+    Asked,
+    Attempt,
+    Fault,
+    FaultKind,
+    Proposal,
+    Write,
+)
+from koord.runtime.shapes import (
+    BOOL,
+    FLOAT,
+    INT,
+    STRING,
+    Array,
+    Enumeration,
+    PerRobot,
+    Record,
+    Shape,
+    blank,
+    default,
+    element_of,
+    from_plain,
+    to_plain,
+)
+from koord.runtime.shapes import Mapping as MapOf
+from koord.runtime.shapes import Sequence as ListOf
+from koord.runtime.store import Layout, Shared
+
+#: Names one evaluation of ``choose`` or of an external function within one turn. [RECORDING]
+Key = tuple[int, ...]
+
+
+class Turn(Enum):
+    """Whose turn it is when a program asks for something."""
+
+    INIT = "init"
+    PROG = "prog"
+    ENV = "env"
+
+
+class Status(Enum):
+    """Whether a robot still runs events. [STOP]"""
+
+    RUNNING = 0
+    ASKED = 1  #: goes on until everyone asked
+    STOPPED = 2
+
+
+class Host(Protocol):
+    """Everything that a program leaves open: its sensors, its library, chance.
+
+    Values are what :mod:`koord.runtime.shapes` says; lists do for tuples, and tuples for records.
+    """
+
+    def start(self, robot: int | None, name: str) -> Any:
+        """What an arbitrary variable starts with; ``robot`` is None for allwrite variables."""
+        ...
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        """What the sensors without a model read after a round, by attribute."""
+        ...
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        """The answer of an external function, whose ``requires`` are met."""
+        ...
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        """A value from ``low`` to ``high``, both included."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An event of a compiled program. Without ``pre`` it is always enabled."""
+
+    name: str
+    effect: Callable[[Any], None]
+    pre: Callable[[Any], bool] | None = None
+    urgent: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What one statement wrote to a stream; ``place`` is that of the statement. [OUTPUT]"""
+
+    stream: str
+    place: str
+    values: tuple[Any, ...]
+
+
+class Buffer:
+    """An event (None: INIT) that was run and has not happened: all that it would change.
+
+    ``in_pre`` says of a fault that already ``pre`` cannot be evaluated: then the event does not
+    oblige the robot.
+    """
+
+    __slots__ = ("asked", "event", "fault", "in_pre", "locks", "output", "state", "writes")
+
+    def __init__(self, event: int | None) -> None:
+        self.event = event
+        self.state: dict[str, Any] = {}
+        self.writes: list[tuple[str, tuple[Any, ...], Any]] = []
+        self.locks: set[int] = set()
+        self.output: list[Written] = []
+        self.asked = Asked.NOTHING
+        self.fault: Fault | None = None
+        self.in_pre = False
+
+
+class Robot:
+    """One robot that runs a compiled program.
+
+    The attributes in ``vars(robot)`` are the program's; everything else is in slots.
+    """
+
+    #: The file that the program comes from.
+    SOURCE: ClassVar[str] = ""
+    #: The robot's kind, by its position among the kinds of the program.
+    KIND: ClassVar[int] = 0
+    SHARED: ClassVar[Layout] = Layout(())
+    LOCALS: ClassVar[Mapping[str, Shape]] = {}
+    PORTS: ClassVar[Mapping[str, Shape]] = {}
+    #: The sensors that no model of the environment writes.
+    SENSORS: ClassVar[tuple[str, ...]] = ()
+    EXTERNALS: ClassVar[Mapping[str, Shape]] = {}
+    EVENTS: ClassVar[tuple[Event, ...]] = ()
+
+    _numbers: ClassVar[dict[str, int]] = {}
+    _urgent: ClassVar[tuple[int, ...]] = ()
+
+    __slots__ = (
+        "__dict__",
+        "_answers",
+        "_buffer",
+        "_buffers",
+        "_turn",
+        "delta",
+        "host",
+        "kinds",
+        "numAgents",
+        "pid",
+        "ran",
+        "status",
+    )
+
+    def __init_subclass__(cls) -> None:
+        cls._numbers = {v.name: k for k, v in enumerate(cls.SHARED.variables)}
+        cls._urgent = tuple(k for k, event in enumerate(cls.EVENTS) if event.urgent)
+
+    def __init__(self, pid: int, kinds: Sequence[int], delta: float, host: Host) -> None:
+        """``kinds`` are those of all robots of the run; ``delta`` is the round's length in s."""
+        self.pid = pid
+        self.kinds = tuple(kinds)
+        self.numAgents = len(self.kinds)
+        self.delta = delta
+        self.host = host
+        self.status = Status.RUNNING
+        self.ran: int | None = None
+        self._turn = Turn.INIT
+        self._answers: dict[Key, Any] = {}
+        self._buffer = Buffer(None)
+        self._buffers: dict[int | None, Buffer] = {}
+        for variable in self.SHARED.variables:
+            self.__dict__[variable.name] = blank(variable.shape, self.numAgents)
+        for name, shape in (*self.LOCALS.items(), *self.PORTS.items()):
+            self.__dict__[name] = blank(shape, self.numAgents)
+
+    # --- what compiled programs define ------------------------------------------------------------
+
+    def declare(self) -> None:
+        """The initial values of the allwrite variables. [INIT]"""
+
+    def initialise(self) -> None:
+        """The initial values of everything else, then the ``init:`` block. [INIT]"""
+
+    def environment(self) -> dict[str, Any]:
+        """The ports that a model writes, after the environment's turn. [ENV-MODEL]"""
+        return {}
+
+    # --- what compiled programs do ----------------------------------------------------------------
+
+    def set(self, name: str, value: Any, path: tuple[Any, ...] = (), *places: str) -> None:
+        """Write a shared variable or a part of it. [SHARED-ASSIGN] [ALLREAD]"""
+        state = self.__dict__
+        if path:
+            changed = state[name] = put(state[name], value, path, *places)
+            if len(path) > 1:
+                path, value = _to_first_key(changed, path, value)
+        else:
+            state[name] = value
+        self._buffer.writes.append((name, path, value))
+
+    def enter(self, lock_class: int) -> None:
+        """Enter an atomic block; whether the robot may is decided later. [ATOMIC]"""
+        self._buffer.locks.add(lock_class)
+
+    def stop(self) -> None:
+        """``stop``: no more events after this one. [STOP]"""
+        self._buffer.asked = Asked.TO_STOP
+
+    def trystop(self) -> None:
+        """``trystop()``: stop when everyone has asked. [STOP]"""
+        if self._buffer.asked is Asked.NOTHING:
+            self._buffer.asked = Asked.TO_STOP_TOGETHER
+
+    def output(self, stream: str, place: str, *values: Any) -> None:
+        """``stream << value << …``. [OUTPUT]"""
+        self._buffer.output.append(Written(stream, place, values))
+
+    def start(self, name: str, shape: Shape) -> Any:
+        """The value that an arbitrary variable of the robot starts with. [INIT]"""
+        return from_plain(shape, self.host.start(self.pid, name), self.numAgents)
+
+    def start_shared(self, name: str, shape: Shape) -> Any:
+        """The value that an arbitrary allwrite variable starts with. [INIT]"""
+        return from_plain(shape, self.host.start(None, name), self.numAgents)
+
+    def ask(self, function: str, key: Key, *arguments: Any) -> Any:
+        """The answer of an external function; asked twice, the same. [EXTERNAL]"""
+        if key not in self._answers:
+            answer = self.host.ask(self._turn, self.pid, key, function, arguments)
+            self._answers[key] = from_plain(self.EXTERNALS[function], answer, self.numAgents)
+        return self._answers[key]
+
+    def choose(self, key: Key, low: Any, high: Any, place: str) -> Any:
+        """A value between two bounds. [CHOOSE]"""
+        if not low <= high:
+            no_choice(place)
+        if key not in self._answers:
+            self._answers[key] = self.host.choose(self._turn, self.pid, key, low, high)
+        return self._answers[key]
+
+    def require(self, condition: Callable[[], bool], function: str, place: str) -> None:
+        """A ``requires`` of an external function; one that faults is not met. [EXTERNAL]"""
+        try:
+            met = condition()
+        except FaultError:
+            met = False
+        if not met:
+            raise FaultError(FaultKind.PRECONDITION, place, function)
+
+    # --- rounds -----------------------------------------------------------------------------------
+
+    def propose_init(self) -> Proposal:
+        """Run INIT into a buffer; the store as declared must be in place. [INIT]"""
+        buffer = self._run(Buffer(None), type(self).initialise, Turn.INIT)
+        self._buffers = {None: buffer}
+        return Proposal(self.pid, INIT_ROUND, (self._attempt(buffer),), urgent=True)
+
+    def propose(
+        self, round_: int, order: Iterable[int] | None = None, *, willing: bool = True
+    ) -> Proposal:
+        """Choose an event and run it into a buffer. [SELECT] [EVENT-TRANS]
+
+        The first enabled one in ``order`` (that of the program) is chosen. A robot that is not
+        ``willing`` skips, if no urgent event obliges it.
+        """
+        self._answers = {}
+        self._turn = Turn.PROG
+        self._buffers = {}
+        if self.status is Status.STOPPED:
+            return Proposal(self.pid, round_)
+        owed = [b for k in self._urgent if (b := self.try_event(k)) is not None and not b.in_pre]
+        chosen: list[Buffer] = []
+        if willing or owed:
+            for position in order if order is not None else range(len(self.EVENTS)):
+                tried = self.try_event(position)
+                if tried is not None:
+                    chosen.append(tried)
+                    break
+        chosen += [buffer for buffer in owed if buffer not in chosen]
+        attempts = tuple(map(self._attempt, chosen))
+        return Proposal(self.pid, round_, attempts, urgent=bool(owed))
+
+    def try_event(self, position: int) -> Buffer | None:
+        """The event run into a buffer, once a round; None if it is not enabled."""
+        if position in self._buffers:
+            return self._buffers[position]
+        event, buffer = self.EVENTS[position], Buffer(position)
+        try:
+            if event.pre is not None and not event.pre(self):
+                return None
+        except FaultError as error:
+            buffer.fault, buffer.in_pre = error.fault, True
+        else:
+            self._run(buffer, event.effect, Turn.PROG)
+        self._buffers[position] = buffer
+        return buffer
+
+    def commit(self, event: int | None, changed: Mapping[str, Any]) -> list[Written]:
+        """The event was let through: keep what it did, and what it wrote to streams. [END-EVENT]
+
+        ``changed`` are the variables of the store that differ now. [REFRESH]
+        """
+        buffer = self._buffers[event]
+        self.__dict__ = buffer.state
+        self.__dict__.update(changed)
+        self.ran = event
+        if buffer.asked is Asked.TO_STOP:
+            self.status = Status.STOPPED
+        elif buffer.asked is Asked.TO_STOP_TOGETHER and self.status is Status.RUNNING:
+            self.status = Status.ASKED
+        return buffer.output
+
+    def discard(self, changed: Mapping[str, Any]) -> None:
+        """The robot skipped: nothing of its turn remains. [SKIP] [ATOMIC]"""
+        self.__dict__.update(changed)
+        self.ran = None
+
+    def evolve(self, readings: Mapping[str, Any]) -> Fault | None:
+        """The environment's turn: models first, from the ports before it; then sensors. [ENV-TRANS]
+
+        Raises ShapeError for a reading of another shape than its sensor's.
+        """
+        self._answers = {}
+        self._turn = Turn.ENV
+        try:
+            after = self.environment()
+        except FaultError as error:
+            return error.fault
+        self.__dict__.update(after)
+        for name in self.SENSORS:
+            if name in readings:
+                value = from_plain(self.PORTS[name], readings[name], self.numAgents)
+                self.__dict__[name] = value
+        return None
+
+    # --- inside -----------------------------------------------------------------------------------
+
+    def _run(self, buffer: Buffer, body: Callable[[Any], None], turn: Turn) -> Buffer:
+        """Run a body on a copy of the attributes."""
+        before = self.__dict__
+        self.__dict__ = before.copy()
+        self._buffer, self._turn = buffer, turn
+        try:
+            body(self)
+        except FaultError as error:
+            buffer.fault = error.fault
+        finally:
+            buffer.state = self.__dict__
+            self.__dict__ = before
+        return buffer
+
+    def _attempt(self, buffer: Buffer) -> Attempt:
+        """What the others need to know of a buffer."""
+        locks = tuple(sorted(buffer.locks)) if buffer.locks else ()
+        if buffer.fault is not None:
+            return Attempt(buffer.event, locks=locks, fault=self.located(buffer.fault))
+        writes = tuple([self._write(*write) for write in buffer.writes])
+        return Attempt(buffer.event, writes, locks, buffer.asked)
+
+    def located(self, fault: Fault) -> Fault:
+        """The fault with its file: in compiled programs a place is that in their own file."""
+        if fault.place.count(":") > 1:
+            return fault
+        return Fault(fault.kind, f"{self.SOURCE}:{fault.place}", fault.detail)
+
+    def _write(self, name: str, path: tuple[Any, ...], value: Any) -> Write:
+        number = self._numbers[name]
+        shape = self.SHARED.variables[number].shape
+        if not path:
+            return Write(number, path, to_plain(shape, value))
+        for position, step in enumerate(path):
+            match shape:
+                case Record(fields=fields):
+                    shape = fields[step]
+                case MapOf(key=key, value=held):
+                    at_key = (*path[:position], to_plain(key, step))
+                    return Write(number, at_key, to_plain(held, value))
+                case _:
+                    shape = element_of(shape)
+        return Write(number, path, to_plain(shape, value))
+
+
+def _to_first_key(changed: Any, path: tuple[Any, ...], value: Any) -> tuple[tuple[Any, ...], Any]:
+    """Below a key the whole entry is one location. [LOCATION]"""
+    for position, step in enumerate(path[:-1], start=1):
+        if isinstance(changed, dict):
+            return path[:position], changed[step]
+        changed = changed[step]
+    return path, value
+
+
+__all__ = [
+    "BOOL",
+    "FLOAT",
+    "INT",
+    "STRING",
+    "UNSET",
+    "Array",
+    "Asked",
+    "Enumeration",
+    "Event",
+    "Host",
+    "Key",
+    "Layout",
+    "ListOf",
+    "MapOf",
+    "PerRobot",
+    "Record",
+    "Robot",
+    "Shape",
+    "Shared",
+    "Turn",
+    "at",
+    "blank",
+    "contains",
+    "default",
+    "entry",
+    "first_of",
+    "greatest",
+    "has_key",
+    "known",
+    "last_of",
+    "least",
+    "put",
+    "quotient",
+    "ratio",
+    "real",
+    "remainder",
+    "same",
+    "shapes",
+    "whole",
+    "without",
+    "without_key",
+]
