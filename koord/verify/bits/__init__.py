@@ -1,0 +1,1 @@
+"""Finite instances bit by bit: and-inverter graphs, a SAT solver, and IC3."""

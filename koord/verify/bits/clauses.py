@@ -1,0 +1,134 @@
+"""Literals of a graph as clauses of a SAT solver: the only file that knows one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from threading import Timer
+from typing import Any, cast
+
+from pysat.solvers import Solver
+
+from koord.verify.bits.graph import Graph
+from koord.verify.solving import Answer, Deadline
+
+#: In which directions a node's clauses are needed: where it is true, where it is false.
+TRUE_SIDE = 1
+FALSE_SIDE = 2
+BOTH_SIDES = 3
+
+#: For questions that come one after the other by the thousand, and for few hard ones.
+QUICK = "glucose4"
+STRONG = "cadical195"
+
+
+@dataclass(slots=True)
+class Clauses:
+    """A solver over one graph, which takes in what is asked about. Literals of it are signed numbers.
+
+    A conjunction is written down only in the directions in which somebody needs it.
+    """
+
+    graph: Graph
+    engine: str = STRONG
+    _solver: Any = field(init=False)
+    _numbers: dict[int, int] = field(default_factory=dict)
+    _sides: dict[int, int] = field(default_factory=dict)
+    _top: int = 1
+
+    def __post_init__(self) -> None:
+        self._solver = Solver(name=self.engine)
+        self._solver.add_clause([1])
+
+    def close(self) -> None:
+        """Give the solver's memory back."""
+        self._solver.delete()
+
+    def variable(self) -> int:
+        """A new literal."""
+        self._top += 1
+        return self._top
+
+    def of(self, literal: int, sides: int = BOTH_SIDES) -> int:
+        """The solver's literal of a graph's, with clauses for the given directions."""
+        self._write(literal, sides)
+        return self._signed(literal)
+
+    def known(self, node: int) -> int | None:
+        """The literal of a node, if it was ever asked about."""
+        return self._numbers.get(node)
+
+    def add(self, clause: Iterable[int]) -> None:
+        self._solver.add_clause(list(clause))
+
+    def require(self, literal: int) -> None:
+        """Require a literal of the graph."""
+        for part in self.graph.conjuncts(literal) or ():
+            self._solver.add_clause([self.of(part, TRUE_SIDE)])
+
+    def solve(self, assumptions: Sequence[int]) -> bool:
+        """Whether everything required can be, with the assumptions."""
+        return bool(self._solver.solve(assumptions=assumptions))
+
+    def solve_in_time(self, assumptions: Sequence[int], deadline: Deadline) -> Answer:
+        """The same, or nothing where the deadline passes first."""
+        left = deadline.left_s()
+        if left is None:
+            return Answer.SAT if self.solve(assumptions) else Answer.UNSAT
+        if left <= 0:
+            return Answer.UNKNOWN
+        if not self._solver.supports_interrupt:
+            return Answer.SAT if self.solve(assumptions) else Answer.UNSAT
+        timer = Timer(left, self._solver.interrupt)
+        timer.start()
+        try:
+            found = self._solver.solve_limited(assumptions=assumptions, expect_interrupt=True)
+        finally:
+            timer.cancel()
+            self._solver.clear_interrupt()
+        if found is None:
+            return Answer.UNKNOWN
+        return Answer.SAT if found else Answer.UNSAT
+
+    def core(self) -> list[int]:
+        """The assumptions that the last answer, no, hangs on."""
+        return self._solver.get_core() or []
+
+    def model(self) -> list[int]:
+        """The last model: at position v the literal v or -v, where 0 stands for none."""
+        return [0, *cast("list[int]", self._solver.get_model())]
+
+    def _signed(self, literal: int) -> int:
+        if literal < 2:
+            return 1 if literal else -1
+        number = self._numbers.get(literal >> 1)
+        if number is None:
+            number = self._numbers[literal >> 1] = self.variable()
+        return -number if literal & 1 else number
+
+    def _write(self, literal: int, sides: int) -> None:
+        g, solver = self.graph, self._solver
+        stack = [(literal, sides)]
+        while stack:
+            x, wanted = stack.pop()
+            node = x >> 1
+            if x & 1:
+                wanted = (wanted & 1) << 1 | wanted >> 1
+            missing = wanted & ~self._sides.get(node, 0)
+            if not missing or node == 0 or g.is_input(node):
+                continue
+            self._sides[node] = self._sides.get(node, 0) | missing
+            left, right = g.left[node], g.right[node]
+            me, a, b = self._signed(2 * node), self._signed(left), self._signed(right)
+            if missing & TRUE_SIDE:
+                solver.add_clause([-me, a])
+                solver.add_clause([-me, b])
+            if missing & FALSE_SIDE:
+                solver.add_clause([me, -a, -b])
+            stack += ((left, missing), (right, missing))
+
+
+def now() -> float:
+    """Seconds, for durations."""
+    return time.monotonic()
