@@ -1,0 +1,34 @@
+"""What to say when a library that motion needs is not installed."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.source import NOWHERE
+
+#: The optional dependencies of motion and simulation, by the extra that has them.
+SIM = ("numpy", "ompl", "osqp", "pymunk", "shapely")
+FAST = ("numba",)
+
+
+def missing(library: str, extra: str) -> KoordError:
+    """The error that names a library which cannot be imported, and how to get it. (K940)"""
+    return KoordError(
+        (
+            Diagnostic(
+                "K940",
+                Severity.ERROR,
+                NOWHERE,
+                f"{library} is needed for this and is not installed",
+                f"install it with: pip install 'koord[{extra}]'",
+            ),
+        )
+    )
+
+
+def require(libraries: tuple[str, ...], extra: str) -> None:
+    """Raises KoordError for the libraries that are not installed, before anything is begun."""
+    absent = [name for name in libraries if find_spec(name) is None]
+    if absent:
+        raise missing(", ".join(absent), extra)

@@ -1,0 +1,249 @@
+"""Rapidly exploring random trees, by OMPL: the one file that imports it. (LaValle 1998)
+
+Every plan makes its own space, tree and random numbers from the seed, and is stopped by counting
+steps: OMPL's clocks take no part, so a seed repeats a run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.field import Field
+from koord.runtime.motion.libraries import missing
+from koord.runtime.motion.planning import Effort, Ground, Pose, suits
+from koord.runtime.motion.world import Point
+
+try:
+    from ompl import base, geometric, util
+except ImportError as error:
+    raise missing("ompl", "sim") from error
+
+util.setLogLevel(util.LOG_NONE)
+
+#: Paths keep this much more from obstacles than the body needs.
+MARGIN_M = 0.03
+
+#: States along a motion are checked at this distance.
+_CHECK_M = 0.05
+
+#: A car's paths have circles this much wider than its tightest, to leave its controller room.
+_WIDER = 1.15
+
+#: A car may arrive pointing in any of so many directions.
+_HEADINGS = 12
+
+#: The points of a car's path are this far apart at most.
+_SPACING_M = 0.15
+
+#: So near to the start a robot may be closer to obstacles, if it is no closer than it stands.
+_LEAVING_M = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class SpacePlanner:
+    """Paths through space for what can move in every direction: trees in R³."""
+
+    ground: Ground
+    effort: Effort
+    optimal: bool
+
+    def plan(
+        self, start: Pose, goal: Point, seed: int, avoid: Sequence[Point] = ()
+    ) -> Floats | None:
+        """A path of few points; the straight line if it is free."""
+        body, world = self.ground.body, self.ground.world
+        if not suits(body, world, goal):
+            return None
+        free = self.ground.field(avoid)
+        direct = np.array([start.position, goal])
+        if free.path_free(direct, body.radius_m):
+            return direct
+        util.RNG.setSeed(seed % 2**31 + 1)
+        space = base.RealVectorStateSpace(3)
+        bounds = base.RealVectorBounds(3)
+        for axis in range(3):
+            bounds.setLow(axis, world.low[axis])
+            bounds.setHigh(axis, world.high[axis])
+        space.setBounds(bounds)
+        reach = body.radius_m + MARGIN_M
+        enough = _leaving(free, start.position, reach)
+
+        def valid(state: Any) -> bool:
+            return enough(state[0], state[1], state[2])
+
+        query = _Query(space, valid, self.effort, self.optimal, range_m=2.0)
+        begin, end = query.state(), query.state()
+        for axis in range(3):
+            begin[axis], end[axis] = start.position[axis], goal[axis]
+        path = query.solve(begin, [end])
+        if path is None:
+            return None
+        geometric.PathSimplifier(query.information).reduceVertices(path, maxSteps=30)
+        states = (path.getState(k) for k in range(path.getStateCount()))
+        return _pinned(np.array([(s[0], s[1], s[2]) for s in states]), start.position, goal)
+
+
+@dataclass(frozen=True, slots=True)
+class CurvePlanner:
+    """Paths that a car can drive, forwards and backwards: trees of Reeds–Shepp curves."""
+
+    ground: Ground
+    car: Car
+    effort: Effort
+    optimal: bool
+
+    def plan(
+        self, start: Pose, goal: Point, seed: int, avoid: Sequence[Point] = ()
+    ) -> Floats | None:
+        """A path of points 0.15 m apart; where the car turns about, there is a point as well."""
+        world = self.ground.world
+        if not suits(self.car, world, goal):
+            return None
+        free = self.ground.field(avoid)
+        util.RNG.setSeed(seed % 2**31 + 1)
+        space = base.ReedsSheppStateSpace(self.car.turning_m * _WIDER)
+        bounds = base.RealVectorBounds(2)
+        for axis in range(2):
+            bounds.setLow(axis, world.low[axis])
+            bounds.setHigh(axis, world.high[axis])
+        space.setBounds(bounds)
+        valid = _car_fits(free, self.car, start)
+        query = _Query(space, valid, self.effort, self.optimal, range_m=2.5)
+        begin = query.state()
+        _place(begin, start.position, start.heading_rad)
+        ends = []
+        for k in range(_HEADINGS):
+            end = query.state()
+            _place(end, goal, 2 * math.pi * k / _HEADINGS - math.pi)
+            ends.append(end)
+        path = query.solve(begin, ends)
+        if path is None:
+            return None
+        geometric.PathSimplifier(query.information).partialShortcutPath(path, maxSteps=30)
+        path.interpolate(max(8, math.ceil(path.length() / 0.02)))
+        states = (path.getState(k) for k in range(path.getStateCount()))
+        fine = np.array([(s.getX(), s.getY(), s.getYaw()) for s in states])
+        flat = spaced(fine)
+        points = np.column_stack([flat, np.full(len(flat), world.ground)])
+        return _pinned(points, start.position, goal)
+
+
+@dataclass(slots=True)
+class _Query:
+    """One question to OMPL: a space, what is valid in it, and how long to try."""
+
+    space: Any
+    valid: Callable[[Any], bool]
+    effort: Effort
+    optimal: bool
+    range_m: float
+    information: Any = None
+
+    def __post_init__(self) -> None:
+        self.information = base.SpaceInformation(self.space)
+        self.information.setStateValidityChecker(self.valid)
+        self.information.setStateValidityCheckingResolution(
+            _CHECK_M / self.space.getMaximumExtent()
+        )
+        self.information.setup()
+
+    def state(self) -> Any:
+        return self.information.allocState()
+
+    def solve(self, start: Any, goals: Sequence[Any]) -> Any:
+        """A path that reaches one of the goals, or None."""
+        problem = base.ProblemDefinition(self.information)
+        problem.addStartState(start)
+        target = base.GoalStates(self.information)
+        for goal in goals:
+            target.addState(goal)
+        problem.setGoal(target)
+        kind = geometric.RRTstar if self.optimal else geometric.RRTConnect
+        tree = kind(self.information)
+        tree.setProblemDefinition(problem)
+        tree.setRange(self.range_m)
+        tree.setup()
+        left = self.effort.star_steps if self.optimal else self.effort.steps
+
+        def used_up() -> bool:
+            nonlocal left
+            left -= 1
+            return left < 0
+
+        tree.solve(base.PlannerTerminationCondition(used_up))
+        return problem.getSolutionPath() if problem.hasExactSolution() else None
+
+
+def _leaving(free: Field, start: Point, reach_m: float) -> Callable[[float, float, float], bool]:
+    """Whether a position has enough clearance: the reach, or near the start what it has there."""
+    at_start = free.clearance(*start) - 1e-3
+    if at_start >= reach_m:
+        return lambda x, y, z: free.clearance(x, y, z) > reach_m
+
+    def enough(x: float, y: float, z: float) -> bool:
+        clearance = free.clearance(x, y, z)
+        if clearance > reach_m:
+            return True
+        near = math.dist((x, y, z), start) < _LEAVING_M
+        return near and clearance >= at_start
+
+    return enough
+
+
+def _car_fits(free: Field, car: Car, start: Pose) -> Callable[[Any], bool]:
+    """Whether a car fits at a state: two discs cover it, half its length apart."""
+    half = car.length_m / 4
+    reach = math.hypot(half, car.width_m / 2) + MARGIN_M
+    x0, y0, z = start.position
+    ahead, aside = half * math.cos(start.heading_rad), half * math.sin(start.heading_rad)
+    front = _leaving(free, (x0 + ahead, y0 + aside, z), reach)
+    back = _leaving(free, (x0 - ahead, y0 - aside, z), reach)
+
+    def valid(state: Any) -> bool:
+        x, y, yaw = state.getX(), state.getY(), state.getYaw()
+        dx, dy = half * math.cos(yaw), half * math.sin(yaw)
+        return front(x + dx, y + dy, z) and back(x - dx, y - dy, z)
+
+    return valid
+
+
+def _place(state: Any, position: Point, heading_rad: float) -> None:
+    state.setX(position[0])
+    state.setY(position[1])
+    state.setYaw(heading_rad)
+
+
+def _pinned(points: Floats, start: Point, goal: Point) -> Floats:
+    """The path with exactly the start and the goal at its ends."""
+    points[0], points[-1] = start, goal
+    return points
+
+
+def spaced(fine: Floats) -> Floats:
+    """Points of a curve ``(k, 3)`` of x, y, heading: evenly spaced between its turns about.
+
+    Where the car turns about (drives on the other way), its path has a cusp, and that is kept.
+    """
+    steps = np.diff(fine[:, :2], axis=0)
+    moved = np.hypot(steps[:, 0], steps[:, 1]) > 1e-9
+    middle = fine[:-1, 2]
+    ahead = steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle) > 0
+    places, ways = fine[np.append(True, moved), :2], ahead[moved]
+    cusps = np.flatnonzero(ways[1:] != ways[:-1]) + 1
+    ends = [0, *cusps.tolist(), len(places) - 1]
+    parts = [places[:1]]
+    for first, last in pairwise(ends):
+        leg = places[first : last + 1]
+        along = np.append(0.0, np.cumsum(np.hypot(*np.diff(leg, axis=0).T)))
+        count = max(1, math.ceil(along[-1] / _SPACING_M))
+        at = along[-1] * np.arange(1, count + 1) / count
+        parts.append(np.column_stack([np.interp(at, along, leg[:, k]) for k in (0, 1)]))
+    return np.concatenate(parts)

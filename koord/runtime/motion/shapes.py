@@ -1,0 +1,57 @@
+"""Footprints of obstacles, by shapely: the one file that imports it."""
+
+from __future__ import annotations
+
+from typing import TypeAlias, assert_never
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Bools, Floats
+from koord.runtime.motion.libraries import missing
+from koord.runtime.motion.world import Box, Disc, Obstacle, Polygon
+
+try:
+    import shapely
+except ImportError as error:
+    raise missing("shapely", "sim") from error
+
+#: What stands on the ground, and how far it reaches around that: a disc is a point that reaches.
+Footprint: TypeAlias = "tuple[shapely.Geometry, float]"
+
+
+def footprint(obstacle: Obstacle) -> Footprint:
+    """The ground that an obstacle covers, exactly."""
+    match obstacle:
+        case Box() | Polygon():
+            shape = shapely.Polygon(obstacle.corners)
+            shapely.prepare(shape)
+            return shape, 0.0
+        case Disc():
+            return shapely.Point(obstacle.centre), obstacle.radius_m
+        case _:
+            assert_never(obstacle)
+
+
+def fault(polygon: Polygon) -> str | None:
+    """What is wrong with the corners of a polygon: that edges cross, say. None if nothing is."""
+    if len(set(polygon.corners)) < 3:
+        return "a polygon needs three corners"
+    shape = shapely.Polygon(polygon.corners)
+    return None if shape.is_valid and shape.area > 0 else shapely.is_valid_reason(shape)
+
+
+def touched(starts: Floats, ends: Floats, where: Footprint, reach_m: float) -> Bools:
+    """Which of the flat segments, shape ``(n, 2)``, come within reach of a footprint."""
+    shape, around = where
+    lines = shapely.linestrings(np.stack([starts, ends], axis=1))
+    found: Bools = shapely.dwithin(lines, shape, reach_m + around)
+    return found
+
+
+def flat_paths_within(one: Floats, other: Floats, reach_m: float) -> bool:
+    """Whether two flat paths, shape ``(k, 2)``, come as close to each other as that."""
+    return bool(shapely.dwithin(_line(one), _line(other), reach_m))
+
+
+def _line(path: Floats) -> shapely.Geometry:
+    return shapely.Point(path[0]) if len(path) == 1 else shapely.LineString(path)
