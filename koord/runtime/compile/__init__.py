@@ -1,0 +1,6 @@
+"""From core programs to Python: `koord compile`."""
+
+from koord.runtime.compile.program import compiled
+from koord.runtime.compile.spelling import NotCompilableError
+
+__all__ = ["NotCompilableError", "compiled"]

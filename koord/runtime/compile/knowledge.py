@@ -1,0 +1,118 @@
+"""What is known of a program before it runs: which variables are surely set, who asks for what."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from koord.syntax import core
+from koord.syntax.core import Home, Start
+from koord.syntax.types import ArrayType, RecordType, Robots, Type
+from koord.syntax.walk import nodes
+
+
+@dataclass
+class Knowledge:
+    """Facts of a program that spare its compiled form checks and arguments."""
+
+    program: core.Program
+    #: Functions in whose bodies something is asked, themselves or below.
+    asking: set[str] = field(default_factory=set)
+    #: Functions that need the robot: its number, the others', the store, the host.
+    methods: set[str] = field(default_factory=set)
+    #: Shared variables that are set once INIT is over, by home and slot.
+    shared: set[tuple[Home, int]] = field(default_factory=set)
+    #: The same of each kind's own variables.
+    own: list[set[tuple[Home, int]]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        for function in self.program.functions:
+            if self.asks(function.body):
+                self.asking.add(function.name)
+            if self._needs_robot(function.body):
+                self.methods.add(function.name)
+        self._find_sure()
+
+    def asks(self, part: object) -> bool:
+        """Whether anything below asks an external function or for a choice."""
+        return any(
+            isinstance(node, core.ExternalCall | core.Choose)
+            or (isinstance(node, core.Call) and node.function in self.asking)
+            for node in nodes(part)
+        )
+
+    def _needs_robot(self, part: object) -> bool:
+        return any(
+            isinstance(
+                node,
+                core.Pid
+                | core.NumAgents
+                | core.Delta
+                | core.ExternalCall
+                | core.Choose
+                | core.RobotRange,
+            )
+            or (isinstance(node, core.Call) and node.function in self.methods)
+            or (isinstance(node, core.Variable) and _is_of_fleet(node))
+            for node in nodes(part)
+        )
+
+    def _find_sure(self) -> None:
+        """A variable is set if it starts so, or if every robot's INIT surely sets it. [ATOM]"""
+        program = self.program
+        by_all: set[tuple[Home, int]] | None = None
+        for agent in program.agents:
+            written = {
+                (s.place.variable.home, s.place.variable.slot)
+                for s in agent.init
+                if isinstance(s, core.Assign) and _is_all_of_it(s.place)
+            }
+            entries = (*agent.locals, *(port.declaration for port in agent.ports))
+            self.own.append(
+                {_key(entry) for entry in entries if entry.initial is not Start.UNSET}
+                | {key for key in written if key[0] in (Home.LOCAL, Home.PORT)}
+            )
+            by_all = written if by_all is None else by_all & written
+        shared = (*program.allread, *program.allwrite)
+        self.shared = {_key(entry) for entry in shared if entry.initial is not Start.UNSET}
+        self.shared |= {key for key in by_all or () if key[0] in (Home.ALLREAD, Home.ALLWRITE)}
+
+
+def _is_of_fleet(variable: core.Variable) -> bool:
+    return variable.home is not Home.BOUND or _is_per_robot(variable.type)
+
+
+def _is_per_robot(type_: Type) -> bool:
+    """Whether the number of robots has a part in what a value of the type looks like."""
+    match type_:
+        case ArrayType(element=element, size=size):
+            return size is Robots.ALL or _is_per_robot(element)
+        case RecordType(fields=fields):
+            return any(_is_per_robot(field) for _, field in fields)
+        case _:
+            return False
+
+
+def _key(entry: core.Declaration) -> tuple[Home, int]:
+    return entry.variable.home, entry.variable.slot
+
+
+def _is_all_of_it(place: core.Place) -> bool:
+    """Whether a write leaves nothing of the variable unset, as far as this robot is concerned."""
+    if place.variable.home is Home.ALLREAD:
+        return len(place.steps) == 1
+    return not place.steps
+
+
+def assigned_slots(block: core.Block) -> set[int]:
+    """The bound slots that statements of a block write."""
+    found = set()
+    for node in nodes(block):
+        match node:
+            case core.Assign(place=place) | core.Append(place=place) | core.Remove(place=place):
+                places = [place]
+            case core.Pop(place=place, into=into):
+                places = [place, *([into] if into is not None else [])]
+            case _:
+                continue
+        found |= {p.variable.slot for p in places if p.variable.home is Home.BOUND}
+    return found

@@ -1,0 +1,179 @@
+"""What everything in a program is called in the Python that is made of it.
+
+Names stay as they are wherever Python lets them. Whoever runs compiled programs asks here, too,
+which attribute holds which variable.
+"""
+
+from __future__ import annotations
+
+import builtins
+import keyword
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import PurePath
+
+from koord.runtime import robot
+from koord.syntax import core
+from koord.syntax.core import Home
+from koord.syntax.types import (
+    ArrayType,
+    EnumType,
+    ListType,
+    MapType,
+    QueueType,
+    RecordType,
+    Type,
+)
+from koord.syntax.walk import nodes
+
+_KEYWORDS = frozenset(keyword.kwlist) | {"self", "type", "match", "case"}
+
+#: What compiled modules import or may use of Python.
+_OF_MODULES = frozenset(dir(builtins)) | frozenset(robot.__all__) | {"Any", "NamedTuple"}
+
+#: Attributes of every robot.
+_OF_ROBOTS = frozenset(dir(robot.Robot))
+
+#: Attributes of every named tuple, and of every class.
+_OF_RECORDS = frozenset(dir(tuple)) | {"_make", "_replace", "_asdict", "_fields"}
+
+
+class Names:
+    """The Python names of a program's parts, all told apart."""
+
+    def __init__(self, program: core.Program) -> None:
+        self.program = program
+        self.file = _file(program)
+        stem = _camel(PurePath(program.name).stem) or "Program"
+        types = dict.fromkeys(_named_types(program))
+        taken = set(_KEYWORDS | _OF_MODULES)
+        self.types: dict[RecordType | EnumType, str] = {
+            type_: _fresh(_camel_first(type_.name), taken) for type_ in types
+        }
+        self.fleet = _fresh(stem if stem not in taken else f"{stem}Robot", taken)
+        #: The class of each kind of robot; a program with one kind has no class above it.
+        self.kinds = [
+            self.fleet if len(program.agents) == 1 else _fresh(_camel_first(agent.name), taken)
+            for agent in program.agents
+        ]
+        self.module_functions = {f.name: _fresh(f.name, taken) for f in program.functions}
+        self.of_module = frozenset(taken)
+
+        shared = set(_KEYWORDS | _OF_ROBOTS)
+        self.shared: dict[tuple[Home, int], str] = {
+            (entry.variable.home, entry.variable.slot): _fresh(entry.variable.name, shared)
+            for entry in (*program.allread, *program.allwrite)
+        }
+        self.externals = {f.name: _fresh(f.name, shared) for f in program.externals}
+        self.methods = {f.name: _fresh(f.name, shared) for f in program.functions}
+        self.own: list[dict[tuple[Home, int], str]] = []
+        self.events: list[list[tuple[str, str]]] = []
+        for agent in program.agents:
+            of_kind = set(shared)
+            self.own.append(dict(_own_names(agent, of_kind)))
+            self.events.append([_event_names(event.name, of_kind) for event in agent.events])
+
+    def attribute(self, variable: core.Variable, agent: int | None) -> str:
+        """The attribute that holds a variable of some kind of robot."""
+        place = (variable.home, variable.slot)
+        if place in self.shared:
+            return self.shared[place]
+        assert agent is not None, variable
+        return self.own[agent][place]
+
+    def local(self, name: str, taken: set[str]) -> str:
+        """A name for a local variable of a method, now taken."""
+        return _fresh(name, taken)
+
+    def locals_taken(self) -> set[str]:
+        """The names that local variables must not have."""
+        return set(_KEYWORDS | _OF_MODULES | self.of_module | {"key", "trail", "place", "delta"})
+
+    @staticmethod
+    def field(name: str) -> str:
+        """The name of a record's field."""
+        taken = set(_KEYWORDS | _OF_RECORDS)
+        return _fresh(name, taken)
+
+    @staticmethod
+    def member(name: str) -> str:
+        """The name of an enumeration's member."""
+        taken = set(_KEYWORDS | {"NAMES"})
+        return _fresh(name, taken)
+
+
+def _file(program: core.Program) -> str:
+    """The file that the program stands in."""
+    agents = program.agents
+    return next((e.span.file for agent in agents for e in agent.events), program.name)
+
+
+def _own_names(agent: core.Agent, taken: set[str]) -> Iterator[tuple[tuple[Home, int], str]]:
+    for entry in agent.locals:
+        yield (Home.LOCAL, entry.variable.slot), _fresh(entry.variable.name, taken)
+    for port in agent.ports:
+        variable = port.declaration.variable
+        yield (Home.PORT, variable.slot), _fresh(f"{port.module}_{variable.name}", taken)
+
+
+def _event_names(name: str, taken: set[str]) -> tuple[str, str]:
+    """The methods of an event: its effect, and whether it is enabled."""
+    effect = _fresh(name if name not in taken else f"{name}_event", taken)
+    return effect, _fresh(f"{effect}_enabled", taken)
+
+
+def _fresh(name: str, taken: set[str]) -> str:
+    """The name, or one like it that Python takes and nobody has; taken from now on."""
+    found = re.sub(r"\W", "_", name, flags=re.ASCII).lstrip("_") or "x"
+    if found[0].isdigit():
+        found = f"x{found}"
+    while found in taken:
+        found += "_"
+    taken.add(found)
+    return found
+
+
+def _camel(name: str) -> str:
+    return "".join(_camel_first(part) for part in re.split(r"\W|_", name) if part)
+
+
+def _camel_first(name: str) -> str:
+    return name[:1].upper() + name[1:]
+
+
+def _named_types(program: core.Program) -> Iterator[RecordType | EnumType]:
+    """The records and enumerations of a program, each after what it is made of."""
+    for node in nodes(_parts(program)):
+        type_ = getattr(node, "type", None)
+        if type_ is not None:
+            yield from _within(type_)
+
+
+def _parts(program: core.Program) -> tuple[object, ...]:
+    """Everything that is compiled: properties, contracts, and summaries' promises are not."""
+    agents = tuple(
+        (
+            *(part for agent in program.agents for part in (agent.locals, agent.ports)),
+            *(part for agent in program.agents for part in (agent.init, agent.events)),
+            *(m.environment or () for agent in program.agents for m in agent.modules),
+        )
+    )
+    externals = tuple((e.parameters, e.result, e.requires) for e in program.externals)
+    return (program.allread, program.allwrite, program.functions, externals, agents)
+
+
+def _within(type_: Type) -> Iterable[RecordType | EnumType]:
+    match type_:
+        case RecordType(fields=fields):
+            for _, field in fields:
+                yield from _within(field)
+            yield type_
+        case EnumType():
+            yield type_
+        case ArrayType(element=inner) | ListType(element=inner) | QueueType(element=inner):
+            yield from _within(inner)
+        case MapType(key=key, value=value):
+            yield from _within(key)
+            yield from _within(value)
+        case _:
+            pass

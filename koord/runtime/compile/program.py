@@ -1,0 +1,427 @@
+"""A whole program as a Python module."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+from koord.runtime import robot
+from koord.runtime.compile.expressions import Code, Scope, expression
+from koord.runtime.compile.formatting import formatted
+from koord.runtime.compile.knowledge import Knowledge
+from koord.runtime.compile.naming import Names
+from koord.runtime.compile.spelling import annotation, constant_name, shape, string, tuple_of
+from koord.runtime.compile.statements import Lines, block, indented
+from koord.syntax import core
+from koord.syntax.core import Direction, Home, Start
+from koord.syntax.source import Span
+from koord.syntax.types import ArrayType, EnumType, RecordType, Type
+from koord.syntax.walk import nodes
+
+
+def compiled(program: core.Program) -> str:
+    """The program as Python, formatted. It imports :mod:`koord.runtime.robot` and nothing else.
+
+    Raises NotCompilableError for programs that the verifier has abstracted.
+    """
+    return formatted(_Module(program).lines())
+
+
+class _Module:
+    """A module in the making."""
+
+    def __init__(self, program: core.Program) -> None:
+        self.program = program
+        self.names = Names(program)
+        self.knowledge = Knowledge(program)
+
+    def lines(self) -> Lines:
+        body = [*self.types(), *self.functions(), *self.classes(), *self.table()]
+        return [*self.head(body), *body]
+
+    def head(self, body: Lines) -> Lines:
+        """The docstring, and the imports that the body needs."""
+        text = "\n".join(body)
+        needed = sorted(
+            (n for n in robot.__all__ if re.search(rf"(?<![\w.\"']){n}\b", text)),
+            key=lambda n: (not n.isupper() and not n[0].isupper(), not n.isupper(), n),
+        )
+        typing = [n for n in ("Any", "NamedTuple") if re.search(rf"\b{n}\b", text)]
+        file = _one_line(self.names.file)
+        return [
+            f'"""{file}, compiled: `koord compile` writes this file anew."""',
+            "",
+            "from __future__ import annotations",
+            "",
+            *([f"from typing import {', '.join(typing)}", ""] if typing else []),
+            f"from koord.runtime.robot import {', '.join(needed)}",
+        ]
+
+    # --- types ----------------------------------------------------------------------------------
+
+    def types(self) -> Iterator[str]:
+        for type_, name in self.names.types.items():
+            yield from ["", ""]
+            if isinstance(type_, EnumType):
+                yield from self.enumeration(type_, name)
+            else:
+                yield from self.record(type_, name)
+
+    def enumeration(self, type_: EnumType, name: str) -> Lines:
+        members = [self.names.member(member) for member in type_.members]
+        quoted = [string(member) for member in type_.members]
+        return [
+            f"class {name}:",
+            *indented([f"{member} = {position}" for position, member in enumerate(members)]),
+            "",
+            "",
+            f"{constant_name(name)} = Enumeration({string(type_.name)}, {tuple_of(quoted)})",
+        ]
+
+    def record(self, type_: RecordType, name: str) -> Lines:
+        fields = [(self.names.field(field), its) for field, its in type_.fields]
+        shapes = [shape(self.names, its) for _, its in fields]
+        return [
+            f"class {name}(NamedTuple):",
+            *indented([f"{field}: {annotation(self.names, its)}" for field, its in fields]),
+            "",
+            "",
+            f"{constant_name(name)} = Record({name}, {tuple_of(shapes)})",
+        ]
+
+    # --- functions ------------------------------------------------------------------------------
+
+    def functions(self) -> Iterator[str]:
+        """Functions that need no robot."""
+        for function in self.program.functions:
+            if function.name not in self.knowledge.methods:
+                yield from ["", "", *self.function(function, in_method=False)]
+
+    def function(self, function: core.Function, *, in_method: bool) -> Lines:
+        scope = self.scope(None, in_method=in_method)
+        parameters = ["self"] if in_method else []
+        if function.name in self.knowledge.asking:
+            parameters.append("trail: Key")
+            scope.trail = ("*trail",)
+        parameters += self.parameters(scope, function.parameters)
+        names = self.names.methods if in_method else self.names.module_functions
+        result = "None" if function.result is None else annotation(self.names, function.result)
+        body = block(scope, function.body)
+        if function.result is not None and not _returns(function.body):
+            made = "self.numAgents" if in_method else "0"
+            of_result = shape(self.names, function.result)
+            body.append(f"nothing: {result} = default({of_result}, {made})")
+            body.append("return nothing")
+        return [
+            f"def {names[function.name]}({', '.join(parameters)}) -> {result}:",
+            *indented([self.where(function.span), *self.blanks(scope), *body]),
+        ]
+
+    def parameters(self, scope: Scope, parameters: Iterable[core.Variable]) -> list[str]:
+        made = []
+        for parameter in parameters:
+            scope.assigned.add((Home.BOUND, parameter.slot))
+            made.append(f"{scope.name(parameter)}: {annotation(self.names, parameter.type)}")
+        return made
+
+    def external(self, external: core.External) -> Lines:
+        """The method that asks an external function, and checks what it requires."""
+        scope = self.scope(None)
+        name = self.names.externals[external.name]
+        parameters = ["self", "key: Key"]
+        if external.requires:
+            parameters.append("place: str")
+        parameters += self.parameters(scope, external.parameters)
+        result = annotation(self.names, external.result.type)
+        arguments = "".join(f", {scope.name(p)}" for p in external.parameters)
+        body: Lines = []
+        if any(self.knowledge.asks(requirement) for requirement in external.requires):
+            body.append("trail = (*key[1:], key[0])")
+            scope.trail = ("*trail",)
+        for requirement in external.requires:
+            met = expression(scope, requirement).text
+            body.append(f"self.require(lambda: {met}, {string(external.name)}, place)")
+        answer = scope.temporary("answer")
+        body += [
+            f"{answer}: {result} = self.ask({string(external.name)}, key{arguments})",
+            f"return {answer}",
+        ]
+        return [
+            f"def {name}({', '.join(parameters)}) -> {result}:",
+            *indented([self.where(external.span), *body]),
+        ]
+
+    # --- classes --------------------------------------------------------------------------------
+
+    def classes(self) -> Iterator[str]:
+        agents = self.program.agents
+        fleet = self.names.fleet
+        if len(agents) == 1:
+            yield from ["", "", f"class {fleet}(Robot):"]
+            docstring = f'"""The robots of {_one_line(self.names.file)}."""'
+            yield from indented(
+                [docstring, "", *self.shared_part(), *self.kind(0), *self.shared_methods()]
+            )
+            return
+        yield from ["", "", f"class {fleet}(Robot):"]
+        docstring = f'"""What all robots of {_one_line(self.names.file)} have in common."""'
+        yield from indented([docstring, "", *self.shared_part(), *self.shared_methods()])
+        for number, agent in enumerate(agents):
+            yield from ["", "", f"class {self.names.kinds[number]}({fleet}):"]
+            docstring = f'"""A robot of the kind {agent.name}, {self.line(agent.span)}."""'
+            yield from indented([docstring, "", *self.kind(number)])
+
+    def table(self) -> Lines:
+        """The classes by the position of their kind."""
+        return ["", "", f"KINDS = {tuple_of(self.names.kinds)}"]
+
+    def shared_part(self) -> Lines:
+        names = self.names
+        entries = (*self.program.allread, *self.program.allwrite)
+        lines = [f"SOURCE = {string(names.file)}"]
+        for entry in entries:
+            home = "allread" if entry.variable.home is Home.ALLREAD else "allwrite"
+            of_all = annotation(names, entry.variable.type)
+            name = names.attribute(entry.variable, None)
+            lines.append(f"{name}: {of_all}  # {home}, {self.line(entry.span)}")
+        if entries:
+            shared = [
+                f"Shared({string(names.attribute(e.variable, None))}, "
+                f"{shape(names, e.variable.type)})"
+                for e in entries
+            ]
+            lines.append(f"SHARED = Layout({tuple_of(shared)})")
+        if self.program.externals:
+            made = [
+                f"{string(e.name)}: {shape(names, e.result.type)}" for e in self.program.externals
+            ]
+            lines.append(f"EXTERNALS = {{{', '.join(made)}}}")
+        return lines
+
+    def shared_methods(self) -> Lines:
+        lines: Lines = []
+        if any(e.initial is not Start.UNSET for e in self.program.allwrite):
+            lines += ["", *self.declare()]
+        for function in self.program.functions:
+            if function.name in self.knowledge.methods:
+                lines += ["", *self.function(function, in_method=True)]
+        for external in self.program.externals:
+            lines += ["", *self.external(external)]
+        return lines
+
+    def kind(self, number: int) -> Lines:
+        """What one kind of robot has of its own."""
+        agent, names = self.program.agents[number], self.names
+        lines = [] if number == 0 else [f"KIND = {number}"]
+        own = [(entry, "local") for entry in agent.locals]
+        own += [(port.declaration, port.direction.value) for port in agent.ports]
+        for entry, what in own:
+            name = names.attribute(entry.variable, number)
+            of = annotation(names, entry.variable.type)
+            lines.append(f"{name}: {of}  # {what}, {self.line(entry.span)}")
+        lines += self.shapes("LOCALS", number, agent.locals)
+        lines += self.shapes("PORTS", number, [port.declaration for port in agent.ports])
+        lines += self.sensors(number)
+        lines += ["", *self.initialise(number)]
+        for position, event in enumerate(agent.events):
+            lines += self.event(number, position, event)
+        if any(module.environment is not None for module in agent.modules):
+            lines += ["", *self.environment(number)]
+        if agent.events:
+            lines += ["", *self.events(number)]
+        return lines
+
+    def shapes(self, what: str, number: int, entries: Iterable[core.Declaration]) -> Lines:
+        made = [
+            f"{string(self.names.attribute(e.variable, number))}: "
+            f"{shape(self.names, e.variable.type)}"
+            for e in entries
+        ]
+        return [f"{what} = {{{', '.join(made)}}}"] if made else []
+
+    def sensors(self, number: int) -> Lines:
+        """The sensors that no model writes."""
+        agent = self.program.agents[number]
+        found = [
+            string(self.names.attribute(agent.ports[position].declaration.variable, number))
+            for module in agent.modules
+            if module.environment is None
+            for position in module.ports
+            if agent.ports[position].direction is Direction.SENSOR
+        ]
+        return [f"SENSORS = {tuple_of(found)}"] if found else []
+
+    # --- INIT -----------------------------------------------------------------------------------
+
+    def declare(self) -> Lines:
+        """The initial values of the allwrite variables. [INIT]"""
+        scope = self.scope(None, sure=set())
+        body: Lines = []
+        for entry in self.program.allwrite:
+            if entry.initial is Start.UNSET:
+                continue
+            name = self.names.attribute(entry.variable, None)
+            body.append(f"self.{name} = {self.initial(scope, entry, name).text}")
+            scope.assigned.add((Home.ALLWRITE, entry.variable.slot))
+        return ["def declare(self) -> None:", *indented(body)]
+
+    def initial(self, scope: Scope, entry: core.Declaration, name: str) -> Code:
+        if isinstance(entry.initial, Start):
+            asked = "start_shared" if entry.variable.home is Home.ALLWRITE else "start"
+            return Code(f"self.{asked}({string(name)})")
+        return expression(scope, entry.initial)
+
+    def initialise(self, number: int) -> Lines:
+        """The initial values of ports, locals and allread entries, then ``init:``. [INIT]"""
+        agent = self.program.agents[number]
+        shared = {
+            (Home.ALLWRITE, e.variable.slot)
+            for e in self.program.allwrite
+            if e.initial is not Start.UNSET
+        }
+        scope = self.scope(number, sure=shared)
+        body: Lines = []
+        for entry in (*(port.declaration for port in agent.ports), *agent.locals):
+            if entry.initial is not Start.UNSET:
+                name = self.names.attribute(entry.variable, number)
+                body.append(f"self.{name} = {self.initial(scope, entry, name).text}")
+                scope.assigned.add((entry.variable.home, entry.variable.slot))
+        for entry in self.program.allread:
+            if entry.initial is not Start.UNSET:
+                name = self.names.attribute(entry.variable, number)
+                value = self.initial(scope, entry, name).text
+                body.append(f"self.set({string(name)}, {value}, (self.pid,))")
+        if agent.init:
+            body += block(scope, agent.init)
+        head = "def initialise(self) -> None:"
+        return [head, *indented([*self.blanks(scope), *(body or ["pass"])])]
+
+    # --- turns ----------------------------------------------------------------------------------
+
+    def event(self, number: int, position: int, event: core.Event) -> Lines:
+        effect, enabled = self.names.events[number][position]
+        scope = self.scope(number)
+        lines: Lines = []
+        if not _is_true(event.guard):
+            holds = expression(scope, event.guard).text
+            lines += ["", f"def {enabled}(self) -> bool:", *indented([f"return {holds}"])]
+        scope = self.scope(number)
+        body = block(scope, event.effect)
+        where = self.where(event.span)
+        head = f"def {effect}(self) -> None:"
+        return [*lines, "", head, *indented([where, *self.blanks(scope), *body])]
+
+    def events(self, number: int) -> Lines:
+        made = []
+        agent = self.program.agents[number]
+        for (effect, enabled), event in zip(self.names.events[number], agent.events, strict=True):
+            parts = [string(event.name), effect]
+            if not _is_true(event.guard):
+                parts.append(enabled)
+            if event.urgent:
+                parts.append("urgent=True")
+            made.append(f"Event({', '.join(parts)})")
+        return [f"EVENTS = {tuple_of(made)}"]
+
+    def environment(self, number: int) -> Lines:
+        """The models: reads are of the ports before the turn, writes of those after. [ENV-MODEL]"""
+        agent = self.program.agents[number]
+        scope = self.scope(number)
+        scope.in_environment = True
+        blocks = [m.environment for m in agent.modules if m.environment is not None]
+        written = {
+            place.variable.slot: place.variable
+            for node in nodes(tuple(blocks))
+            for place in _written(node)
+            if place.variable.home is Home.PORT
+        }
+        first: Lines = []
+        for slot, variable in sorted(written.items()):
+            name = self.names.attribute(variable, number)
+            scope.after[slot] = scope.temporary(name)
+            first.append(f"{scope.after[slot]} = self.{name}")
+        body: Lines = []
+        for one in blocks:
+            scope.bound = {}
+            scope.assigned = {key for key in scope.assigned if key[0] is not Home.BOUND}
+            body += block(scope, one)
+            first += self.blanks(scope)
+            scope.unset = {}
+        after = [
+            f"{string(self.names.attribute(variable, number))}: {scope.after[slot]}"
+            for slot, variable in sorted(written.items())
+        ]
+        head = "def environment(self) -> dict[str, Any]:"
+        return [head, *indented([*first, *body, f"return {{{', '.join(after)}}}"])]
+
+    # --- bodies ---------------------------------------------------------------------------------
+
+    def scope(
+        self,
+        agent: int | None,
+        *,
+        sure: set[tuple[Home, int]] | None = None,
+        in_method: bool = True,
+    ) -> Scope:
+        if sure is None:
+            own = self.knowledge.own[agent] if agent is not None else set()
+            sure = self.knowledge.shared | own
+        return Scope(
+            self.names,
+            self.knowledge,
+            agent,
+            in_method,
+            taken=self.names.locals_taken(),
+            assigned=set(sure),
+        )
+
+    def blanks(self, scope: Scope) -> Lines:
+        """Variables that are looked at before anything need be stored in them."""
+        lines = []
+        for slot, variable in sorted(scope.unset.items()):
+            of = annotation(self.names, variable.type)
+            lines.append(f"{scope.bound[slot]}: {of} = {self.blank(variable.type, scope)}")
+        return lines
+
+    def blank(self, type_: Type, scope: Scope) -> str:
+        if isinstance(type_, RecordType | ArrayType):
+            robots = "self.numAgents" if scope.in_method else "0"
+            return f"blank({shape(self.names, type_)}, {robots})"
+        return "UNSET"
+
+    def where(self, span: Span) -> str:
+        return f'"""{self.line(span)}"""'
+
+    def line(self, span: Span) -> str:
+        return f"{_one_line(span.file)}:{span.line}"
+
+
+def _one_line(name: str) -> str:
+    """A file's name such as can stand in a docstring or a comment."""
+    return "".join(c if c.isprintable() and c not in '"\\' else "_" for c in name)
+
+
+def _is_true(e: core.Expr) -> bool:
+    return isinstance(e, core.Const) and e.value is True
+
+
+def _returns(body: core.Block) -> bool:
+    """Whether a body surely ends with ``return``."""
+    return any(
+        isinstance(s, core.Return)
+        or (isinstance(s, core.If) and _returns(s.then) and _returns(s.otherwise))
+        or (isinstance(s, core.Atomic) and _returns(s.body))
+        for s in body
+    )
+
+
+def _written(node: object) -> Iterator[core.Place]:
+    match node:
+        case core.Assign(place=place) | core.Append(place=place) | core.Remove(place=place):
+            yield place
+        case core.Pop(place=place, into=into):
+            yield place
+            if into is not None:
+                yield into
+        case _:
+            return

@@ -1,0 +1,134 @@
+"""Types as Python writes them: annotations, shapes, constants."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from fractions import Fraction
+
+from koord.runtime.compile.naming import Names
+from koord.syntax.types import (
+    ArrayType,
+    BoolType,
+    EnumType,
+    FloatType,
+    IntType,
+    ListType,
+    MapType,
+    OpaqueType,
+    QueueType,
+    RecordType,
+    Robots,
+    StreamType,
+    StringType,
+    Type,
+)
+
+
+class NotCompilableError(Exception):
+    """A program has something in it that no text has: only the verifier makes opaque types."""
+
+
+def annotation(names: Names, type_: Type) -> str:
+    """The type as an annotation."""
+    match type_:
+        case IntType() | EnumType():
+            return "int"
+        case FloatType():
+            return "float"
+        case BoolType():
+            return "bool"
+        case StringType() | StreamType():
+            return "str"
+        case RecordType():
+            return names.types[type_]
+        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
+            return f"tuple[{annotation(names, element)}, ...]"
+        case MapType(key=key, value=value):
+            return f"dict[{annotation(names, key)}, {annotation(names, value)}]"
+        case OpaqueType(name=name):
+            raise NotCompilableError(name)
+
+
+def shape(names: Names, type_: Type) -> str:
+    """The type as an expression that makes its shape."""
+    match type_:
+        case IntType():
+            return "INT"
+        case FloatType():
+            return "FLOAT"
+        case BoolType():
+            return "BOOL"
+        case StringType() | StreamType():
+            return "STRING"
+        case RecordType() | EnumType():
+            return constant_name(names.types[type_])
+        case ArrayType(element=element, size=Robots.ALL):
+            return f"PerRobot({shape(names, element)})"
+        case ArrayType(element=element, size=size):
+            return f"Array({shape(names, element)}, {size})"
+        case ListType(element=element) | QueueType(element=element):
+            return f"ListOf({shape(names, element)})"
+        case MapType(key=key, value=value):
+            return f"MapOf({shape(names, key)}, {shape(names, value)})"
+        case OpaqueType(name=name):
+            raise NotCompilableError(name)
+
+
+def tuple_of(items: Iterable[str]) -> str:
+    """A tuple of items."""
+    parts = list(items)
+    return f"({', '.join(parts)}{',' if len(parts) == 1 else ''})"
+
+
+def constant_name(name: str) -> str:
+    """What the shape of a class of that name is called."""
+    return f"{name.upper()}_"
+
+
+def has_floats(type_: Type) -> bool:
+    """Whether NaN may be in a value of a type: then Python's own equality will not do."""
+    match type_:
+        case FloatType():
+            return True
+        case RecordType(fields=fields):
+            return any(has_floats(field) for _, field in fields)
+        case ArrayType(element=inner) | ListType(element=inner) | QueueType(element=inner):
+            return has_floats(inner)
+        case MapType(key=key, value=value):
+            return has_floats(key) or has_floats(value)
+        case _:
+            return False
+
+
+def is_tree(type_: Type) -> bool:
+    """Whether a variable of a type is a tree of atoms. [ATOM]"""
+    return isinstance(type_, RecordType | ArrayType)
+
+
+def constant(names: Names, value: int | Fraction | bool | str, type_: Type) -> str:
+    """A constant of the text."""
+    match type_:
+        case FloatType():
+            number = float(Fraction(value))
+            return repr(number) if math.isfinite(number) else f'float("{number}")'
+        case EnumType(members=members):
+            assert isinstance(value, int)
+            return f"{names.types[type_]}.{names.member(members[value])}"
+        case StringType() | StreamType():
+            assert isinstance(value, str)
+            return string(value)
+        case _:
+            return repr(value)
+
+
+def string(value: str) -> str:
+    """A string literal, in the quotes that formatters choose."""
+    if value.count('"') > value.count("'"):
+        return "'" + _escaped(value).replace("'", "\\'") + "'"
+    return '"' + _escaped(value).replace('"', '\\"') + '"'
+
+
+def _escaped(value: str) -> str:
+    """The inside of a literal without any quote escaped."""
+    return "".join(c if c in "'\"" else repr(c)[1:-1] for c in value)
