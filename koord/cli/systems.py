@@ -8,10 +8,24 @@ from fractions import Fraction
 from koord.cli.arguments import Fleet
 from koord.semantics.configurations import System, dealt
 from koord.syntax import core
+from koord.syntax.costs import excesses
+from koord.syntax.diagnostics import KoordError
 
 
 def system_of(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
-    """The program with its robots. Raises ArgumentTypeError for kinds it does not have."""
+    """The program with its robots.
+
+    Raises ArgumentTypeError for kinds it does not have, and KoordError where it is too much for so
+    many robots.
+    """
+    system = _robots(program, fleet, delta_s)
+    found = excesses(program, system.kinds)
+    if found:
+        raise KoordError(found)
+    return system
+
+
+def _robots(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
     if not fleet.kinds:
         return dealt(program, fleet.total, delta_s)
     names = [agent.name for agent in program.agents]

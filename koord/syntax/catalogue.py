@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from koord.syntax import (
+    catalogue_costs,
     catalogue_declarations,
     catalogue_names,
     catalogue_properties,
@@ -24,6 +25,7 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
         **catalogue_statements.ENTRIES,
         **catalogue_values.ENTRIES,
         **catalogue_declarations.ENTRIES,
+        **catalogue_costs.ENTRIES,
         **catalogue_properties.ENTRIES,
         **catalogue_warnings.ENTRIES,
     }

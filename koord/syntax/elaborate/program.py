@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 
 from koord.syntax import ast, core
+from koord.syntax.costs import excesses
 from koord.syntax.elaborate import (
     cautions,
     declared_types,
@@ -60,7 +61,11 @@ def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborate
     made = _define(session, sections, robots, program)
     if findings.errors or session.partial:
         return Elaborated(None, findings.in_order())
-    return Elaborated(made, findings.in_order())
+    # One robot of each kind: what is too much for them is too much for all.
+    found = excesses(made, range(len(made.agents)))
+    for excess in found:
+        findings.error(excess.code, excess.span, excess.message, excess.hint)
+    return Elaborated(None if found else made, findings.in_order())
 
 
 @dataclass(slots=True)

@@ -1,0 +1,239 @@
+"""How much work a body is: a sum over its statements, with loops and calls counted as often as
+they happen at most.
+
+A *step* is a statement, an operator, or a part of a value that is read or written. Both branches
+of an ``if`` count, as the verifier takes both. A list counts with the length that is known when the
+program starts; nobody knows how it grows, so what loops over it takes may be more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import assert_never
+
+from koord.syntax import core
+from koord.syntax.costs.ranges import Range, Ranges, starting_lengths
+from koord.syntax.costs.sizes import Sizes
+from koord.syntax.source import Span
+
+#: Steps of one event, or of one statement about a configuration.
+MOST_STEPS = 10_000_000
+
+#: Expressions, blocks and calls stand inside each other at most so deep, calls followed. A body
+#: alone does not reach this: what is written so deep is refused before.
+MOST_DEEP = 160
+
+#: Places of a program that are looked at before it counts as too large to be looked through.
+MOST_NODES = 4_000_000
+
+
+class TooLargeError(Exception):
+    """A program has more places than anybody looks through."""
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """``steps`` of a body, and how ``deep`` its parts stand inside each other, calls followed."""
+
+    steps: int
+    deep: int
+
+    @property
+    def is_too_much(self) -> bool:
+        return self.steps > MOST_STEPS or self.deep > MOST_DEEP
+
+
+_ONE = Work(1, 1)
+
+
+@dataclass(slots=True)
+class Ledger:
+    """The work of a program's bodies, for robots of these kinds. Functions are worked out once.
+
+    ``bound`` are the variables inside of bodies that were met on the way.
+    """
+
+    program: core.Program
+    kinds: tuple[int, ...]
+    sizes: Sizes
+    functions: dict[str, Work] = field(default_factory=dict)
+    externals: dict[str, Work] = field(default_factory=dict)
+    bound: dict[int, tuple[core.Variable, Span]] = field(default_factory=dict)
+    _ranges: Ranges = field(init=False)
+    _culprit: Span | None = None
+    _nodes: int = 0
+
+    def __post_init__(self) -> None:
+        self._ranges = Ranges(starting_lengths(self.program), len(self.kinds))
+        # In a summary, external functions are asked without their own summaries.
+        self.externals = {external.name: _ONE for external in self.program.externals}
+        self._work_out_functions()
+        self.externals = {
+            external.name: self.all((*external.requires, *external.ensures))
+            for external in self.program.externals
+        }
+        self._work_out_functions()
+
+    def _work_out_functions(self) -> None:
+        """Each stands behind those that it calls, so that nobody has to follow a chain of calls."""
+        for function in self.program.functions:
+            self.functions[function.name] = self.block(function.body)
+
+    # --- bodies ---------------------------------------------------------------------------------
+
+    def body(self, parts: tuple[core.Expr, ...], block: core.Block) -> tuple[Work, Span | None]:
+        """Expressions and a block that are evaluated as one, and where that becomes too much."""
+        self._culprit = None
+        before, behind = self.all(parts), self.block(block)
+        work = Work(before.steps + behind.steps, max(before.deep, behind.deep))
+        return work, self._culprit
+
+    def all(self, parts: Iterable[core.Expr], counters: Mapping[int, Range] | None = None) -> Work:
+        """Several expressions, one beside the other, under one that is a step itself."""
+        steps, deep = 1, 0
+        for part in parts:
+            work = self.expr(part, counters or {})
+            steps += work.steps
+            deep = max(deep, work.deep)
+        return Work(steps, deep + 1)
+
+    def block(self, block: core.Block, counters: Mapping[int, Range] | None = None) -> Work:
+        """Statements one after the other."""
+        steps, deep = 0, 0
+        for statement in block:
+            work = self.statement(statement, counters or {})
+            steps += work.steps
+            deep = max(deep, work.deep)
+        return Work(steps, deep)
+
+    def statement(self, s: core.Stmt, counters: Mapping[int, Range]) -> Work:
+        """A statement with all that stands in it."""
+        self._count()
+        match s:
+            case core.Assign(place=place, value=value):
+                return self._beside(self.place(place, counters), self.expr(value, counters))
+            case core.If(condition=condition, then=then, otherwise=otherwise):
+                return self._beside(
+                    self.expr(condition, counters),
+                    self.block(then, counters),
+                    self.block(otherwise, counters),
+                )
+            case core.ForRange(variable=variable, low=low, high=high, body=body):
+                count, inner = self._ranges.trips(variable, low, high, counters)
+                return self._often(
+                    s, count, self.all((low, high), counters), self.block(body, inner)
+                )
+            case core.ForEach(sequence=sequence, key=key, body=body):
+                count = self._ranges.length(sequence) or 1
+                inner = dict(counters)
+                if key is not None:
+                    inner[key.slot] = (0, max(0, count - 1))
+                return self._often(s, count, self.expr(sequence, counters), self.block(body, inner))
+            case core.Atomic(body=body):
+                return self._beside(self.block(body, counters))
+            case core.Return(value=value):
+                return self._beside(*(self.expr(e, counters) for e in (value,) if e is not None))
+            case core.Output(values=values):
+                return self.all(values, counters)
+            case core.Append(place=place, value=value) | core.Remove(place=place, value=value):
+                return self._beside(self.place(place, counters), self.expr(value, counters))
+            case core.Pop(place=place, into=into):
+                places = (place,) if into is None else (place, into)
+                return self._beside(*(self.place(p, counters) for p in places))
+            case core.Break() | core.Stop() | core.TryStop():
+                return _ONE
+        assert_never(s)
+
+    def expr(self, e: core.Expr, counters: Mapping[int, Range]) -> Work:
+        """An expression with all that stands in it."""
+        self._count()
+        match e:
+            case core.Const() | core.Pid() | core.NumAgents() | core.Delta():
+                return _ONE
+            case core.Read(place=place):
+                return self.place(place, counters)
+            case core.Select(base=base, step=step):
+                return self._beside(self.expr(base, counters), self._step(step, counters))
+            case core.Unary(operand=operand):
+                return self._beside(self.expr(operand, counters))
+            case core.Binary(left=left, right=right):
+                return self._beside(self.expr(left, counters), self.expr(right, counters))
+            case core.Builtin(arguments=items) | core.MakeList(items=items):
+                return self.all(items, counters)
+            case core.MakeRecord(fields=items):
+                return self.all(items, counters)
+            case core.MakeMap(entries=entries):
+                return self.all((part for entry in entries for part in entry), counters)
+            case core.Call(function=name, arguments=items):
+                return self._noted(e, self._beside(self.all(items, counters), self.functions[name]))
+            case core.ExternalCall(function=name, arguments=items):
+                return self._noted(e, self._beside(self.all(items, counters), self.externals[name]))
+            case core.Choose(low=low, high=high):
+                return self.all((low, high), counters)
+            case core.Quantified():
+                return self._quantified(e, counters)
+            case core.Ran(robot=robot) | core.Stopped(robot=robot):
+                return self._often(e, len(self.kinds), self.expr(robot, counters), _ONE)
+        assert_never(e)
+
+    def place(self, place: core.Place, counters: Mapping[int, Range]) -> Work:
+        """A place that is read or written: as many steps as there are parts."""
+        self._count()
+        if place.variable.home is core.Home.BOUND:
+            self.bound.setdefault(id(place.variable), (place.variable, place.span))
+        parts = self.sizes.of(place.type).parts
+        below = [self._step(step, counters) for step in place.steps]
+        if place.robot is not None:
+            below.append(self.expr(place.robot, counters))
+        work = self._beside(*below)
+        return Work(work.steps - 1 + parts, work.deep)
+
+    def _step(self, step: core.Step, counters: Mapping[int, Range]) -> Work:
+        match step:
+            case core.IndexStep(index=inner) | core.KeyStep(key=inner):
+                return self.expr(inner, counters)
+            case core.FieldStep():
+                return _ONE
+        assert_never(step)
+
+    def _quantified(self, e: core.Quantified, counters: Mapping[int, Range]) -> Work:
+        match e.domain:
+            case core.RobotRange(agent=agent):
+                count = sum(agent is None or kind == agent for kind in self.kinds)
+                inner = {**counters, e.variable.slot: (0, len(self.kinds) - 1)}
+                return self._often(e, count, _ONE, self.expr(e.body, inner))
+            case core.IntRange(low=low, high=high):
+                count, inner = self._ranges.trips(e.variable, low, high, counters)
+                bounds = self.all((low, high), counters)
+                return self._often(e, count, bounds, self.expr(e.body, inner))
+            case core.Elements(sequence=sequence):
+                count = self._ranges.length(sequence) or 1
+                over = self.expr(sequence, counters)
+                return self._often(e, count, over, self.expr(e.body, counters))
+            case core.AllValues():
+                return self._beside(self.expr(e.body, counters))
+        assert_never(e.domain)
+
+    # --- sums -----------------------------------------------------------------------------------
+
+    def _beside(self, *parts: Work) -> Work:
+        return Work(
+            1 + sum(part.steps for part in parts),
+            1 + max((part.deep for part in parts), default=0),
+        )
+
+    def _often(self, node: core.Node, count: int, once: Work, body: Work) -> Work:
+        steps = 1 + once.steps + count * (1 + body.steps)
+        return self._noted(node, Work(steps, 1 + max(once.deep, body.deep)))
+
+    def _noted(self, node: core.Node, work: Work) -> Work:
+        """Note the innermost place at which a body becomes too much."""
+        if self._culprit is None and work.is_too_much:
+            self._culprit = node.span
+        return work
+
+    def _count(self) -> None:
+        self._nodes += 1
+        if self._nodes > MOST_NODES:
+            raise TooLargeError
