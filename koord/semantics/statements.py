@@ -51,15 +51,28 @@ V = TypeVar("V")
 
 def run(m: Machine[V], block: core.Block) -> None:
     """The statements in order, until one leaves the block. [S-SEQ]"""
-    for position, statement in enumerate(block):
-        execute(m, statement)
+    position = 0
+    while position < len(block):
         left = m.either(m.memory.broke, m.memory.returned)
         known = m.d.known(left)
         if known is True:
             return
-        if known is None:
-            m.branch(left, _nothing, partial(run, m, block[position + 1 :]))
-            return
+        if known is False:
+            execute(m, block[position])
+            position += 1
+            continue
+        # Some paths have left. The others go on together, up to where more of them may leave.
+        end = [position]
+        m.branch(left, _nothing, partial(_go_on, m, block, end))
+        position = end[0]
+
+
+def _go_on(m: Machine[V], block: core.Block, position: list[int]) -> None:
+    """Run the statements from a position on, and note where the next path left."""
+    broke, returned = m.memory.broke, m.memory.returned
+    while position[0] < len(block) and m.memory.broke is broke and m.memory.returned is returned:
+        execute(m, block[position[0]])
+        position[0] += 1
 
 
 def _nothing() -> None:
