@@ -1,0 +1,163 @@
+"""Plain data as bytes, the same bytes for equal data: what digests and datagrams are made of.
+
+MessagePack, written and read by msgspec, which checks types, lengths and nesting while it reads.
+Whole numbers of more than 64 bits, which MessagePack lacks, are an extension of it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from koord.runtime.proposals import (
+    Asked,
+    Attempt,
+    Decision,
+    Fault,
+    Faulted,
+    FaultKind,
+    Plain,
+    Proposal,
+    Taken,
+    Write,
+)
+
+#: The code of the extension: a whole number in two's complement, the greatest byte first.
+BIG_INT = 1
+
+#: Numbers longer than this are not read: adding two of them would take the time of a round.
+MOST_BIG_INT_BYTES = 1 << 16
+
+_FAULT_KINDS = tuple(FaultKind)
+
+type_of_plain = (bool, int, float, str, type(None))
+
+# What is written, as types that msgspec checks: tuples instead of named fields, to save bytes.
+FlatWrite = tuple[int, tuple[Any, ...], Any]
+FlatFault = tuple[int, str, str]
+FlatAttempt = tuple[int | None, tuple[FlatWrite, ...], tuple[int, ...], int, FlatFault | None]
+FlatProposal = tuple[int, int, tuple[FlatAttempt, ...], bool]
+FlatTaken = tuple[int, int | None, int]
+FlatFaulted = tuple[int, int | None, FlatFault]
+FlatDecision = tuple[
+    int, tuple[FlatTaken, ...], tuple[int, ...], tuple[FlatWrite, ...], bytes, FlatFaulted | None
+]
+
+_ENCODER = msgspec.msgpack.Encoder()
+
+
+class NotPlainError(ValueError):
+    """Data that no robot can have sent: of the right type for MessagePack, and not for Koord."""
+
+
+def encode(flat: Any) -> bytes:
+    """Tuples of scalars and bytes as MessagePack."""
+    try:
+        return _ENCODER.encode(flat)
+    except OverflowError:
+        return _ENCODER.encode(_with_big_ints(flat))
+
+
+def _with_big_ints(flat: Any) -> Any:
+    if isinstance(flat, tuple):
+        return tuple(_with_big_ints(item) for item in flat)
+    if isinstance(flat, int) and not -(2**63) <= flat < 2**64:
+        size = flat.bit_length() // 8 + 1
+        return msgspec.msgpack.Ext(BIG_INT, flat.to_bytes(size, "big", signed=True))
+    return flat
+
+
+def big_int(code: int, data: memoryview) -> int:
+    """The ``ext_hook`` of a decoder. Raises NotPlainError."""
+    if code != BIG_INT or not 0 < len(data) <= MOST_BIG_INT_BYTES:
+        raise NotPlainError(f"extension {code} of {len(data)} bytes")
+    return int.from_bytes(data, "big", signed=True)
+
+
+def _plain(value: Any) -> Plain:
+    """A decoded value with tuples for lists. Raises NotPlainError for what Koord has not."""
+    if isinstance(value, list | tuple):
+        return tuple(_plain(item) for item in value)
+    if isinstance(value, type_of_plain):
+        return value
+    raise NotPlainError(f"a {type(value).__name__}")
+
+
+# --- proposals and decisions ----------------------------------------------------------------------
+
+
+def flat_proposal(proposal: Proposal) -> FlatProposal:
+    attempts = tuple(_flat_attempt(attempt) for attempt in proposal.attempts)
+    return proposal.robot, proposal.round, attempts, proposal.urgent
+
+
+def proposal_of(flat: FlatProposal) -> Proposal:
+    """Raises NotPlainError."""
+    robot, round_, attempts, urgent = flat
+    return Proposal(robot, round_, tuple(_attempt_of(a) for a in attempts), urgent)
+
+
+def flat_decision(decision: Decision) -> FlatDecision:
+    faulted = decision.fault
+    return (
+        decision.round,
+        tuple((t.robot, t.event, t.asked.value) for t in decision.ran),
+        decision.skipped,
+        tuple((w.variable, w.path, w.value) for w in decision.writes),
+        decision.digest,
+        None if faulted is None else (faulted.robot, faulted.event, _flat_fault(faulted.fault)),
+    )
+
+
+def decision_of(flat: FlatDecision) -> Decision:
+    """Raises NotPlainError."""
+    round_, ran, skipped, writes, digest, faulted = flat
+    return Decision(
+        round_,
+        tuple(Taken(robot, event, _asked_of(asked)) for robot, event, asked in ran),
+        skipped,
+        tuple(_write_of(w) for w in writes),
+        digest,
+        None if faulted is None else Faulted(faulted[0], faulted[1], _fault_of(faulted[2])),
+    )
+
+
+def _flat_attempt(attempt: Attempt) -> FlatAttempt:
+    writes = tuple((w.variable, w.path, w.value) for w in attempt.writes)
+    fault = None if attempt.fault is None else _flat_fault(attempt.fault)
+    return attempt.event, writes, attempt.locks, attempt.asked.value, fault
+
+
+def _attempt_of(flat: FlatAttempt) -> Attempt:
+    event, writes, locks, asked, fault = flat
+    return Attempt(
+        event,
+        tuple(_write_of(w) for w in writes),
+        locks,
+        _asked_of(asked),
+        None if fault is None else _fault_of(fault),
+    )
+
+
+def _write_of(flat: FlatWrite) -> Write:
+    variable, path, value = flat
+    return Write(variable, tuple(_plain(step) for step in path), _plain(value))
+
+
+def _asked_of(number: int) -> Asked:
+    try:
+        return Asked(number)
+    except ValueError as error:
+        raise NotPlainError(f"asked {number}") from error
+
+
+def _flat_fault(fault: Fault) -> FlatFault:
+    return _FAULT_KINDS.index(fault.kind), fault.place, fault.detail
+
+
+def _fault_of(flat: FlatFault) -> Fault:
+    kind, place, detail = flat
+    if not 0 <= kind < len(_FAULT_KINDS):
+        raise NotPlainError(f"kind of fault {kind}")
+    return Fault(_FAULT_KINDS[kind], place, detail)

@@ -1,0 +1,1 @@
+"""All that can happen to a few robots that run the protocol, to a bound."""

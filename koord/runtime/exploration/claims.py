@@ -1,0 +1,101 @@
+"""The invariants of specs/protocol/README.md, said of what was committed and accepted.
+
+They look at the entries and messages themselves and not at how the machine came by them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from koord.runtime.proposals import INIT_ROUND, Attempt, Proposal
+from koord.runtime.protocol.entries import Entry, Held
+from koord.runtime.protocol.setup import Setup
+from koord.runtime.protocol.state import Coordinator, State
+
+#: What a robot proposes for a round, whenever and in whichever incarnation it is asked.
+ProposalOf = Callable[[int, int], Proposal]
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """An invariant that does not hold: its id, and what was seen."""
+
+    claim: str
+    story: str
+
+
+def one_winner(entry: Entry, proposal_of: ProposalOf) -> Iterable[Broken]:
+    """(I-ONE-WINNER)"""
+    taken: set[int] = set()
+    for robot, attempt in _let_through(entry, proposal_of):
+        locks = set() if attempt is None else set(attempt.locks)
+        if entry.round != INIT_ROUND and taken & locks:
+            story = f"round {entry.round}: {robot} enters a taken class, {sorted(taken & locks)}"
+            yield Broken("I-ONE-WINNER", story)
+        taken |= locks
+
+
+def valid(entry: Entry, proposal_of: ProposalOf) -> Iterable[Broken]:
+    """(I-VALID)"""
+    taken: set[int] = set()
+    for robot, attempt in _let_through(entry, proposal_of):
+        if attempt is None or robot in entry.late:
+            yield Broken("I-VALID", f"round {entry.round}: {robot} did not propose what it runs")
+        else:
+            taken |= set(attempt.locks)
+    for robot in entry.decision.skipped:
+        attempts = proposal_of(robot, entry.round).attempts
+        free = any(taken.isdisjoint(attempt.locks) for attempt in attempts)
+        if free and robot not in entry.late and entry.decision.fault is None:
+            yield Broken("I-VALID", f"round {entry.round}: {robot} skips without a reason")
+
+
+def _let_through(entry: Entry, proposal_of: ProposalOf) -> Iterable[tuple[int, Attempt | None]]:
+    for one in entry.decision.ran:
+        attempts = proposal_of(one.robot, entry.round).attempts
+        found = next((a for a in attempts if (a.event, a.asked) == (one.event, one.asked)), None)
+        yield one.robot, found
+
+
+def agree(first: Entry, second: Entry) -> Iterable[Broken]:
+    """(I-AGREE), of two entries committed for one round."""
+    if first != second:
+        yield Broken("I-AGREE", f"round {first.round}: both {first} and {second} are committed")
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """An acknowledgement: in the epoch, this incarnation of this robot held the entry."""
+
+    epoch: int
+    robot: int
+    incarnation: int
+
+
+def acted_rightly(
+    setup: Setup, held: Held, roster: Sequence[int], accepted: Iterable[Accepted]
+) -> Iterable[Broken]:
+    """(I-ACT): ``accepted`` are the acknowledgements of the entry, ``roster`` was in force."""
+    admitted = {admission.robot for admission in held.entry.admitted}
+    by_epoch: dict[int, set[int]] = {}
+    for one in accepted:
+        if roster[one.robot] == one.incarnation and one.robot not in admitted:
+            # The coordinator holds what it sends.
+            by_epoch.setdefault(one.epoch, {setup.coordinator(one.epoch)}).add(one.robot)
+    most = max((len(robots) for robots in by_epoch.values()), default=1)
+    if most < setup.majority:
+        yield Broken("I-ACT", f"round {held.round} is committed, and {most} robots accepted it")
+
+
+def lasting(state: State, committed: Sequence[Held]) -> Iterable[Broken]:
+    """(I-LASTING): ``committed`` with the epochs in which that was first known."""
+    if not isinstance(state.office, Coordinator):
+        return
+    for held in committed:
+        if state.promised <= held.epoch or state.round > held.round:
+            continue
+        mine = state.tentative
+        if mine is None or mine.digest != held.digest:
+            story = f"coordinator {state.pid} of epoch {state.promised} lacks round {held.round}"
+            yield Broken("I-LASTING", story)

@@ -1,0 +1,144 @@
+"""Exploring all interleavings, and checking the invariants in each state."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from koord.runtime.exploration.claims import (
+    Accepted,
+    Broken,
+    acted_rightly,
+    agree,
+    lasting,
+    one_winner,
+    valid,
+)
+from koord.runtime.exploration.world import Bounds, Explorer, Transition, World
+from koord.runtime.protocol.entries import Held
+from koord.runtime.protocol.messages import Acknowledge, Decide
+from koord.runtime.protocol.setup import Setup, Timing
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """An invariant that does not hold, and what led to it."""
+
+    broken: Broken
+    story: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Explored:
+    """What was seen."""
+
+    bounds: Bounds
+    states: int
+    transitions: int
+    depth: int
+    complete: bool  #: whether nothing within the bounds was left out
+    committed: int  #: different entries committed, over all runs
+    epochs: int  #: in how many epochs something was committed
+    messages: int  #: different messages
+    violation: Violation | None = None
+
+
+def explore(bounds: Bounds, setup: Setup | None = None) -> Explored:
+    """Everything that can happen within the bounds, breadth first, until something is broken."""
+    setup = setup if setup is not None else Setup(bounds.robots, Timing.zero())
+    return _Search(Explorer(setup, bounds)).run()
+
+
+class _Search:
+    def __init__(self, explorer: Explorer) -> None:
+        self._explorer = explorer
+        self._bounds = explorer.bounds
+        self._from: dict[World, tuple[World, Transition] | None] = {}
+        self._entries: set[bytes] = set()
+        self._epochs: set[int] = set()
+        self._checked: set[tuple[int, int, bytes]] = set()
+        self._transitions = 0
+
+    def run(self) -> Explored:
+        start = self._explorer.initial()
+        self._from[start] = None
+        layer = deque([start])
+        depth = 0
+        while layer:
+            if self._bounds.depth is not None and depth == self._bounds.depth:
+                return self._explored(depth, complete=False)
+            depth += 1
+            following: deque[World] = deque()
+            for world in layer:
+                for transition in self._explorer.transitions(world):
+                    self._transitions += 1
+                    broken = next(self._broken(world, transition), None)
+                    if broken is not None:
+                        violation = Violation(broken, self._story(world, transition))
+                        return self._explored(depth, complete=False, violation=violation)
+                    if transition.world not in self._from:
+                        self._from[transition.world] = (world, transition)
+                        following.append(transition.world)
+                if len(self._from) > self._bounds.states:
+                    return self._explored(depth, complete=False)
+            layer = following
+        return self._explored(depth, complete=True)
+
+    def _explored(
+        self, depth: int, *, complete: bool, violation: Violation | None = None
+    ) -> Explored:
+        return Explored(
+            self._bounds,
+            len(self._from),
+            self._transitions,
+            depth,
+            complete,
+            len(self._entries),
+            len(self._epochs),
+            len(self._explorer.parcels),
+            violation,
+        )
+
+    def _broken(self, world: World, transition: Transition) -> Iterator[Broken]:
+        after = transition.world
+        for held in transition.committed:
+            self._entries.add(held.digest)
+            self._epochs.add(held.epoch)
+            yield from self._of_commit(world, after, transition, held)
+        for state in self._explorer.states(after):
+            yield from lasting(state, after.acted)
+        if after.sent != world.sent:
+            yield from self._one_entry(after)
+
+    def _of_commit(
+        self, world: World, after: World, transition: Transition, held: Held
+    ) -> Iterable[Broken]:
+        yield from agree(after.acted[held.round + 1].entry, held.entry)
+        yield from one_winner(held.entry, self._explorer.propose)
+        yield from valid(held.entry, self._explorer.propose)
+        local = world.locals[transition.robot]
+        roster = self._explorer.locals[local].state.roster
+        accepted = [
+            Accepted(m.epoch, parcel.sender, parcel.incarnation)
+            for parcel in self._explorer.sent(after)
+            if isinstance(m := parcel.message, Acknowledge) and m.digest == held.digest
+        ]
+        yield from acted_rightly(self._explorer.setup, held, roster, accepted)
+
+    def _one_entry(self, world: World) -> Iterable[Broken]:
+        """(I-ONE-ENTRY)"""
+        seen: dict[tuple[int, int], object] = {}
+        for parcel in self._explorer.sent(world):
+            message = parcel.message
+            if isinstance(message, Decide):
+                key = (message.epoch, message.entry.round)
+                if seen.setdefault(key, message.entry) != message.entry:
+                    yield Broken("I-ONE-ENTRY", f"epoch and round {key}: {message.entry}")
+
+    def _story(self, world: World, last: Transition) -> tuple[str, ...]:
+        lines = [self._explorer.tell(last)]
+        while (before := self._from[world]) is not None:
+            world, transition = before
+            lines.append(self._explorer.tell(transition))
+        return tuple(reversed(lines))

@@ -1,0 +1,346 @@
+"""A few robots and a network that may do anything: what can happen next, and what comes of it.
+
+The network is the *set* of messages sent so far. A message in it may arrive at any time, any number
+of times, or never: this is loss, delay, duplication and reordering at once. Timers run down
+whenever they like, since safety must not depend on durations. Robots crash, and come back empty.
+
+Robots and messages are numbered, and a robot's step is worked out once: what happens to the whole
+is then a look-up in tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import assert_never
+
+import msgspec
+from msgspec.structs import replace
+
+from koord.runtime.exploration.claims import ProposalOf
+from koord.runtime.proposals import Attempt, Proposal, Write
+from koord.runtime.protocol.entries import Held
+from koord.runtime.protocol.events import (
+    Arm,
+    Begin,
+    Commit,
+    Disarm,
+    Effect,
+    Event,
+    Expired,
+    Install,
+    Proposed,
+    Received,
+    Send,
+    ShowStore,
+    Started,
+    StoreShown,
+    Tell,
+    Timer,
+)
+from koord.runtime.protocol.machine import step
+from koord.runtime.protocol.messages import Message
+from koord.runtime.protocol.setup import Setup
+from koord.runtime.protocol.state import Canvassing, Coordinator, State, fresh, returning
+
+#: The robot is switched off.
+DOWN = -1
+
+#: Only what changes what can be sent; holding changes nothing for the others.
+_TIMERS = frozenset({Timer.DEADLINE, Timer.SILENCE})
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """How much may happen. Nothing is explored past them; everything is before."""
+
+    robots: int = 3
+    rounds: int = 1  #: besides INIT
+    epoch: int = 2  #: the highest that anybody stands for
+    crashes: int = 1
+    restarts: int = 0
+    settled: bool = True  #: begin when all robots have committed INIT, not when they are switched on
+    resends: bool = False  #: let robots send again what is not answered; it is all there already
+    depth: int | None = None  #: so many events; None: to the end
+    states: int = 1_000_000  #: give up after so many
+
+
+class Local(msgspec.Struct, frozen=True):
+    """A robot with what it waits for; ``work`` is the round that it has to propose for."""
+
+    state: State
+    timers: frozenset[Timer]
+    work: int | None
+
+
+class Parcel(msgspec.Struct, frozen=True):
+    """A message on its way."""
+
+    sender: int
+    incarnation: int
+    to: int
+    message: Message
+
+
+class Act(Enum):
+    """What may happen to a robot besides messages."""
+
+    WORK = "proposes"
+    CRASH = "crashes"
+    RESTART = "is back"
+
+
+Cause = int | Timer | Act  #: an ``int`` is the number of the message that arrives
+
+
+class World(msgspec.Struct, frozen=True):
+    """Everything: the robots' numbers, the messages' bits, what is used up, what was committed."""
+
+    locals: tuple[int, ...]
+    sent: int = 0
+    crashes: int = 0
+    restarts: int = 0
+    acted: tuple[Held, ...] = ()  #: from INIT on, what anybody has ever committed first
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """What one robot does about one cause."""
+
+    local: int
+    sent: int
+    committed: tuple[Held, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """Something that may happen."""
+
+    robot: int
+    cause: Cause
+    world: World
+    committed: tuple[Held, ...]
+
+
+def proposal_of(robot: int, round_: int) -> Proposal:
+    """Robots 0 and 1 want one lock class; all write, so that no two decisions are alike."""
+    write = Write(0, (robot,), round_)
+    if round_ < 0:
+        return Proposal(robot, round_, (Attempt(None, (write,)),))
+    locks = (0,) if robot < 2 else ()
+    return Proposal(robot, round_, (Attempt(0, (write,), locks),))
+
+
+class Explorer:
+    """The tables, and the transitions that they give."""
+
+    def __init__(self, setup: Setup, bounds: Bounds, propose: ProposalOf = proposal_of) -> None:
+        self.setup = setup
+        self.bounds = bounds
+        self.propose = propose
+        self._timers = _TIMERS | {Timer.RESEND} if bounds.resends else _TIMERS
+        self.locals: list[Local] = []
+        self.parcels: list[Parcel] = []
+        self._local_numbers: dict[Local, int] = {}
+        self._parcel_numbers: dict[Parcel, int] = {}
+        self._to = [0] * setup.robots  #: per robot, the bits of what is sent to it
+        self._moves: dict[tuple[int, Cause], Move | None] = {}
+
+    def initial(self) -> World:
+        """All robots have been switched on, at once."""
+        world = World((DOWN,) * self.setup.robots)
+        for robot in range(self.setup.robots):
+            started = self._started(fresh(self.setup, robot, spare=1_000))
+            world = self._after(world, robot, started)
+        return self._settled(world) if self.bounds.settled else world
+
+    def _settled(self, world: World) -> World:
+        """The world when everyone has committed INIT, and nothing is on its way any more."""
+        while any(state.round < 0 for state in self.states(world)):
+            world = next(
+                transition.world
+                for transition in self.transitions(world)
+                if not isinstance(transition.cause, Timer) and transition.cause is not Act.CRASH
+            )
+        return replace(world, sent=0)
+
+    def transitions(self, world: World) -> Iterator[Transition]:
+        """All that may happen next and changes anything."""
+        for robot, local in enumerate(world.locals):
+            if local == DOWN:
+                if world.restarts < self.bounds.restarts:
+                    yield self._restart(world, robot)
+                continue
+            for cause in self._causes(world, robot, local):
+                move = self._move(local, cause)
+                if move is None or (move.local == local and not move.sent & ~world.sent):
+                    continue
+                yield Transition(robot, cause, self._after(world, robot, move), move.committed)
+            if world.crashes < self.bounds.crashes:
+                off = _put(world.locals, robot, DOWN)
+                crashed = replace(world, locals=off, crashes=world.crashes + 1)
+                yield Transition(robot, Act.CRASH, crashed, ())
+
+    def states(self, world: World) -> Iterator[State]:
+        """The states of the robots that are up."""
+        for local in world.locals:
+            if local != DOWN:
+                yield self.locals[local].state
+
+    def sent(self, world: World) -> Iterator[Parcel]:
+        """Everything that was ever sent."""
+        return (self.parcels[number] for number in _bits(world.sent))
+
+    def tell(self, transition: Transition) -> str:
+        """A line for a person."""
+        match transition.cause:
+            case int(number):
+                parcel = self.parcels[number]
+                return f"{transition.robot} gets from {parcel.sender}: {parcel.message}"
+            case Timer() as timer:
+                return f"{transition.robot}: {timer.value} runs down"
+            case Act() as act:
+                return f"{transition.robot} {act.value}"
+            case _:
+                assert_never(transition.cause)
+
+    # --- one robot ------------------------------------------------------------------------------
+
+    def _causes(self, world: World, robot: int, local: int) -> Iterator[Cause]:
+        one = self.locals[local]
+        yield from _bits(world.sent & self._to[robot])
+        yield from one.timers
+        if one.work is not None:
+            yield Act.WORK
+
+    def _move(self, number: int, cause: Cause) -> Move | None:
+        key = (number, cause)
+        if key not in self._moves:
+            self._moves[key] = self._worked_out(self.locals[number], cause)
+        return self._moves[key]
+
+    def _worked_out(self, local: Local, cause: Cause) -> Move | None:
+        state = local.state
+        over = state.round >= self.bounds.rounds
+        match cause:
+            case int(number):
+                parcel = self.parcels[number]
+                event: Event = Received(0.0, parcel.sender, parcel.incarnation, parcel.message)
+            case Timer() as timer:
+                if over and timer is Timer.DEADLINE:
+                    return None
+                local = replace(local, timers=local.timers - {timer})
+                event = Expired(0.0, timer)
+            case Act.WORK:
+                assert local.work is not None
+                if over:
+                    return None
+                event = Proposed(0.0, self.propose(state.pid, local.work))
+                local = replace(local, work=None)
+            case _:
+                raise AssertionError(cause)
+        return self._stepped(local, event)
+
+    def _stepped(self, local: Local, event: Event) -> Move | None:
+        before = local.state
+        state, effects = step(self.setup, before, event)
+        local = replace(local, state=state)
+        sent = 0
+        committed: list[Held] = []
+        for effect in effects:
+            if isinstance(effect, Commit):
+                committed.append(next(h for h in state.log if h.entry is effect.entry))
+            elif isinstance(effect, ShowStore):
+                shown = StoreShown(0.0, effect.to, local.state.round, b"")
+                after, more = step(self.setup, local.state, shown)
+                local = replace(local, state=after)
+                for extra in more:
+                    local, bits = self._carried_out(local, extra)
+                    sent |= bits
+            else:
+                local, bits = self._carried_out(local, effect)
+                sent |= bits
+        if _highest_epoch(local.state) > self.bounds.epoch:
+            return None
+        return Move(self._number(local), sent, tuple(committed))
+
+    def _carried_out(self, local: Local, effect: Effect) -> tuple[Local, int]:
+        match effect:
+            case Send(to=to, message=message):
+                return local, self._post(local.state, (to,), message)
+            case Tell(message=message):
+                others = (i for i in range(self.setup.robots) if i != local.state.pid)
+                return local, self._post(local.state, others, message)
+            case Arm(timer=timer) if timer in self._timers:
+                return replace(local, timers=local.timers | {timer}), 0
+            case Disarm(timer=timer):
+                return replace(local, timers=local.timers - {timer}), 0
+            case Begin(round=round_):
+                return replace(local, work=round_), 0
+            case Install():
+                return replace(local, work=None), 0
+            case _:
+                return local, 0
+
+    def _post(self, state: State, to: Iterable[int], message: Message) -> int:
+        bits = 0
+        for robot in to:
+            parcel = Parcel(state.pid, state.incarnation, robot, message)
+            number = self._parcel_numbers.get(parcel)
+            if number is None:
+                number = self._parcel_numbers[parcel] = len(self.parcels)
+                self.parcels.append(parcel)
+                self._to[robot] |= 1 << number
+            bits |= 1 << number
+        return bits
+
+    def _number(self, local: Local) -> int:
+        """The number of a robot, forgetting what makes no difference to what can happen."""
+        state = replace(local.state, tries=0, holding=None)
+        if isinstance(state.office, Coordinator):
+            # Having been heard keeps a coordinator in office; so does a timer that does not expire.
+            state = replace(state, office=replace(state.office, heard=frozenset()))
+        local = replace(local, state=state)
+        number = self._local_numbers.get(local)
+        if number is None:
+            number = self._local_numbers[local] = len(self.locals)
+            self.locals.append(local)
+        return number
+
+    # --- the whole ------------------------------------------------------------------------------
+
+    def _started(self, state: State) -> Move:
+        move = self._stepped(Local(state, frozenset(), None), Started(0.0))
+        assert move is not None
+        return move
+
+    def _restart(self, world: World, robot: int) -> Transition:
+        incarnation = world.restarts + 1
+        move = self._started(returning(self.setup, robot, incarnation))
+        after = replace(self._after(world, robot, move), restarts=incarnation)
+        return Transition(robot, Act.RESTART, after, ())
+
+    def _after(self, world: World, robot: int, move: Move) -> World:
+        acted = world.acted
+        for held in move.committed:
+            if held.round + 1 == len(acted):
+                acted = (*acted, held)
+        locals_ = _put(world.locals, robot, move.local)
+        return replace(world, locals=locals_, sent=world.sent | move.sent, acted=acted)
+
+
+def _highest_epoch(state: State) -> int:
+    standing = state.office.epoch if isinstance(state.office, Canvassing) else 0
+    return max(state.promised, standing)
+
+
+def _put(numbers: tuple[int, ...], place: int, number: int) -> tuple[int, ...]:
+    return (*numbers[:place], number, *numbers[place + 1 :])
+
+
+def _bits(number: int) -> Iterator[int]:
+    while number:
+        lowest = number & -number
+        yield lowest.bit_length() - 1
+        number ^= lowest

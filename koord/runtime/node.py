@@ -1,0 +1,148 @@
+"""One robot of a running system: the protocol's machine, its timers, and the program it serves.
+
+A node knows neither sockets nor what time it is: whoever drives it says so. The same node runs over
+real networks and over simulated ones.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Protocol, assert_never
+
+from koord.runtime.proposals import Proposal, Taken
+from koord.runtime.protocol.entries import Entry, Ran
+from koord.runtime.protocol.events import (
+    Arm,
+    Begin,
+    Commit,
+    Disarm,
+    Effect,
+    End,
+    Event,
+    Expired,
+    Hold,
+    Install,
+    Proposed,
+    Reason,
+    Received,
+    Resume,
+    Send,
+    ShowStore,
+    Started,
+    StoreShown,
+    Tell,
+    Timer,
+)
+from koord.runtime.protocol.machine import step
+from koord.runtime.protocol.messages import Message
+from koord.runtime.protocol.setup import Setup
+from koord.runtime.protocol.state import State
+
+
+class Robot(Protocol):
+    """The program of a robot and its platform, as the node sees them."""
+
+    def propose(self, round_: int) -> Proposal | None:
+        """Sense, run the first enabled event into a buffer. None: it has nothing to say at all."""
+
+    def commit(self, entry: Entry, kept: Taken | None) -> None:
+        """Apply the writes; keep the buffer, or throw it away; act."""
+
+    def show(self) -> bytes:
+        """The store, for a robot that needs it."""
+
+    def install(self, round_: int, store: bytes, ran: Ran | None) -> None:
+        """Replace the store; keep the buffer if it is of the round that ``ran`` names."""
+
+    def hold(self, reason: Reason | None) -> None:
+        """Come to a safe stop; None: go on."""
+
+
+class Outbox(Protocol):
+    """Where messages go."""
+
+    def send(self, to: int, message: Message) -> None:
+        """To one robot."""
+
+    def tell(self, message: Message) -> None:
+        """To all other robots."""
+
+
+class Work(Enum):
+    """What a node itself waits for, besides the timers of the machine."""
+
+    ROUND = "round"  #: the next round begins, and the program has to run
+
+
+class Node:
+    """Drives the machine of one robot. Not for several threads."""
+
+    def __init__(self, setup: Setup, state: State, robot: Robot, outbox: Outbox) -> None:
+        self.setup = setup
+        self.state = state
+        self.over = False
+        self._robot = robot
+        self._outbox = outbox
+        self._due: dict[Timer | Work, float] = {}
+        self._work = 0
+
+    def start(self, now: float) -> None:
+        self._do(Started(now))
+
+    def receive(self, now: float, sender: int, incarnation: int, message: Message) -> None:
+        self._do(Received(now, sender, incarnation, message))
+
+    def wake(self, now: float) -> None:
+        """Let every timer run down that is due."""
+        while True:
+            due = [(at, i, timer) for i, (timer, at) in enumerate(self._due.items()) if at <= now]
+            if not due:
+                return
+            timer = min(due, key=lambda one: one[:2])[2]
+            del self._due[timer]
+            if isinstance(timer, Timer):
+                self._do(Expired(now, timer))
+            else:
+                proposal = self._robot.propose(self._work)
+                if proposal is not None:
+                    self._do(Proposed(now, proposal))
+
+    @property
+    def due(self) -> float | None:
+        """When to wake it next."""
+        return min(self._due.values(), default=None)
+
+    def _do(self, event: Event) -> None:
+        self.state, effects = step(self.setup, self.state, event)
+        for effect in effects:
+            self._carry_out(effect, event.now)
+
+    def _carry_out(self, effect: Effect, now: float) -> None:
+        match effect:
+            case Send(to=to, message=message):
+                self._outbox.send(to, message)
+            case Tell(message=message):
+                self._outbox.tell(message)
+            case Arm(timer=timer, after_s=after_s):
+                self._due[timer] = now + after_s
+            case Disarm(timer=timer):
+                self._due.pop(timer, None)
+            case Begin(round=round_, after_s=after_s):
+                self._work = round_
+                self._due[Work.ROUND] = now + after_s
+            case Commit(entry=entry, kept=kept):
+                self._due.pop(Work.ROUND, None)
+                self._robot.commit(entry, kept)
+            case Install(round=round_, store=store, ran=ran):
+                self._due.pop(Work.ROUND, None)
+                self._robot.install(round_, store, ran)
+            case ShowStore(to=to):
+                self._do(StoreShown(now, to, self.state.round, self._robot.show()))
+            case Hold(reason=reason):
+                self._robot.hold(reason)
+            case Resume():
+                self._robot.hold(None)
+            case End():
+                self.over = True
+            case _:
+                assert_never(effect)

@@ -1,0 +1,116 @@
+"""Committing an entry, and going on to the next round: the only place where a robot acts."""
+
+from __future__ import annotations
+
+from koord.runtime.proposals import Taken
+from koord.runtime.protocol.entries import Entry, Held, Ran
+from koord.runtime.protocol.events import Begin, Commit, End, Reason, Timer
+from koord.runtime.protocol.messages import Hello
+from koord.runtime.protocol.state import Coordinator, Retired
+from koord.runtime.protocol.turn import Turn
+
+
+def commit(turn: Turn, held: Held) -> None:
+    """Act on the entry of the robot's round, which a majority is known to hold. (R-COMMIT)"""
+    state = turn.state
+    entry = held.entry
+    assert (entry.round, entry.previous) == (state.round, state.chain)
+    kept = _kept(entry, state.pid) if state.mine is not None else None
+    log = (*state.log, held)
+    turn.change(
+        round=state.round + 1,
+        chain=held.digest,
+        tentative=None,
+        mine=None,
+        log=log[-turn.setup.kept :],
+        roster=_roster(state.roster, entry),
+        last_ran=_last_ran(state.last_ran, entry),
+        target=max(state.target, state.round + 1),
+    )
+    turn.want(Commit(entry, kept))
+    _end_if_over(turn, entry)
+
+
+def _kept(entry: Entry, pid: int) -> Taken | None:
+    return next((taken for taken in entry.decision.ran if taken.robot == pid), None)
+
+
+def _roster(roster: tuple[int, ...], entry: Entry) -> tuple[int, ...]:
+    """Who is admitted counts from here on. (R-ADMIT)"""
+    if not entry.admitted:
+        return roster
+    changed = list(roster)
+    for admission in entry.admitted:
+        changed[admission.robot] = admission.incarnation
+    return tuple(changed)
+
+
+def _last_ran(before: tuple[Ran | None, ...], entry: Entry) -> tuple[Ran | None, ...]:
+    if not entry.decision.ran:
+        return before
+    changed = list(before)
+    for taken in entry.decision.ran:
+        changed[taken.robot] = Ran(entry.round, taken.event)
+    return tuple(changed)
+
+
+def _end_if_over(turn: Turn, entry: Entry) -> None:
+    state = turn.state
+    if state.roster[state.pid] > state.incarnation:
+        retire(turn)
+    elif entry.decision.fault is not None or state.round == turn.setup.rounds:
+        turn.change(ended=True)
+        for timer in (Timer.DEADLINE, Timer.HOLD, Timer.SILENCE):
+            turn.disarm(timer)
+        turn.want(End())
+
+
+def retire(turn: Turn) -> None:
+    """Another robot has this one's pid. (R-ADMIT)"""
+    turn.take(Retired())
+    turn.hold(Reason.TWICE)
+    for timer in Timer:
+        turn.disarm(timer)
+    turn.want(End())
+
+
+def go_on(turn: Turn, pause_s: float) -> None:
+    """Begin the round that is open now, unless the robot has yet to catch up. (R-BEGIN)"""
+    state = turn.state
+    if isinstance(state.office, Retired):
+        return
+    if isinstance(state.office, Coordinator):
+        _clear_desk(turn, state.office, pause_s)
+    if state.ended:
+        if not isinstance(state.office, Coordinator):
+            turn.disarm(Timer.RESEND)
+        return
+    if state.is_behind:
+        return
+    turn.resume()
+    turn.want(Begin(state.round, pause_s))
+    turn.arm(Timer.HOLD, pause_s + turn.setup.timing.hold_s)
+    if not state.is_voter and state.leader is not None:
+        turn.send(state.leader, Hello(empty=False))
+    if not isinstance(state.office, Coordinator):
+        # Nothing is waited for until the proposal is made; what was is answered.
+        turn.disarm(Timer.RESEND)
+
+
+def _clear_desk(turn: Turn, desk: Coordinator, pause_s: float) -> None:
+    """The coordinator's desk for a new round. (R-OPEN)"""
+    setup = turn.setup
+    roster = turn.state.roster
+    turn.take(
+        Coordinator(
+            (None,) * setup.robots,
+            heard=desk.heard,
+            guests=tuple(guest for guest in desk.guests if roster[guest[0]] < guest[1]),
+            began=turn.now + pause_s,
+        )
+    )
+    if turn.state.ended:
+        turn.disarm(Timer.RESEND)
+        return
+    turn.arm(Timer.DEADLINE, pause_s + setup.timing.patience_s)
+    turn.await_answer(pause_s)

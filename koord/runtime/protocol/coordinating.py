@@ -1,0 +1,226 @@
+"""The coordinator's work: gathering proposals, deciding, counting who holds the entry."""
+
+from __future__ import annotations
+
+from msgspec.structs import replace
+
+from koord.runtime.proposals import INIT_ROUND, Proposal
+from koord.runtime.protocol.committing import commit, go_on
+from koord.runtime.protocol.entries import Admission, Entry, Held, digest
+from koord.runtime.protocol.events import ShowStore, Timer
+from koord.runtime.protocol.following import teach
+from koord.runtime.protocol.messages import (
+    Acknowledge,
+    Committed,
+    Decide,
+    Hello,
+    Open,
+    Propose,
+)
+from koord.runtime.protocol.state import Coordinator, State
+from koord.runtime.protocol.turn import Turn
+
+
+def take_office(turn: Turn) -> None:
+    """Elected: send the tentative entry again, or say that the round is open. (R-OFFICE)"""
+    setup = turn.setup
+    desk = Coordinator((None,) * setup.robots, began=turn.now)
+    turn.take(desk)
+    turn.arm(Timer.DEADLINE, setup.timing.patience_s)
+    turn.arm(Timer.SILENCE, setup.timing.silence_s)
+    state = turn.state
+    if state.tentative is not None:
+        _put_forward(turn, state.tentative.entry)
+        return
+    turn.tell(Open(state.promised, state.round, state.chain))
+    turn.await_answer()
+    if state.mine is not None:
+        gather(turn, state.mine)
+
+
+def gather(turn: Turn, proposal: Proposal) -> None:
+    """A proposal for the open round; the first of a robot counts. (R-OPEN)"""
+    desk = turn.state.office
+    assert isinstance(desk, Coordinator)
+    if desk.proposals[proposal.robot] is None:
+        proposals = list(desk.proposals)
+        proposals[proposal.robot] = proposal
+        turn.take(replace(desk, proposals=tuple(proposals)))
+    decide_if_ready(turn)
+
+
+def on_propose(turn: Turn, sender: int, message: Propose) -> None:
+    state = turn.state
+    proposal = message.proposal
+    if proposal.robot != sender:
+        return
+    if proposal.round < state.round:
+        teach(turn, sender, proposal.round)
+    elif isinstance(state.office, Coordinator) and proposal.round == state.round:
+        if state.tentative is None:
+            gather(turn, proposal)
+        else:
+            # Late: it missed the Decide, or will get it.
+            turn.send(sender, Decide(state.promised, state.tentative.entry))
+
+
+def decide_if_ready(turn: Turn) -> None:
+    """(R-DECIDE)"""
+    state, setup = turn.state, turn.setup
+    desk = state.office
+    if not isinstance(desk, Coordinator) or state.tentative is not None or state.ended:
+        return
+    missing = missing_in(desk)
+    if missing and (not desk.overdue or owed(turn) & frozenset(missing)):
+        return
+    decision = setup.decide(state.round, desk.proposals)
+    entry = Entry(decision, state.chain, _admissions(turn, desk), missing)
+    _put_forward(turn, entry)
+
+
+def overdue(turn: Turn) -> None:
+    """The deadline for proposals is over. (R-DECIDE)"""
+    desk = turn.state.office
+    if isinstance(desk, Coordinator):
+        turn.take(replace(desk, overdue=True))
+        decide_if_ready(turn)
+
+
+def missing_in(desk: Coordinator) -> tuple[int, ...]:
+    return tuple(i for i, proposal in enumerate(desk.proposals) if proposal is None)
+
+
+def owed(turn: Turn) -> frozenset[int]:
+    """The robots without whose proposals the round is not decided. (R-OWED) [INIT] [SKIP]"""
+    setup = turn.setup
+    return setup.everyone if turn.state.round == INIT_ROUND else setup.owing
+
+
+def _admissions(turn: Turn, desk: Coordinator) -> tuple[Admission, ...]:
+    """Who is let in again; a majority of others must be left to agree to it. (R-ADMIT)"""
+    most = turn.setup.robots - turn.setup.majority
+    return tuple(Admission(robot, incarnation) for robot, incarnation in desk.guests[:most])
+
+
+def _put_forward(turn: Turn, entry: Entry) -> None:
+    """Hold an entry in the own epoch, and ask all others to. (R-DECIDE) (R-OFFICE)"""
+    state = turn.state
+    turn.change(tentative=Held(state.promised, entry, digest(entry)))
+    turn.disarm(Timer.DEADLINE)
+    turn.tell(Decide(state.promised, entry))
+    turn.await_answer()
+    _count(turn, state.pid, state.incarnation)
+
+
+def on_acknowledge(turn: Turn, sender: int, incarnation: int, message: Acknowledge) -> None:
+    """(R-MAJORITY)"""
+    state = turn.state
+    if message.round < state.round:
+        if message.again:
+            _say_committed(turn, sender, message)
+        return
+    held = state.tentative
+    if not isinstance(state.office, Coordinator) or held is None:
+        return
+    if message.epoch == state.promised and message.digest == held.digest:
+        _count(turn, sender, incarnation)
+
+
+def _say_committed(turn: Turn, to: int, message: Acknowledge) -> None:
+    """The robot's Committed was lost."""
+    state = turn.state
+    if isinstance(state.office, Coordinator) and any(
+        held.digest == message.digest for held in state.log
+    ):
+        turn.send(to, Committed(state.promised, message.round, message.digest))
+    else:
+        teach(turn, to, message.round)
+
+
+def _count(turn: Turn, robot: int, incarnation: int) -> None:
+    """One more robot holds the tentative entry. (R-MAJORITY)"""
+    state = turn.state
+    desk, held = state.office, state.tentative
+    assert isinstance(desk, Coordinator)
+    assert held is not None
+    if not state.counts(robot, incarnation):
+        return
+    holders = desk.holders | {robot}
+    turn.take(replace(desk, holders=holders))
+    if len(holders) < turn.setup.majority:
+        return
+    pause_s = _pause(turn, desk)
+    turn.tell(Committed(held.epoch, held.round, held.digest, pause_s))
+    commit(turn, held)
+    go_on(turn, pause_s)
+
+
+def _pause(turn: Turn, desk: Coordinator) -> float:
+    """What is left of the round; a round that took too long is not made up for. (R-BEGIN)"""
+    return max(0.0, desk.began + turn.setup.timing.delta_s - turn.now)
+
+
+def on_hello(turn: Turn, sender: int, incarnation: int, message: Hello) -> None:
+    """A robot is back. (R-REJOIN) (R-ADMIT)"""
+    state = turn.state
+    desk = state.office
+    if not isinstance(desk, Coordinator):
+        return
+    if message.empty:
+        turn.want(ShowStore(sender))
+    if state.roster[sender] < incarnation and (sender, incarnation) not in desk.guests:
+        others = tuple(guest for guest in desk.guests if guest[0] != sender)
+        turn.take(replace(desk, guests=(*others, (sender, incarnation))))
+
+
+def resend(turn: Turn) -> None:
+    """Ask again who has not answered. (R-AGAIN)"""
+    state, setup = turn.state, turn.setup
+    desk = state.office
+    assert isinstance(desk, Coordinator)
+    if state.tentative is not None:
+        silent = sorted(setup.everyone - desk.holders - {state.pid})
+        _ask_again(turn, silent, Decide(state.promised, state.tentative.entry))
+    elif not state.ended:
+        missing = [i for i in missing_in(desk) if i != state.pid]
+        _ask_again(turn, missing, Open(state.promised, state.round, state.chain))
+    else:
+        return
+    turn.await_longer()
+
+
+def _ask_again(turn: Turn, whom: list[int], message: Decide | Open) -> None:
+    """One message to all, if they are many, or if the others have heard nothing for a while."""
+    if len(whom) > turn.setup.robots // 2 or turn.state.tries > 0:
+        turn.tell(message)
+        return
+    for robot in whom:
+        turn.send(robot, message)
+
+
+def check_majority(turn: Turn) -> bool:
+    """Whether a majority was heard since this was asked last. (R-SILENCE)"""
+    state = turn.state
+    desk = state.office
+    assert isinstance(desk, Coordinator)
+    if len(desk.heard | {state.pid}) < turn.setup.majority:
+        return False
+    turn.take(replace(desk, heard=frozenset()))
+    turn.arm(Timer.SILENCE, turn.setup.timing.silence_s)
+    return True
+
+
+def note(turn: Turn, sender: int) -> None:
+    """A robot was heard."""
+    desk = turn.state.office
+    if isinstance(desk, Coordinator) and sender not in desk.heard:
+        turn.take(replace(desk, heard=desk.heard | {sender}))
+
+
+def waiting_for(state: State) -> tuple[int, ...]:
+    """The robots that the open round waits for, as far as this robot can know."""
+    match state.office:
+        case Coordinator() as desk if state.tentative is None:
+            return missing_in(desk)
+        case _:
+            return ()

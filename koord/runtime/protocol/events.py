@@ -1,0 +1,153 @@
+"""What happens to the machine, and what it wants done."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+import msgspec
+
+from koord.runtime.proposals import Proposal, Taken
+from koord.runtime.protocol.entries import Entry, Ran
+from koord.runtime.protocol.messages import Message
+
+
+class Timer(Enum):
+    """A robot has one of each; arming it anew forgets the old time."""
+
+    DEADLINE = "deadline"  #: the coordinator waits for proposals no longer (R-DECIDE)
+    RESEND = "resend"  #: what is not answered is sent again (R-AGAIN)
+    SILENCE = "silence"  #: the coordinator, or the majority, is not heard (R-SILENCE)
+    HOLD = "hold"  #: a commit is overdue (R-HOLD)
+
+
+class Reason(Enum):
+    """Why a robot holds its position."""
+
+    NO_COORDINATOR = "no coordinator is heard"
+    NO_MAJORITY = "fewer than a majority answer"
+    ROUND_OPEN = "the round waits for robots that may not skip"
+    UNDECIDED = "the round is not decided"
+    BEHIND = "catching up"
+    REJOINING = "rejoining"
+    TWICE = "another robot has taken this pid"
+
+
+# --- events ---------------------------------------------------------------------------------------
+
+
+class Started(msgspec.Struct, frozen=True):
+    """The robot has been switched on. Comes once, first."""
+
+    now: float
+
+
+class Received(msgspec.Struct, frozen=True):
+    """A message of another robot."""
+
+    now: float
+    sender: int
+    incarnation: int
+    message: Message
+
+
+class Expired(msgspec.Struct, frozen=True):
+    """A timer that was armed has run down."""
+
+    now: float
+    timer: Timer
+
+
+class Proposed(msgspec.Struct, frozen=True):
+    """The robot has run its event into a buffer, as asked for by Begin."""
+
+    now: float
+    proposal: Proposal
+
+
+class StoreShown(msgspec.Struct, frozen=True):
+    """The answer to ShowStore: the store before the round, as bytes."""
+
+    now: float
+    to: int
+    round: int
+    store: bytes
+
+
+Event = Started | Received | Expired | Proposed | StoreShown
+
+
+# --- effects --------------------------------------------------------------------------------------
+
+
+class Send(msgspec.Struct, frozen=True):
+    """A message to one robot."""
+
+    to: int
+    message: Message
+
+
+class Tell(msgspec.Struct, frozen=True):
+    """A message to all other robots."""
+
+    message: Message
+
+
+class Begin(msgspec.Struct, frozen=True):
+    """In so many seconds: sense, run an event into a buffer, and propose it. (R-BEGIN)"""
+
+    round: int
+    after_s: float
+
+
+class Commit(msgspec.Struct, frozen=True):
+    """Act: apply the writes. With ``kept`` the buffer is kept, otherwise thrown away. (R-COMMIT)"""
+
+    entry: Entry
+    kept: Taken | None
+
+
+class Install(msgspec.Struct, frozen=True):
+    """Replace the store by a snapshot's. (R-SNAPSHOT)
+
+    ``ran`` is what this robot last ran, according to the others: a buffer for that round is kept.
+    """
+
+    round: int
+    store: bytes
+    ran: Ran | None
+
+
+class ShowStore(msgspec.Struct, frozen=True):
+    """Another robot needs the store as it is now: StoreShown has it."""
+
+    to: int
+
+
+class Hold(msgspec.Struct, frozen=True):
+    """Come to a safe stop and stay there. (R-HOLD)"""
+
+    reason: Reason
+
+
+class Resume(msgspec.Struct, frozen=True):
+    """Go on."""
+
+
+class End(msgspec.Struct, frozen=True):
+    """The run is over: a fault, the last round, or another robot with this pid."""
+
+
+class Arm(msgspec.Struct, frozen=True):
+    """Expired has to come in so many seconds, unless the timer is armed again before."""
+
+    timer: Timer
+    after_s: float
+
+
+class Disarm(msgspec.Struct, frozen=True):
+    """Expired must not come."""
+
+    timer: Timer
+
+
+Effect = Send | Tell | Begin | Commit | Install | ShowStore | Hold | Resume | End | Arm | Disarm

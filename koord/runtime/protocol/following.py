@@ -1,0 +1,239 @@
+"""A robot that hears a coordinator: holding entries, acknowledging, committing, catching up."""
+
+from __future__ import annotations
+
+from koord.runtime.proposals import INIT_ROUND, Proposal
+from koord.runtime.protocol.committing import commit, go_on, retire
+from koord.runtime.protocol.entries import Held, digest
+from koord.runtime.protocol.events import Install, Reason, ShowStore, Timer
+from koord.runtime.protocol.messages import (
+    Acknowledge,
+    Ask,
+    Committed,
+    Decide,
+    Hello,
+    History,
+    Open,
+    Overruled,
+    Propose,
+    Snapshot,
+)
+from koord.runtime.protocol.state import Follower, Rejoining
+from koord.runtime.protocol.turn import Turn
+
+#: So many entries are sent to one who asks; for more it asks again.
+BATCH = 8
+
+
+def follow(turn: Turn, sender: int, epoch: int) -> bool:
+    """Take the sender for the coordinator of its epoch, unless a higher one is promised."""
+    state, setup = turn.state, turn.setup
+    if epoch < state.promised:
+        turn.send(sender, Overruled(state.promised))
+        return False
+    if setup.coordinator(epoch) != sender or sender == state.pid:
+        return False
+    turn.promise(epoch)
+    if state.office != Follower(sender):
+        turn.take(Follower(sender))
+        turn.disarm(Timer.DEADLINE)
+    if not state.ended:
+        turn.watch_leader()
+    return True
+
+
+def propose(turn: Turn, proposal: Proposal) -> None:
+    """The robot's own proposal has been worked out. (R-BEGIN)"""
+    state = turn.state
+    if state.mine is not None or proposal.round != state.round or state.ended:
+        return  # the round was decided meanwhile: the buffer is thrown away
+    turn.change(mine=proposal)
+    if state.tentative is None and state.leader not in (None, state.pid):
+        turn.send(state.leader, Propose(proposal))
+        # The answer is the Decide, which may take until the deadline.
+        turn.await_answer(turn.setup.timing.patience_s)
+
+
+def on_decide(turn: Turn, sender: int, message: Decide) -> None:
+    """(R-ACCEPT)"""
+    if not follow(turn, sender, message.epoch):
+        return
+    entry = message.entry
+    _commit_if_chained(turn, entry.round, entry.previous, message.epoch)
+    state = turn.state
+    if entry.round > state.round:
+        fall_behind(turn, sender, entry.round)
+        return
+    mark = digest(entry)
+    if entry.round < state.round:
+        if state.is_voter and any(held.digest == mark for held in state.log):
+            turn.send(sender, Acknowledge(message.epoch, entry.round, mark))
+        return
+    held = state.tentative
+    if entry.previous != state.chain or (
+        held is not None and held.epoch == message.epoch and held.digest != mark
+    ):
+        return  # no coordinator sends this (I-ONE-ENTRY)
+    turn.change(tentative=Held(message.epoch, entry, mark))
+    if state.is_voter:
+        turn.send(sender, Acknowledge(message.epoch, entry.round, mark))
+    turn.await_answer()
+
+
+def on_committed(turn: Turn, sender: int, message: Committed) -> None:
+    """(R-COMMIT). True whatever its epoch; but only a current one says who coordinates."""
+    if message.epoch >= turn.state.promised:
+        follow(turn, sender, message.epoch)
+    state = turn.state
+    if message.round < state.round:
+        return
+    held = state.tentative
+    if message.round == state.round and held is not None and held.digest == message.digest:
+        commit(turn, Held(max(held.epoch, message.epoch), held.entry, held.digest))
+        go_on(turn, message.pause_s)
+    else:
+        fall_behind(turn, sender, message.round + 1)
+
+
+def on_open(turn: Turn, sender: int, message: Open) -> None:
+    """The coordinator lacks this robot's proposal. (R-OWED)"""
+    if not follow(turn, sender, message.epoch):
+        return
+    _commit_if_chained(turn, message.round, message.chain, message.epoch)
+    state = turn.state
+    if message.round > state.round:
+        fall_behind(turn, sender, message.round)
+    elif message.round == state.round and state.mine is not None:
+        turn.send(sender, Propose(state.mine))
+
+
+def _commit_if_chained(turn: Turn, round_: int, previous: bytes, epoch: int) -> None:
+    """An entry that the coordinator goes on after is committed. (R-COMMIT)"""
+    held = turn.state.tentative
+    if held is not None and held.digest == previous and round_ == held.round + 1:
+        commit(turn, Held(max(epoch, held.epoch), held.entry, held.digest))
+        go_on(turn, 0.0)
+
+
+# --- catching up ----------------------------------------------------------------------------------
+
+
+def fall_behind(turn: Turn, teacher: int, target: int) -> None:
+    """Rounds up to ``target`` are committed that this robot does not hold. (R-ASK)"""
+    state = turn.state
+    if target <= state.target and state.is_behind:
+        return  # asked already
+    turn.change(target=max(target, state.target))
+    turn.send(teacher, Ask(state.round))
+    turn.await_answer()
+
+
+def teach(turn: Turn, to: int, round_: int) -> None:
+    """Send what is committed from a round on. (R-ASK) (R-TEACH)"""
+    state = turn.state
+    if round_ >= state.round:
+        return
+    missing = [held for held in state.log if held.round >= round_]
+    if not missing or missing[0].round != round_:
+        turn.want(ShowStore(to))
+        return
+    batch = missing[:BATCH]
+    for held in batch:
+        turn.send(to, History(held.epoch, held.entry, held is batch[-1]))
+
+
+def on_history(turn: Turn, sender: int, message: History) -> None:
+    """(R-COMMIT). Raising the promise keeps a coordinator of old from going on after it."""
+    state = turn.state
+    entry = message.entry
+    if entry.round != state.round or entry.previous != state.chain:
+        return
+    _learn_epoch(turn, message.epoch)
+    commit(turn, Held(message.epoch, entry, digest(entry)))
+    go_on(turn, 0.0)
+    if turn.state.is_behind and message.last:
+        turn.send(sender, Ask(turn.state.round))
+        turn.await_answer()
+
+
+def on_snapshot(turn: Turn, sender: int, message: Snapshot) -> None:
+    """(R-SNAPSHOT)"""
+    state = turn.state
+    rejoining = isinstance(state.office, Rejoining)
+    if message.round <= state.round and not rejoining:
+        return
+    _learn_epoch(turn, message.epoch)
+    if rejoining:
+        turn.take(Follower(sender))
+    turn.change(
+        round=message.round,
+        chain=message.chain,
+        tentative=None,
+        mine=None,
+        log=(),
+        roster=message.roster,
+        last_ran=message.last_ran,
+        target=max(state.target, message.round),
+    )
+    turn.want(Install(message.round, message.store, message.last_ran[state.pid]))
+    if message.roster[state.pid] > state.incarnation:
+        retire(turn)
+    elif message.round == turn.setup.rounds:
+        turn.change(ended=True)
+    else:
+        turn.watch_leader()
+    go_on(turn, 0.0)
+
+
+def _learn_epoch(turn: Turn, epoch: int) -> None:
+    """What is true by a higher epoch's majority ends every lower office."""
+    state = turn.state
+    if epoch > state.promised:
+        turn.promise(epoch)
+        if not isinstance(state.office, Rejoining | Follower):
+            turn.follow_nobody()
+
+
+# --- what is sent again ---------------------------------------------------------------------------
+
+
+def resend(turn: Turn) -> None:
+    """A follower's question was not answered. (R-AGAIN)"""
+    state = turn.state
+    leader = state.leader
+    if leader is None:
+        return  # somebody will stand, or this robot does
+    if state.is_behind:
+        turn.send(leader, Ask(state.round))
+    elif state.tentative is not None:
+        held = state.tentative
+        turn.send(leader, Acknowledge(held.epoch, held.round, held.digest, again=True))
+    elif state.mine is not None:
+        turn.send(leader, Propose(state.mine))
+    else:
+        return
+    turn.await_longer()
+
+
+def rejoin(turn: Turn) -> None:
+    """Ask for a snapshot, again and again. (R-REJOIN)"""
+    turn.hold(Reason.REJOINING)
+    turn.tell(Hello(empty=True))
+    turn.await_longer()
+
+
+def is_back(turn: Turn, round_: int) -> bool:
+    """Whether a first start turns out to be none. (R-FRESH)"""
+    state = turn.state
+    if round_ > INIT_ROUND and state.round == INIT_ROUND and state.mine is None:
+        return state.incarnation != state.spare and state.tentative is None
+    return False
+
+
+def start_over(turn: Turn) -> None:
+    """Rejoin in a new incarnation. (R-FRESH)"""
+    turn.change(incarnation=turn.state.spare)
+    turn.take(Rejoining())
+    turn.disarm(Timer.DEADLINE)
+    turn.disarm(Timer.SILENCE)
+    rejoin(turn)

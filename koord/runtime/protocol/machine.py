@@ -1,0 +1,222 @@
+"""``step``: what a robot does about one event."""
+
+from __future__ import annotations
+
+from typing import assert_never
+
+from koord.runtime.proposals import INIT_ROUND
+from koord.runtime.protocol import coordinating, electing, following
+from koord.runtime.protocol.events import (
+    Begin,
+    Effect,
+    Event,
+    Expired,
+    Proposed,
+    Reason,
+    Received,
+    Started,
+    StoreShown,
+    Timer,
+)
+from koord.runtime.protocol.messages import (
+    Acknowledge,
+    Ask,
+    Candidacy,
+    Canvass,
+    Committed,
+    Decide,
+    Hello,
+    History,
+    Message,
+    Open,
+    Overruled,
+    Propose,
+    Snapshot,
+    Support,
+    Vote,
+)
+from koord.runtime.protocol.setup import Setup
+from koord.runtime.protocol.state import (
+    Candidate,
+    Canvassing,
+    Coordinator,
+    Follower,
+    Rejoining,
+    Retired,
+    State,
+)
+from koord.runtime.protocol.turn import Turn
+
+
+def step(setup: Setup, state: State, event: Event) -> tuple[State, tuple[Effect, ...]]:
+    """The state after an event, and what is wanted done, in this order. Pure."""
+    if isinstance(state.office, Retired):
+        return state, ()
+    turn = Turn(setup, state, event.now)
+    match event:
+        case Received(sender=sender, incarnation=incarnation, message=message):
+            if 0 <= sender < setup.robots and sender != state.pid:
+                _receive(turn, sender, incarnation, message)
+        case Expired(timer=timer):
+            _expire(turn, timer)
+        case Proposed():
+            _propose(turn, event)
+        case Started():
+            _start(turn)
+        case StoreShown():
+            _show(turn, event)
+        case _:
+            assert_never(event)
+    return turn.state, tuple(turn.effects)
+
+
+def _start(turn: Turn) -> None:
+    timing = turn.setup.timing
+    match turn.state.office:
+        case Rejoining():
+            following.rejoin(turn)
+            return
+        case Coordinator():
+            turn.arm(Timer.DEADLINE, timing.patience_s)
+            turn.await_answer()
+        case _:
+            pass
+    turn.want(Begin(INIT_ROUND, 0.0))
+    turn.arm(Timer.HOLD, timing.hold_s)
+    turn.watch_leader()
+
+
+def _propose(turn: Turn, event: Proposed) -> None:
+    following.propose(turn, event.proposal)
+    if isinstance(turn.state.office, Coordinator) and turn.state.mine is event.proposal:
+        coordinating.gather(turn, event.proposal)
+
+
+def _show(turn: Turn, event: StoreShown) -> None:
+    """(R-SNAPSHOT)"""
+    state = turn.state
+    if event.round == state.round:
+        snapshot = Snapshot(
+            state.promised, state.round, state.chain, state.roster, state.last_ran, event.store
+        )
+        turn.send(event.to, snapshot)
+
+
+# --- messages -------------------------------------------------------------------------------------
+
+
+def _receive(turn: Turn, sender: int, incarnation: int, message: Message) -> None:
+    coordinating.note(turn, sender)
+    if following.is_back(turn, _round_of(message)):
+        following.start_over(turn)
+        return
+    if isinstance(turn.state.office, Rejoining):
+        if isinstance(message, Snapshot):
+            following.on_snapshot(turn, sender, message)
+        return
+    match message:
+        case Propose():
+            coordinating.on_propose(turn, sender, message)
+        case Decide():
+            following.on_decide(turn, sender, message)
+        case Acknowledge():
+            coordinating.on_acknowledge(turn, sender, incarnation, message)
+        case Committed():
+            following.on_committed(turn, sender, message)
+        case Open():
+            following.on_open(turn, sender, message)
+        case Ask(round=round_):
+            following.teach(turn, sender, round_)
+        case History():
+            following.on_history(turn, sender, message)
+        case Snapshot():
+            following.on_snapshot(turn, sender, message)
+        case Hello():
+            coordinating.on_hello(turn, sender, incarnation, message)
+        case Canvass():
+            electing.on_canvass(turn, sender, message)
+        case Support():
+            electing.on_support(turn, sender, incarnation, message)
+        case Candidacy():
+            electing.on_candidacy(turn, sender, message)
+        case Vote():
+            electing.on_vote(turn, sender, incarnation, message)
+        case Overruled():
+            electing.on_overruled(turn, message)
+        case _:
+            assert_never(message)
+
+
+def _round_of(message: Message) -> int:
+    """The round that a message shows to have been reached, INIT's if none."""
+    match message:
+        case Propose(proposal=proposal):
+            return proposal.round
+        case Decide(entry=entry) | History(entry=entry):
+            return entry.round
+        case (
+            Acknowledge(round=round_)
+            | Committed(round=round_)
+            | Open(round=round_)
+            | Ask(round=round_)
+            | Snapshot(round=round_)
+        ):
+            return round_
+        case Canvass(position=position) | Candidacy(position=position):
+            return position.round
+        case Support() | Vote() | Overruled() | Hello():
+            return INIT_ROUND
+        case _:
+            assert_never(message)
+
+
+# --- timers ---------------------------------------------------------------------------------------
+
+
+def _expire(turn: Turn, timer: Timer) -> None:
+    match timer:
+        case Timer.DEADLINE:
+            coordinating.overdue(turn)
+        case Timer.RESEND:
+            _resend(turn)
+        case Timer.SILENCE:
+            electing.silence(turn)
+        case Timer.HOLD:
+            turn.hold(_why(turn.state))
+        case _:
+            assert_never(timer)
+
+
+def _resend(turn: Turn) -> None:
+    match turn.state.office:
+        case Follower():
+            following.resend(turn)
+        case Canvassing() | Candidate():
+            electing.resend(turn)
+        case Coordinator():
+            coordinating.resend(turn)
+        case Rejoining():
+            following.rejoin(turn)
+        case Retired():
+            pass
+        case office:
+            assert_never(office)
+
+
+def _why(state: State) -> Reason:
+    """Why a commit is overdue, as far as this robot can know."""
+    match state.office:
+        case Rejoining():
+            return Reason.REJOINING
+        case Retired():
+            return Reason.TWICE
+        case Canvassing() | Candidate():
+            return Reason.NO_COORDINATOR
+        case Follower(leader=None):
+            return Reason.NO_COORDINATOR
+        case Coordinator():
+            return Reason.ROUND_OPEN if state.tentative is None else Reason.NO_MAJORITY
+        case Follower():
+            return Reason.BEHIND if state.is_behind else Reason.UNDECIDED
+        case office:
+            assert_never(office)

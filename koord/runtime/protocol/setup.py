@@ -1,0 +1,76 @@
+"""What all robots of a run know of it, and do not change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from koord.runtime.proposals import Decision, Proposal
+from koord.runtime.protocol.deciding import decide
+
+#: From the proposals of a round (None: not there) to what becomes of it. A host whose store can say
+#: its digest puts in a function that fills that in.
+Decide = Callable[[int, Sequence[Proposal | None]], Decision]
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How long to wait for what, in seconds. Safety depends on none of these."""
+
+    delta_s: float  #: the length of a round; 0: as fast as it goes
+    patience_s: float  #: how long the coordinator waits for proposals
+    resend_s: float  #: before something unanswered is sent again, the first time
+    silence_s: float  #: before a coordinator that is not heard is given up
+    slot_s: float  #: between the robots that could stand in its place
+    hold_s: float  #: how long a commit may be overdue before the robot holds
+
+    @staticmethod
+    def of(delta_s: float, robots: int) -> Timing:
+        """What suits rounds of this length."""
+        unit = max(delta_s, 0.02)
+        return Timing(
+            delta_s=delta_s,
+            patience_s=unit / 2,
+            resend_s=unit / 4,
+            silence_s=3 * unit,
+            slot_s=min(unit / 4, 4 * unit / robots),
+            hold_s=2 * unit,
+        )
+
+    @staticmethod
+    def zero() -> Timing:
+        """No durations at all, for those who let timers run down whenever they like."""
+        return Timing(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """The run: how many robots, how they wait, who must be heard."""
+
+    robots: int
+    timing: Timing
+    owing: frozenset[int] = frozenset()  #: robots whose programs have urgent events (R-OWED)
+    rounds: int | None = None  #: the run ends after so many rounds besides INIT
+    first: int = 0  #: the coordinator of epoch 0
+    kept: int = 64  #: so many committed entries are kept for those who ask (R-ASK)
+    decide: Decide = field(default=decide)
+
+    @property
+    def majority(self) -> int:
+        return self.robots // 2 + 1
+
+    @property
+    def everyone(self) -> frozenset[int]:
+        return frozenset(range(self.robots))
+
+    def coordinator(self, epoch: int) -> int:
+        """The robot that an epoch belongs to."""
+        return (self.first + epoch) % self.robots
+
+    def epoch_above(self, epoch: int, robot: int) -> int:
+        """The lowest epoch above the one given that belongs to a robot."""
+        return epoch + 1 + (robot - self.coordinator(epoch + 1)) % self.robots
+
+    def distance(self, robot: int, epoch: int) -> int:
+        """How many robots come before this one to succeed the coordinator of an epoch."""
+        return self.epoch_above(epoch, robot) - epoch - 1
