@@ -13,12 +13,20 @@ class Exit(IntEnum):
     VIOLATED = 1  #: a property does not hold, a trace is illegal, a layout differs
     BAD_INPUT = 2  #: a mistake in a program, a file or a flag
     UNKNOWN = 3  #: no verdict within the limits
+    VACUOUS = 4  #: every property holds, but says less than it seems to
     INTERNAL = 70  #: a mistake in koord itself (EX_SOFTWARE of sysexits.h)
     INTERRUPTED = 130  #: stopped with Ctrl-C
     PIPE_CLOSED = 141  #: the reader of the output went away
 
 
-_GRAVITY = (Exit.INTERRUPTED, Exit.BAD_INPUT, Exit.VIOLATED, Exit.UNKNOWN, Exit.OK)
+_GRAVITY = (
+    Exit.INTERRUPTED,
+    Exit.BAD_INPUT,
+    Exit.VIOLATED,
+    Exit.UNKNOWN,
+    Exit.VACUOUS,
+    Exit.OK,
+)
 
 
 def gravest(codes: Iterable[Exit]) -> Exit:

@@ -31,6 +31,7 @@ exit codes:
   1    violated: a property does not hold, a trace is illegal, a layout differs
   2    a mistake in the input: a program, a file or a flag
   3    unknown: no verdict within the limits given
+  4    vacuous: what was asked for holds, but says less than it seems to
   70   a mistake in koord itself
   130  interrupted with Ctrl-C
 

@@ -7,7 +7,15 @@ from typing import assert_never
 
 from koord.cli.terminal import Paint, Style
 from koord.semantics.configurations import System
-from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+from koord.verify.verdicts import (
+    Bounds,
+    Emptiness,
+    Engine,
+    Outcome,
+    Report,
+    Vacuity,
+    Verdict,
+)
 
 _PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKNOWN: Paint.WARNING}
 
@@ -27,8 +35,17 @@ def lines(name: str, system: System, report: Report, style: Style) -> Iterator[s
     if report.vacuities:
         yield ""
     for vacuity in report.vacuities:
-        label = style.paint("warning:", Paint.WARNING)
-        yield f"  {label} {vacuity.what}: {vacuity.detail}"
+        yield f"  {_empty(vacuity, style)}"
+
+
+def _empty(vacuity: Vacuity, style: Style) -> str:
+    """What makes verdicts say less than they seem to, in a line."""
+    label = style.paint("vacuous:" if vacuity.certain else "warning:", Paint.WARNING)
+    what = f"{vacuity.what.value} {vacuity.subject}".rstrip()
+    if vacuity.what is Emptiness.SUPPOSITION:
+        what = f"what {vacuity.subject} supposes"
+    place = f" ({vacuity.span})" if vacuity.span is not None else ""
+    return f"{label} {what}: {vacuity.detail}{place}"
 
 
 def summary(system: System, bounds: Bounds, report: Report, style: Style) -> str:
@@ -39,7 +56,8 @@ def summary(system: System, bounds: Bounds, report: Report, style: Style) -> str
         case Outcome.HOLDS:
             everywhere = all(verdict.rounds is None for verdict in report.verdicts)
             reach = "every number of rounds" if everywhere else f"{bounds.rounds} rounds"
-            text = f"{outcome}: {_claims(report)}, {_fleet(system)}, {reach}"
+            vacuously = ", but vacuously" if report.is_vacuous else ""
+            text = f"{outcome}{vacuously}: {_claims(report)}, {_fleet(system)}, {reach}"
         case Outcome.VIOLATED:
             count = sum(v.outcome is Outcome.VIOLATED for v in report.verdicts)
             text = f"{outcome}: {count} of {_claims(report)}, {_fleet(system)}"
@@ -103,7 +121,19 @@ def as_json(name: str, system: System, bounds: Bounds, report: Report) -> dict[s
         "seconds": round(report.seconds, 3),
         "interrupted": report.interrupted,
         "claims": [_verdict_json(verdict) for verdict in report.verdicts],
-        "vacuities": [{"what": v.what, "detail": v.detail} for v in report.vacuities],
+        "vacuous": report.is_vacuous,
+        "vacuities": [_vacuity_json(vacuity) for vacuity in report.vacuities],
+    }
+
+
+def _vacuity_json(vacuity: Vacuity) -> dict[str, object]:
+    place = vacuity.span
+    return {
+        "what": vacuity.what.value,
+        "subject": vacuity.subject or None,
+        "detail": vacuity.detail,
+        "certain": vacuity.certain,
+        "place": None if place is None else str(place),
     }
 
 

@@ -84,7 +84,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_settings(parser)
     add_trace(parser, "the trace of a violation")
     add_json(parser, "the verdict")
-    parser.epilog = "exit codes: 0 holds, 1 violated, 2 errors in the input, 3 unknown"
+    parser.epilog = (
+        "exit codes: 0 holds, 1 violated, 2 errors in the input, 3 unknown, 4 holds, but vacuously"
+    )
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -161,7 +163,7 @@ def _verify(program: LoadedProgram, request: Request) -> Exit:
     if report.interrupted:
         return Exit.INTERRUPTED
     codes = {
-        Outcome.HOLDS: Exit.OK,
+        Outcome.HOLDS: Exit.VACUOUS if report.is_vacuous else Exit.OK,
         Outcome.VIOLATED: Exit.VIOLATED,
         Outcome.UNKNOWN: Exit.UNKNOWN,
     }

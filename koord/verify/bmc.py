@@ -12,13 +12,14 @@ from itertools import count
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
+from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.turns import holds_in
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.verify.claims import Claim, ClaimKind, Phase, broken
 from koord.verify.ledger import Judge
 from koord.verify.moments import Moment, Opening, SymbolicRound
 from koord.verify.rounds import Encoder
-from koord.verify.solving import Answer, Deadline, Effort, Solver
+from koord.verify.solving import Answer, Deadline, Solver
 from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms
 from koord.verify.verdicts import Engine, Outcome, Verdict
@@ -38,7 +39,7 @@ class Unrolling:
     rounds: list[SymbolicRound] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        d = Terms()
+        d = Terms(self.system.patience)
         self.unknowns = Unknowns(d, self.system.program, self.system.robots)
         self.encoder = Encoder(self.system, self.unknowns)
         self.solver = Solver(d, self.unknowns, self.seed)
@@ -82,14 +83,6 @@ def assumed(system: System, d: Terms, moment: Moment) -> list[Term]:
     return needed
 
 
-@dataclass(frozen=True, slots=True)
-class Idle:
-    """Events (agent kind, position) that never run; ``stuck`` is a round that no run reaches."""
-
-    events: set[tuple[int, int]]
-    stuck: int | None
-
-
 class Bounded:
     """The bounded check of one system, which goes on from where it stopped.
 
@@ -103,6 +96,7 @@ class Bounded:
         self._judge = judge
         self._started = time.monotonic()
         self._moments: Iterator[Moment] | None = None
+        self.moments = 0  #: that were looked at
         self.unreplayed: dict[Claim, tuple[str, int | None]] = {}
         self.completed: int | None = None
         self.reason = ""
@@ -125,77 +119,21 @@ class Bounded:
         while pending and not self.reason:
             if self.completed is not None and self.completed >= rounds:
                 break
-            moment = self._next()
-            self._take_for_granted(moment, proved)
-            found, unreplayed, self.reason = _look(
-                self._unrolling, moment, pending, deadline, self._started, self._judge
-            )
+            try:
+                moment = self._next()
+                self._take_for_granted(moment, proved)
+                found, unreplayed, self.reason = _look(
+                    self._unrolling, moment, pending, deadline, self._started, self._judge
+                )
+            except OutOfPatienceError:
+                self.reason = "timeout"
+                break
             verdicts |= found
             self.unreplayed |= {c: (why, self.completed) for c, why in unreplayed.items()}
             pending = [c for c in pending if c not in verdicts and c not in self.unreplayed]
             if not self.reason and moment.phase in (Phase.INIT, Phase.END):
                 self.completed = moment.configuration.round
         return verdicts
-
-    def start_possible(self, deadline: Deadline, effort: Effort) -> bool:
-        """Whether some configuration after INIT satisfies the assumptions (or nobody knows)."""
-        if self._unrolling.solver.check([], deadline, effort) is not Answer.UNSAT:
-            return True
-        # It may be a later round that no run gets through: look at INIT alone.
-        alone = Unrolling(self._unrolling.system, self._unrolling.seed)
-        return alone.solver.check([], deadline) is not Answer.UNSAT
-
-    def idle_events(
-        self, seen: set[tuple[int, int]], rounds: int, deadline: Deadline, effort: Effort
-    ) -> Idle:
-        """The events that no robot can run within so many rounds. Unrolls as far as needed.
-
-        Those in ``seen`` are known to run. Where nobody knows in time, no event is named.
-        """
-        kinds = self._unrolling.system.kinds
-        agents = self._unrolling.system.program.agents
-        idle = {(k, p) for k in set(kinds) for p in range(len(agents[k].events))} - seen
-        number = 0
-        while idle and number < rounds:
-            while len(self._unrolling.rounds) <= number:
-                self._next()
-            answer = self._strike(idle, self._unrolling.rounds[number], deadline, effort)
-            if answer is Answer.UNKNOWN:
-                return Idle(set(), None)
-            if idle and self._unrolling.solver.check([], deadline, effort) is Answer.UNSAT:
-                return Idle(set(), self._stuck(rounds, deadline))
-            number += 1
-        return Idle(idle, None)
-
-    def _stuck(self, rounds: int, deadline: Deadline) -> int | None:
-        """The first round whose environment's turn no run can take; None if they fault instead."""
-        alone = Unrolling(self._unrolling.system, self._unrolling.seed)
-        for moment in alone.moments():
-            if alone.solver.check([], deadline) is not Answer.SAT:
-                return moment.configuration.round - 1 if moment.phase is Phase.END else None
-            if moment.configuration.round >= rounds:
-                break
-        return None
-
-    def _strike(
-        self,
-        idle: set[tuple[int, int]],
-        taken: SymbolicRound,
-        deadline: Deadline,
-        effort: Effort,
-    ) -> Answer:
-        """Take the events that can run in this round off the list."""
-        kinds, solver = self._unrolling.system.kinds, self._unrolling.solver
-        while True:
-            pending = [o for o in taken.options if (kinds[o.robot], o.position) in idle]
-            question = disjunction(self._unrolling.encoder.d, [o.chosen for o in pending])
-            if not pending:
-                return Answer.UNSAT
-            answer = solver.check([question], deadline, effort)
-            if answer is not Answer.SAT:
-                return answer
-            model = solver.model()
-            idle -= {(kinds[o.robot], o.position) for o in pending if model.truth(o.chosen)}
 
     @property
     def seconds(self) -> float:
@@ -210,6 +148,7 @@ class Bounded:
     def _next(self) -> Moment:
         if self._moments is None:
             self._moments = self._unrolling.moments()
+        self.moments += 1
         return next(self._moments)
 
     def _take_for_granted(self, moment: Moment, proved: Sequence[Claim]) -> None:

@@ -11,6 +11,7 @@ from typing import assert_never
 
 from koord.semantics.configurations import System
 from koord.semantics.machine import NotFiniteError
+from koord.semantics.patience import OutOfPatienceError, Patience
 from koord.semantics.search.limits import Limits
 from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
@@ -49,6 +50,7 @@ def verify(
     """
     started = time.monotonic()
     deadline = Deadline.after(bounds.timeout_s)
+    system = replace(system, patience=Patience(deadline.passed))
     ask = partial(_ask, bounds=bounds, choice=choice, seed=seed, progress=progress)
     subject = _abstract_subject(system) or _plain_subject(system)
     asked = ask(subject, deadline)
@@ -128,9 +130,11 @@ def _ask(
         for engine in engines(choice, unrolling):
             if ledger.open():
                 engine.work(ledger)
-        empty = vacuities(ledger, unrolling.of(ledger))
+        empty = vacuities(ledger)
     except NotFiniteError as error:
         ledger.stopped = str(error)
+    except OutOfPatienceError:
+        ledger.stopped = "timeout"
     except KeyboardInterrupt:
         interrupted = True
         ledger.stopped = "interrupted"

@@ -2,33 +2,121 @@
 
 from __future__ import annotations
 
-from koord.verify.bmc import Bounded
-from koord.verify.ledger import Ledger
-from koord.verify.sightings import seen_to_run
-from koord.verify.solving import Effort
-from koord.verify.verdicts import Vacuity
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
-#: What the search for events that never run may cost, after random runs of so many seconds.
-IDLE_S = 10.0
+from koord.semantics.configurations import System
+from koord.syntax import core
+from koord.syntax.core import Home
+from koord.syntax.walk import nodes
+from koord.verify.bmc import Unrolling
+from koord.verify.claims import Claim
+from koord.verify.footprint import footprint
+from koord.verify.ledger import Ledger
+from koord.verify.reaching import inside_rounds, never_broken, seen, unbroken
+from koord.verify.solving import Answer, Deadline, Effort
+from koord.verify.verdicts import Emptiness, Outcome, Vacuity
+from koord.verify.wishes import Aim, Wish, wishes_of
+
+#: What the search for what can happen may cost, after random runs of so many seconds.
+WISHES_S = 10.0
 RUNS_S = 2.0
 
 
-def vacuities(ledger: Ledger, bounded: Bounded) -> tuple[Vacuity, ...]:
-    """Assumptions that contradict each other, and events that can never run within the bound."""
-    deadline, effort = ledger.deadline, Effort.of_seconds(IDLE_S)
-    if not bounded.start_possible(deadline, effort):
-        return (Vacuity("assumptions", "no initial configuration satisfies them all"),)
-    ledger.progress("looking for events that never run")
-    rounds = ledger.bounds.rounds
-    seen: set[tuple[int, int]] = set()
+def vacuities(ledger: Ledger) -> tuple[Vacuity, ...]:
+    """All that makes the verdicts of a ledger say less than they seem to."""
+    deadline, effort = ledger.deadline, Effort.of_seconds(WISHES_S)
+    start = _start(ledger.system, ledger.seed, deadline, effort)
+    if start is not None:
+        return (start,)
+    ledger.progress("looking for what never happens")
+    return (*_unmet(ledger, deadline, effort), *_untouched(ledger))
+
+
+def _start(system: System, seed: int, deadline: Deadline, effort: Effort) -> Vacuity | None:
+    """Why no run can even start, if so."""
+    if Unrolling(system, seed).solver.check([], deadline, effort) is not Answer.UNSAT:
+        return None
+    free = replace(system, program=replace(system.program, assumptions=()))
+    if Unrolling(free, seed).solver.check([], deadline, effort) is not Answer.UNSAT:
+        detail = "no initial configuration satisfies them all"
+        return Vacuity(Emptiness.ASSUMPTIONS, "", detail, certain=True)
+    detail = "no external functions satisfy them all"
+    return Vacuity(Emptiness.SUMMARIES, "", detail, certain=True)
+
+
+def _unmet(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:
+    """Events that never run, and suppositions that are never true."""
+    system, rounds, seed = ledger.system, ledger.bounds.rounds, ledger.seed
+    wishes = {wish.never: wish for wish in wishes_of(system)}
+    pending = list(wishes)
     if not ledger.subject.is_abstract:
         # Making up positions and paths that meet assumptions can cost more than it spares.
-        seen = seen_to_run(ledger.system, rounds, deadline.sooner(RUNS_S), ledger.seed)
-    idle = bounded.idle_events(seen, rounds, deadline, effort)
-    if idle.stuck is not None:
-        return (Vacuity("contracts", f"no run gets through round {idle.stuck + 1}"),)
-    found = []
-    for kind, position in sorted(idle.events):
-        name = ledger.system.program.agents[kind].events[position].name
-        found.append(Vacuity("event", f"{name} cannot run within {rounds} rounds"))
-    return tuple(found)
+        met = seen(system, pending, rounds, deadline.sooner(RUNS_S), seed)
+        pending = [never for never in pending if never not in met]
+    left = unbroken(system, pending, rounds, deadline, effort, seed=seed)
+    if left.stuck is not None:
+        detail = f"no run gets through round {left.stuck}"
+        yield Vacuity(Emptiness.CONTRACTS, "", detail, certain=True)
+    elif left.known and left.claims:
+        unmet = [never for never in pending if never in left.claims]
+        always = never_broken(ledger, unmet, deadline, effort)
+        blocked = _blocked(ledger, unmet, deadline, effort)
+        for never in unmet:
+            yield _told(wishes[never], rounds, never in always, never in blocked)
+
+
+def _blocked(
+    ledger: Ledger, unmet: Sequence[Claim], deadline: Deadline, effort: Effort
+) -> set[Claim]:
+    """Those that come true inside rounds, of which none can end."""
+    agents = ledger.system.program.agents
+    if not any(module.contracts for agent in agents for module in agent.modules):
+        return set()
+    inside = {inside_rounds(never): never for never in unmet}
+    if not inside:
+        return set()
+    rounds = ledger.bounds.rounds
+    left = unbroken(ledger.system, inside, rounds, deadline, effort, seed=ledger.seed)
+    if not left.known:
+        return set()
+    return {never for claim, never in inside.items() if claim not in left.claims}
+
+
+def _told(wish: Wish, rounds: int, always: bool, blocked: bool) -> Vacuity:
+    what = Emptiness.EVENT if wish.aim is Aim.EVENT else Emptiness.SUPPOSITION
+    verb = "run" if wish.aim is Aim.EVENT else "come true"
+    if blocked:
+        detail = f"can {verb}, but no round in which it does can end: contracts rule it out"
+    elif always:
+        detail = f"can never {verb}"
+    else:
+        detail = f"cannot {verb} within {rounds} rounds"
+    return Vacuity(what, wish.subject, detail, certain=always, span=wish.span)
+
+
+def _untouched(ledger: Ledger) -> Iterator[Vacuity]:
+    """Invariants that hold for a reason that no event touches."""
+    program = ledger.system.program
+    written = {(home, slot) for home, _, slot in footprint(program)}
+    for claim, verdict in ledger.verdicts.items():
+        if claim.stated is None or verdict.outcome is not Outcome.HOLDS:
+            continue
+        below = list(nodes((claim.stated.condition, *_called(program, claim.stated.condition))))
+        read = {(n.home, n.slot) for n in below if isinstance(n, core.Variable)}
+        read = {(home, slot) for home, slot in read if home is not Home.BOUND}
+        if not read & written and not any(isinstance(n, core.Ran | core.Stopped) for n in below):
+            detail = "nothing that it reads changes after the start"
+            span = claim.stated.span
+            yield Vacuity(Emptiness.UNTOUCHED, claim.name, detail, certain=True, span=span)
+
+
+def _called(program: core.Program, e: object) -> tuple[core.Function, ...]:
+    """The functions that an expression calls, and those that they call."""
+    names = {n.function for n in nodes(e) if isinstance(n, core.Call)}
+    found: tuple[core.Function, ...] = ()
+    for function in reversed(program.functions):
+        if function.name in names:
+            found += (function,)
+            names |= {n.function for n in nodes(function.body) if isinstance(n, core.Call)}
+    return found

@@ -70,12 +70,30 @@ class Verdict:
     depth: int = 1  #: of an inductive proof
 
 
+class Emptiness(Enum):
+    """What makes verdicts say less than they seem to."""
+
+    ASSUMPTIONS = "assumptions"  #: no initial configuration satisfies them all
+    SUMMARIES = "summaries"  #: no external functions satisfy them all
+    CONTRACTS = "contracts"  #: no run gets through some round
+    EVENT = "event"  #: it cannot run
+    SUPPOSITION = "supposition"  #: what an invariant supposes is never true
+    UNTOUCHED = "untouched"  #: nothing that an invariant reads ever changes
+
+
 @dataclass(frozen=True, slots=True)
 class Vacuity:
-    """Something that makes verdicts say less than they seem to."""
+    """Something that makes verdicts say less than they seem to.
 
-    what: str
+    ``subject`` is the event or the invariant, if it is about one. A vacuity that is not
+    ``certain`` was seen within the bound only, which may be short.
+    """
+
+    what: Emptiness
+    subject: str
     detail: str
+    certain: bool
+    span: Span | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +105,11 @@ class Report:
     seconds: float
     interrupted: bool = False
     notes: tuple[str, ...] = field(default=())
+
+    @property
+    def is_vacuous(self) -> bool:
+        """Whether it is certain that verdicts say less than they seem to."""
+        return any(vacuity.certain for vacuity in self.vacuities)
 
     @property
     def outcome(self) -> Outcome:

@@ -109,4 +109,6 @@ class Answers:
     @property
     def empty(self) -> list[str]:
         """What makes the verdicts say less than they seem to."""
-        return [f"{v.what}: {v.detail}" for v in self.report.vacuities]
+        return [
+            f"{v.what.value} {v.subject}".rstrip() + f": {v.detail}" for v in self.report.vacuities
+        ]

@@ -314,10 +314,71 @@ def test_events_that_never_run_are_told() -> None:
     b.event("Never", z > 0, z.set(0))
     b.event("InRound6", core_local(b, 0) > 4, STOP)
     assert ask(b.program(), robots=1, rounds=5).empty == [
-        "event: Never cannot run within 5 rounds",
-        "event: InRound6 cannot run within 5 rounds",
+        "event Never: cannot run within 5 rounds",
+        "event InRound6: cannot run within 5 rounds",
     ]
-    assert ask(b.program(), robots=1, rounds=6).empty == ["event: Never cannot run within 6 rounds"]
+    asked = ask(b.program(), robots=1, rounds=6)
+    assert asked.empty == ["event Never: cannot run within 6 rounds"]
+    # In a later round it may: that is no vacuity.
+    assert not asked.report.is_vacuous
+
+
+def test_what_can_never_happen_is_certain() -> None:
+    b = growing()
+    z = b.local("z", INT, 0)
+    b.event("Never", z < 0, z.set(0))
+    b.event("Up", TRUE, z.set(z + 1))
+    b.invariant("Signed", forall(I, (z.at(I) >= 0)))
+    b.invariant("Odd", forall(I, (z.at(I) < 0) >> z.at(I).eq(-1)))
+    asked = ask(b.program(), robots=1, rounds=3)
+    assert asked.empty == ["event Never: can never run", "supposition Odd: can never come true"]
+    assert asked.report.is_vacuous
+
+
+def test_a_search_that_ends_makes_it_certain_too() -> None:
+    b = Build()
+    turn = b.local("turn", INT, 0)
+    b.event("Swap", TRUE, turn.set(-turn + 2))
+    b.event("Never", turn.eq(1), STOP)
+    asked = ask(b.program(), robots=1, rounds=3, choice=Choice.SEARCH)
+    assert asked.empty == ["event Never: can never run"]
+
+
+def test_an_event_whose_round_cannot_end_is_told() -> None:
+    """What follows an event, told as the conjunction of cases that exclude each other."""
+    b = Build()
+    on, level = b.actuator("on", BOOL, False), b.sensor("level", INT, 0)
+    rises = level.primed.eq(level + 1)
+    stays = level.primed.eq(level)
+    b.module(contracts=[contract("Rises", [], [on >> (rises & stays), (~on) >> stays])])
+    b.event("Start", TRUE, on.set(True))
+    b.invariant("Low", forall(I, level.at(I) < 9))
+    asked = ask(b.program(), robots=1, rounds=3)
+    assert asked.outcome("Low") is Outcome.HOLDS
+    (told,) = asked.empty
+    assert told.startswith("event Start: can run, but no round in which it does can end")
+    assert asked.report.is_vacuous
+
+
+def test_summaries_that_contradict_each_other_are_told() -> None:
+    b = Build()
+    n, answer = bound("n", 0, INT), bound("answer", 1, INT)
+    b.external("between", [n], answer, ensures=[answer > n, answer < n + 1])
+    x = b.local("x", INT, 0)
+    b.init(x.set(b.ask("between", 3)))
+    b.event("Go", TRUE, x.set(x + 1))
+    asked = ask(b.program(), robots=1, rounds=2, choice=Choice.BMC)
+    assert asked.empty == ["summaries: no external functions satisfy them all"]
+
+
+def test_an_invariant_that_no_event_touches_is_told() -> None:
+    b = Build()
+    x, limit = b.local("x", INT, 0), b.allwrite("limit", INT, 7)
+    b.event("Go", x < limit, x.set(x + 1))
+    b.invariant("Touched", forall(I, x.at(I) <= limit))
+    b.invariant("Untouched", limit < 9)
+    asked = ask(b.program(), robots=1, rounds=2)
+    assert asked.empty == ["untouched Untouched: nothing that it reads changes after the start"]
 
 
 def core_local(b: Build, slot: int) -> E:

@@ -1,0 +1,170 @@
+"""Whether something can happen: random runs, then the solver, then proofs that it never does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from random import Random
+
+from koord.semantics.configurations import System
+from koord.semantics.domain import disjunction
+from koord.semantics.runs.policies import AtRandom, First, Play, Policy
+from koord.semantics.runs.running import new_run
+from koord.semantics.runs.watching import Watch
+from koord.semantics.search.limits import Limits
+from koord.semantics.traces.trace import Numbers
+from koord.syntax.core import PropertyKind
+from koord.syntax.diagnostics import KoordError
+from koord.verify.bmc import Unrolling, violations
+from koord.verify.claims import Claim, Phase
+from koord.verify.exhaustive import FEW_STATES, exhaust
+from koord.verify.induction import prove
+from koord.verify.ledger import Ledger
+from koord.verify.moments import Moment
+from koord.verify.solving import Answer, Deadline, Effort
+from koord.verify.verdicts import Outcome
+
+#: Runs by chance, besides the one that the runtime would make.
+RUNS = 3
+
+
+def seen(
+    system: System, nevers: Iterable[Claim], rounds: int, deadline: Deadline, seed: int
+) -> set[Claim]:
+    """Those that a few runs of so many rounds break: no solver need be asked about them.
+
+    Where the inputs of a run cannot be made up, or a run faults, it ends there.
+    """
+    pending = set(nevers)
+    broken: set[Claim] = set()
+    for number in range(RUNS + 1):
+        rng = Random(seed + number)
+        policy: Policy = First() if number == 0 else AtRandom(rng)
+        run = new_run(system, Numbers.EXACT, rng)
+        watch = Watch(run.d, system, run.inputs)
+        try:
+            for taken in Play(run, policy, rounds, watch).steps():
+                configuration = taken.step.configuration
+                if taken.step.rule not in ("INIT", "ENV-TRANS") or configuration.fault is not None:
+                    continue
+                hit = {c for c in pending if c.stated and not watch.holds(c.stated, configuration)}
+                broken |= hit
+                pending -= hit
+                if not pending or deadline.passed():
+                    return broken
+        except KoordError:
+            continue
+    return broken
+
+
+@dataclass(frozen=True, slots=True)
+class Unbroken:
+    """Claims that no run breaks within some rounds; ``stuck`` is a round that no run gets through.
+
+    ``known`` is False if the solver did not get so far.
+    """
+
+    claims: frozenset[Claim]
+    stuck: int | None = None
+    known: bool = True
+
+
+def unbroken(
+    system: System,
+    nevers: Iterable[Claim],
+    rounds: int,
+    deadline: Deadline,
+    effort: Effort,
+    *,
+    seed: int = 0,
+) -> Unbroken:
+    """The claims that hold in all runs of so many rounds, asked round by round.
+
+    One round is looked at even if there is nothing to ask, to see whether it can end.
+    """
+    pending = list(nevers)
+    unrolling = Unrolling(system, seed)
+    for moment in unrolling.moments():
+        answer = _strike(unrolling, moment, pending, deadline, effort)
+        if answer is not Answer.UNKNOWN and moment.phase is Phase.END:
+            # Nothing is broken any more if no run comes here.
+            answer = unrolling.solver.check([], deadline, effort)
+            if answer is Answer.UNSAT:
+                stuck = _stuck(system, moment.configuration.round, deadline, seed)
+                return Unbroken(frozenset(pending), stuck)
+        if answer is Answer.UNKNOWN:
+            return Unbroken(frozenset(pending), known=False)
+        if moment.phase is Phase.END and (not pending or moment.configuration.round >= rounds):
+            break
+    return Unbroken(frozenset(pending))
+
+
+def _strike(
+    unrolling: Unrolling,
+    moment: Moment,
+    pending: list[Claim],
+    deadline: Deadline,
+    effort: Effort,
+) -> Answer:
+    """Take the claims that this configuration can break off the list. SAT: all that were asked."""
+    d, solver = unrolling.encoder.d, unrolling.solver
+    asked = violations(unrolling.system, d, moment, pending)
+    for _, needed in asked.values():
+        solver.add(needed)
+    while asked:
+        question = disjunction(d, [violated for violated, _ in asked.values()])
+        answer = solver.check([question], deadline, effort)
+        if answer is not Answer.SAT:
+            return answer
+        model = solver.model()
+        for claim in [c for c, (violated, _) in asked.items() if model.truth(violated)]:
+            del asked[claim]
+            pending.remove(claim)
+    return Answer.SAT
+
+
+def _stuck(system: System, round_: int, deadline: Deadline, seed: int) -> int | None:
+    """The first round whose environment's turn no run can take; None if they fault instead."""
+    alone = Unrolling(system, seed)
+    for moment in alone.moments():
+        if alone.solver.check([], deadline) is not Answer.SAT:
+            return moment.configuration.round if moment.phase is Phase.END else None
+        if moment.configuration.round >= round_:
+            break
+    return None
+
+
+def inside_rounds(never: Claim) -> Claim:
+    """The same claim about every configuration, also those of rounds that nobody can end."""
+    assert never.stated is not None
+    return replace(never, stated=replace(never.stated, kind=PropertyKind.INVARIANT))
+
+
+def never_broken(
+    ledger: Ledger, nevers: Iterable[Claim], deadline: Deadline, effort: Effort
+) -> set[Claim]:
+    """Those of the claims that hold in all rounds, as far as a short attempt can tell.
+
+    They must be known to hold through the first round.
+    """
+    pending = list(nevers)
+    found: set[Claim] = set()
+    for depth in (1, 2):
+        if pending:
+            result = prove(
+                ledger.system,
+                pending,
+                ledger.proved(),
+                deadline,
+                effort,
+                depth=depth,
+                seed=ledger.seed,
+            )
+            found |= set(result.proved)
+            pending = [claim for claim in pending if claim not in found]
+    if pending and not ledger.subject.is_abstract:
+        judge = ledger.subject.judge
+        few = Limits(states=FEW_STATES)
+        searched = exhaust(ledger.system, pending, few, deadline, judge, lambda text: None)
+        found |= {c for c, v in searched.verdicts.items() if v.outcome is Outcome.HOLDS}
+    return found
