@@ -1,0 +1,128 @@
+"""The motion automaton: what a robot does with what its program tells it. (paper, III-D)
+
+One step is a pure function of arrays over robots; a deployed robot runs it with one robot, the
+simulator with thousands. *Visited* is the paper's (II-A): a robot that has stayed within ε_v of the
+end of its route for the time δ_v has ``reached`` it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Bools, Floats, Ints
+
+#: Times are sums of steps; what is missing by rounding does not count.
+_ROUNDING_S = 1e-9
+
+
+class State(IntEnum):
+    """What a robot is doing."""
+
+    IDLE = 0  #: nothing to do; it stays where it is
+    PLANNING = 1  #: it was given a target and has no path yet; it stays where it is
+    MOVING = 2  #: it follows its route
+    HOLDING = 3  #: it was told to hold; it remembers its route
+    STOPPED = 4  #: for good
+
+
+@dataclass(frozen=True, slots=True)
+class Visit:
+    """When a place counts as visited."""
+
+    epsilon_m: float = 0.2  #: ε_v
+    dwell_s: float = 0.5  #: δ_v
+
+    @property
+    def leave_m(self) -> float:
+        """A robot that is pushed further away than this has not reached its place any more."""
+        return 2 * self.epsilon_m
+
+
+@dataclass(frozen=True, slots=True)
+class Automata:
+    """The states of robots; every array has one entry for each."""
+
+    state: Ints
+    since_s: Floats  #: since when it is within ε_v of the end without a break; NaN: it is not
+    reached: Bools
+    has_route: Bools
+    resumes: Ints  #: what a robot that holds goes back to
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """What came in since the last step: masks over robots. What stands later here counts first."""
+
+    asked: Bools  #: a target was given, for which a path is to be planned
+    routed: Bools  #: a route was given, or planned
+    failed: Bools  #: no way to the target was found
+    held: Bools  #: told to hold
+    released: Bools  #: told to go on
+    stopped: Bools  #: told to stop
+
+
+def initial(count: int) -> Automata:
+    """Robots that have not been told anything."""
+    idle = np.full(count, State.IDLE, np.int64)
+    no = np.zeros(count, np.bool_)
+    return Automata(idle, np.full(count, np.nan), no, no, idle)
+
+
+def no_orders(count: int) -> Orders:
+    """Orders for nobody; the masks are the caller's to write to."""
+    return Orders(*(np.zeros(count, np.bool_) for _ in range(6)))
+
+
+def step(
+    automata: Automata, orders: Orders, psn: Floats, end: Floats, now_s: float, visit: Visit
+) -> Automata:
+    """The automata after orders and a measurement at a time.
+
+    ``psn`` are the measured positions and ``end`` the ends of the routes, shape ``(count, 3)``.
+    """
+    state, reached = automata.state.copy(), automata.reached.copy()
+    since, has_route = automata.since_s.copy(), automata.has_route.copy()
+    resumes = automata.resumes.copy()
+    alive = state != State.STOPPED
+    holding = state == State.HOLDING
+    for mask, becomes in (
+        (orders.asked, State.PLANNING),
+        (orders.routed, State.MOVING),
+        (orders.failed, State.IDLE),
+    ):
+        told = mask & alive
+        state[told & ~holding] = becomes
+        resumes[told & holding] = becomes
+        reached[told], since[told] = False, np.nan
+        has_route[told] = becomes is State.MOVING
+    begins = orders.held & alive & ~holding
+    resumes[begins] = state[begins]
+    state[begins] = State.HOLDING
+    goes_on = orders.released & (state == State.HOLDING) & ~orders.held
+    state[goes_on] = resumes[goes_on]
+    state[orders.stopped] = State.STOPPED
+
+    distance = np.linalg.norm(psn - end, axis=1)
+    inside = has_route & (distance <= visit.epsilon_m) & (state != State.STOPPED)
+    since = np.where(inside, np.where(np.isnan(since), now_s, since), np.nan)
+    dwelt = inside & (now_s - since >= visit.dwell_s - _ROUNDING_S)
+    reached = (reached | dwelt) & (distance <= visit.leave_m) & (state != State.STOPPED)
+    state[(state == State.MOVING) & reached] = State.IDLE
+    state[(state == State.IDLE) & has_route & ~reached] = State.MOVING
+    return Automata(state, since, reached, has_route, resumes)
+
+
+def moves(automata: Automata) -> Bools:
+    """Which robots are to follow their routes now; the others stay where they are."""
+    moving: Bools = (automata.state == State.MOVING) | (
+        (automata.state == State.IDLE) & automata.has_route
+    )
+    return moving
+
+
+def without_route(automata: Automata, robots: Bools) -> Automata:
+    """The automata after some robots forgot their routes."""
+    return replace(automata, has_route=automata.has_route & ~robots)

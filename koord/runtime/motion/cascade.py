@@ -1,0 +1,71 @@
+"""Cascaded control of quadrotors: position, attitude, rates. Arrays have one column per drone.
+
+The position controller asks for an acceleration; the thrust has its size along the body's axis and
+the attitude turns that axis towards it (Mellinger, Kumar 2011). The attitude controller asks for
+rates in proportion to the vector part of the error quaternion (Brescianini et al. 2013), and the
+rate controller for torques. Shapes are ``(3, n)`` and ``(4, n)``, quaternions have w first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Drone
+
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """Gains of the loops, from outside to inside; each is several times quicker than the last."""
+
+    position: float = 4.0  #: per s²
+    velocity: float = 3.6  #: per s
+    attitude: float = 10.0  #: rate per angle, per s
+    rate: float = 25.0  #: angular acceleration per rate, per s
+    integral: float = 0.6  #: per s³, against steady wind
+    windup_mps2: float = 2.0  #: the most that the integral may ask for
+
+
+def acceleration(
+    gains: Gains, gap: Floats, speed_gap: Floats, steady: Floats, drone: Drone
+) -> Floats:
+    """The acceleration that the position controller asks for, limited; without gravity.
+
+    ``gap`` and ``speed_gap`` are reference minus measured, ``steady`` the integral part.
+    """
+    wanted = gains.position * gap + gains.velocity * speed_gap + steady
+    size = np.sqrt(np.einsum("in,in->n", wanted, wanted))
+    wanted *= np.minimum(1.0, drone.accel_mps2 / np.maximum(size, 1e-9))
+    return wanted
+
+
+def axis_and_thrust(wanted: Floats, drone: Drone) -> tuple[Floats, Floats]:
+    """The direction that the body's axis should have, and the specific thrust along it, m/s²."""
+    up = wanted[2] + GRAVITY
+    flat = np.sqrt(wanted[0] * wanted[0] + wanted[1] * wanted[1])
+    # The tilt is limited: what is asked for sideways gives way.
+    share = np.minimum(1.0, np.maximum(up, 1.0) * np.tan(drone.tilt_rad) / np.maximum(flat, 1e-9))
+    force = np.stack([wanted[0] * share, wanted[1] * share, np.maximum(up, 1.0)])
+    size = np.sqrt(np.einsum("in,in->n", force, force))
+    return force / size, np.minimum(size, drone.thrust_ratio * GRAVITY)
+
+
+def body_rates(gains: Gains, axis: Floats, quaternion: Floats) -> Floats:
+    """The rates, in the body's frame, that turn its axis towards ``axis`` and its nose to +x.
+
+    The tilt is the shortest turn from the vertical to the axis; it has no yaw.
+    """
+    c = np.sqrt(0.5 * (1.0 + axis[2]))  # half-angle; the axis is never far from the vertical
+    w, x, y = c, -axis[1] / (2 * c), axis[0] / (2 * c)
+    qw, qx, qy, qz = quaternion
+    # conj(q) ∘ q_wanted: the error as the body sees it.
+    ew = qw * w + qx * x + qy * y
+    ex = qw * x - qx * w + qz * y
+    ey = qw * y - qy * w - qz * x
+    ez = -qx * y + qy * x - qz * w
+    gain = 2.0 * gains.attitude * np.where(ew < 0, -1.0, 1.0)
+    return np.stack([gain * ex, gain * ey, 0.4 * gain * ez])

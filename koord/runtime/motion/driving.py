@@ -1,0 +1,163 @@
+"""How cars follow their routes: where they are on them, how fast to go, and how to steer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from koord.runtime.motion import automaton, pursuit
+from koord.runtime.motion.arrays import Bools, Floats, Ints
+from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.geometry import wrapped
+from koord.runtime.motion.group import Group
+from koord.runtime.motion.predictive import Course, Horizon, Predictive
+
+_HORIZON = Horizon()
+
+#: A leg of a route is driven when no more than this is left of it.
+_DONE_M = 0.03
+
+#: What is left of a leg is driven at this speed at least.
+_CREEP_MPS = 0.08
+
+#: A car that stands at the end of its route for so long and has not reached it has missed it.
+_MISSED_S = 1.0
+
+
+class Steering(Enum):
+    """The controllers of cars, by the names that configurations give them."""
+
+    PREDICTIVE = "MPC"
+    PURSUIT = "PURSUIT"
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What cars know of themselves: position ``(n, 3)``, where they point, their speed (signed)."""
+
+    position: Floats
+    heading_rad: Floats
+    speed_mps: Floats
+
+
+class Driving:
+    """The law of motion of a group of cars. Its answers are speeds and steering angles."""
+
+    def __init__(self, group: Group, steering: Steering, horizon: Horizon = _HORIZON) -> None:
+        assert isinstance(group.body, Car)
+        self.group, self.car, self.horizon = group, group.body, horizon
+        self.inputs: Floats = np.zeros((group.count, 2))  #: speed of travel and slip angle
+        self.way: Floats = np.ones(group.count)
+        self.missed: Bools = np.zeros(group.count, np.bool_)
+        self._waited: Floats = np.zeros(group.count)
+        self._predictive = (
+            Predictive(group.count, self.car, horizon) if steering is Steering.PREDICTIVE else None
+        )
+
+    def command(self, measured: Measured, dt_s: float) -> Floats:
+        """Speeds (negative: backwards) and steering angles, shape ``(n, 2)``, for the next step."""
+        group = self.group
+        wanted = automaton.moves(group.automata)
+        inputs = np.zeros_like(self.inputs)
+        inputs[:, 1] = self.inputs[:, 1]  # wheels stay as they are while a car stands
+        cars = np.flatnonzero(wanted & (group.routes.size > 0))
+        going = np.zeros(group.count, np.bool_)
+        if len(cars):
+            left = self._advance(cars, measured)
+            goes = left > _DONE_M
+            going[cars[goes]] = True
+            if goes.any():
+                inputs[cars[goes]] = self._steer(cars[goes], measured, dt_s)
+        self._watch(wanted, going, dt_s)
+        slowest = np.abs(measured.speed_mps) - self.car.accel_mps2 * dt_s
+        inputs[:, 0] = np.where(going, inputs[:, 0], np.maximum(slowest, 0.0))
+        self.inputs = inputs
+        group.speed[:] = np.where(going, inputs[:, 0], 0.0)
+        return np.column_stack([self.way * inputs[:, 0], pursuit.steering(inputs[:, 1], self.car)])
+
+    def _advance(self, cars: Ints, measured: Measured) -> Floats:
+        """Move ``s`` to where cars are, and on to the next leg; returns what is left of legs."""
+        group, routes = self.group, self.group.routes
+        s = np.maximum(group.s[cars], routes.nearest(cars, group.s[cars], measured.position[cars]))
+        k = routes.segment(cars, s)
+        end = routes.leg_end[cars, k]
+        slow = np.abs(measured.speed_mps[cars]) < 3 * _CREEP_MPS
+        done = (end - s <= _DONE_M) & (end < routes.length[cars]) & slow
+        s = np.where(done, end, np.minimum(s, end - 1e-9))
+        k = routes.segment(cars, s)
+        group.s[cars], self.way[cars] = s, routes.way[cars, k]
+        left: Floats = routes.leg_end[cars, k] - s
+        return left
+
+    def _steer(self, cars: Ints, measured: Measured, dt_s: float) -> Floats:
+        if self._predictive is None:
+            return self._pursue(cars, measured, dt_s)
+        return self._predict(cars, measured, self._predictive)
+
+    def _pace(self, cars: Ints, s: Floats, left: Floats, dt_s: float) -> Floats:
+        """The speed of travel: as the route allows a moment on, reached at the car's own pace."""
+        pace = self.group.routes.pace
+        last = self.inputs[cars, 0]
+        allowed = self.group.routes.at(cars, np.minimum(s + last * dt_s, s + left)).speed_mps
+        return np.maximum(np.minimum(allowed, last + pace.accel_mps2 * dt_s), _CREEP_MPS)
+
+    def _pursue(self, cars: Ints, measured: Measured, dt_s: float) -> Floats:
+        routes, s = self.group.routes, self.group.s[cars]
+        left = routes.leg_end[cars, routes.segment(cars, s)] - s
+        speed = self._pace(cars, s, left, dt_s)
+        ahead = pursuit.look_ahead(speed)
+        spot = routes.at(cars, s + np.minimum(ahead, left) - 1e-9)
+        beyond = np.maximum(ahead - left, 0.0)
+        aim = spot.position[:, :2] + beyond[:, None] * spot.tangent[:, :2]
+        way = self.way[cars]
+        course = measured.heading_rad[cars] + self.inputs[cars, 1] + np.where(way < 0, np.pi, 0.0)
+        angle = pursuit.slip_towards(aim, measured.position[cars, :2], course, way, self.car)
+        return np.column_stack([speed, angle])
+
+    def _predict(self, cars: Ints, measured: Measured, controller: Predictive) -> Floats:
+        routes, s, way = self.group.routes, self.group.s[cars], self.way[cars]
+        steps, dt = self.horizon.steps, self.horizon.step_s
+        k = routes.segment(cars, s)
+        left = routes.leg_end[cars, k] - s
+        # Where the car will be, going as fast as the end of the leg allows.
+        speed = self._pace(cars, s, left, dt)
+        ahead, speeds = np.empty((len(cars), steps)), np.empty((len(cars), steps))
+        at = np.zeros(len(cars))
+        for step in range(steps):
+            ahead[:, step], speeds[:, step] = at, speed
+            at = np.minimum(at + dt * speed, left - 1e-6)
+            slower = np.sqrt(2 * routes.pace.accel_mps2 * np.maximum(left - at, 0.0))
+            speed = np.minimum(np.minimum(speed + routes.pace.accel_mps2 * dt, slower), self._top)
+        spots = routes.at(np.repeat(cars, steps), (s[:, None] + ahead).ravel())
+        speeds = np.minimum(speeds, spots.speed_mps.reshape(speeds.shape))
+        speeds[:, 0] = np.maximum(speeds[:, 0], _CREEP_MPS)
+        bends = spots.curvature.reshape(speeds.shape)
+        here = spots.position.reshape(len(cars), steps, 3)[:, 0, :2]
+        course = spots.course_rad.reshape(len(cars), steps)[:, 0]
+        gap = measured.position[cars, :2] - here
+        cos, sin = np.cos(course), np.sin(course)
+        most = np.sin(self.car.slip_rad)
+        lean = np.arcsin(np.clip(way * self.car.rear_m * bends[:, 0], -most, most))
+        pointing = course - lean + np.where(way < 0, np.pi, 0.0)
+        error = np.column_stack(
+            [
+                np.zeros(len(cars)),
+                cos * gap[:, 1] - sin * gap[:, 0],
+                wrapped(measured.heading_rad[cars] - pointing),
+            ]
+        )
+        return controller.inputs(cars, error, Course(speeds, bends), way, self.inputs[cars])
+
+    @property
+    def _top(self) -> float:
+        return self.group.routes.pace.cruise_mps
+
+    def _watch(self, wanted: Bools, going: Bools, dt_s: float) -> None:
+        """Find out who stands at the end of a route that it has not come near enough to."""
+        group = self.group
+        stuck = wanted & ~going & np.isnan(group.automata.since_s) & (group.routes.size > 0)
+        self._waited = np.where(stuck, self._waited + dt_s, 0.0)
+        self.missed = self._waited >= _MISSED_S
+        self._waited[self.missed] = 0.0

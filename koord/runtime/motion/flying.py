@@ -1,0 +1,57 @@
+"""How drones and ideal robots follow their routes: a reference that moves along them.
+
+A drone's position controller is sent the reference (its autopilot's, or :mod:`.cascade`); an ideal
+robot is at it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from koord.runtime.motion import automaton
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.group import Group
+
+#: A reference waits for a drone that is this far behind it.
+_LAG_M = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Where robots are to be now, and how fast to move: shape ``(n, 3)`` each."""
+
+    position: Floats
+    velocity: Floats
+
+
+class Flying:
+    """The law of motion of a group of robots that can move in every direction."""
+
+    def __init__(self, group: Group, start: Floats, *, waits: bool = True) -> None:
+        self.group = group
+        self.waits = waits
+        #: where robots without a route stay; they start there
+        self.rest: Floats = start.copy()
+        self._all = np.arange(group.count)
+
+    def command(self, position: Floats, dt_s: float) -> Reference:
+        """The reference at the end of the next step, for robots measured at positions."""
+        group, routes = self.group, self.group.routes
+        on = automaton.moves(group.automata)
+        routed = group.automata.has_route
+        here = routes.at(self._all, group.s)
+        accel = routes.pace.accel_mps2
+        speed = np.minimum(group.speed + accel * dt_s, here.speed_mps)
+        if self.waits:
+            lag = np.linalg.norm(here.position - position, axis=1)
+            speed = speed * np.clip(2.0 - 2.0 * lag / _LAG_M, 0.0, 1.0)
+        speed = np.where(on, speed, np.maximum(group.speed - accel * dt_s, 0.0))
+        speed = np.where(routed & (group.s < routes.length), speed, 0.0)
+        group.speed = speed
+        group.s = np.minimum(group.s + speed * dt_s, routes.length)
+        spot = routes.at(self._all, group.s)
+        at = np.where(routed[:, None], spot.position, self.rest)
+        self.rest = at
+        return Reference(at, np.where(routed[:, None], speed[:, None] * spot.tangent, 0.0))

@@ -1,0 +1,156 @@
+"""Robots of one kind, their orders and their routes: the motion automata at work.
+
+Orders come in one robot at a time; :meth:`Group.plan` finds ways to targets, :meth:`Group.update`
+steps the automata. What the robots' actuators are to do then is the business of a law of motion
+(:mod:`.driving`, :mod:`.flying`), which moves ``s`` along the routes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from koord.runtime.motion import automaton
+from koord.runtime.motion.arrays import Floats, Ints
+from koord.runtime.motion.automaton import State, Visit
+from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.field import field
+from koord.runtime.motion.planning import Planner, Pose, suits
+from koord.runtime.motion.routes import Pace, Routes
+from koord.runtime.motion.world import Point, World
+
+
+def pace_of(body: Body) -> Pace:
+    """How fast a body follows paths."""
+    match body:
+        case Car():
+            return Pace(body.cruise_mps, body.cruise_accel_mps2, 2.0, turns_about=True)
+        case Drone():
+            return Pace(body.cruise_mps, body.cruise_accel_mps2, body.accel_mps2)
+        case Ideal():
+            return Pace(body.cruise_mps, 1e6, 1e6)
+
+
+class Group:
+    """Motion automata of ``count`` robots with one body, one planner and one world."""
+
+    def __init__(
+        self, count: int, body: Body, world: World, planner: Planner, visit: Visit, seed: int = 0
+    ) -> None:
+        self.body, self.world, self.planner, self.visit = body, world, planner, visit
+        self.count = count
+        self.automata = automaton.initial(count)
+        self.routes = Routes(count, pace_of(body))
+        self.s: Floats = np.zeros(count)  #: how far along its route each robot is
+        self.speed: Floats = np.zeros(count)  #: at which it is to move along it
+        self.targets: dict[int, Point] = {}  #: for which there is no path yet
+        self._orders = automaton.no_orders(count)
+        self._field = field(world, flat=isinstance(body, Car))
+        self._seed = seed
+        self._plans = np.zeros(count, np.int64)
+
+    # --- orders ---------------------------------------------------------------------------------
+
+    def follow(self, robot: int, path: Floats, heading_rad: float = 0.0) -> None:
+        """Follow a path, shape ``(k, 3)``; one without points is no order."""
+        if not len(path):
+            return
+        self.targets.pop(robot, None)
+        velocity = self._velocity(np.array([robot]))[0]
+        self.routes.put(robot, path, heading_rad)
+        self.s[robot] = 0.0
+        self.speed[robot] = max(0.0, float(velocity @ self.routes.tangent[robot, 0]))
+        self._orders.routed[robot], self._orders.failed[robot] = True, False
+        self._orders.asked[robot] = False
+
+    def go_to(self, robot: int, target: Point) -> None:
+        """Find a path to a target and follow it."""
+        self.targets[robot] = target
+        self._orders.asked[robot], self._orders.routed[robot] = True, False
+        self._orders.failed[robot] = False
+
+    def hold(self, robot: int) -> None:
+        """Stay where it is until it is released."""
+        self._orders.held[robot], self._orders.released[robot] = True, False
+
+    def release(self, robot: int) -> None:
+        """Go on with what it was doing when it was told to hold."""
+        self._orders.released[robot], self._orders.held[robot] = True, False
+
+    def stop(self, robot: int) -> None:
+        """Stop for good."""
+        self._orders.stopped[robot] = True
+
+    # --- steps ----------------------------------------------------------------------------------
+
+    def plan(self, psn: Floats, heading_rad: Floats, most: int = 1_000_000) -> None:
+        """Find paths to the targets from where robots are: straight ones where nothing that can
+        move any way meets an obstacle, else by the planner, for ``most`` robots at a time.
+        """
+        if not self.targets:
+            return
+        robots = np.array(sorted(self.targets))
+        if not isinstance(self.body, Car):
+            robots = self._plan_straight(robots, psn)
+        for robot in robots[:most].tolist():
+            self._plan_one(robot, psn, float(heading_rad[robot]))
+
+    def update(self, psn: Floats, now_s: float) -> None:
+        """Step the automata on orders and measured positions, shape ``(count, 3)``."""
+        end = self.routes.end
+        self.automata = automaton.step(self.automata, self._orders, psn, end, now_s, self.visit)
+        for mask in (self._orders.asked, self._orders.routed, self._orders.failed):
+            mask[:] = False
+        for mask in (self._orders.held, self._orders.released, self._orders.stopped):
+            mask[:] = False
+
+    def replan(self, robots: Sequence[int]) -> None:
+        """Find new ways to the ends of routes, for robots that have missed them."""
+        for robot in robots:
+            x, y, z = self.routes.end[robot].tolist()
+            self.go_to(robot, (x, y, z))
+
+    def state(self, robot: int) -> State:
+        return State(int(self.automata.state[robot]))
+
+    def path(self, robot: int) -> Floats:
+        """The path that a robot follows, shape ``(k, 3)``; a copy."""
+        return self.routes.points[robot, : self.routes.size[robot] + 1].copy()
+
+    # --- inside ---------------------------------------------------------------------------------
+
+    def _velocity(self, robots: Ints) -> Floats:
+        k = self.routes.segment(robots, self.s[robots])
+        velocity: Floats = self.speed[robots, None] * self.routes.tangent[robots, k]
+        return velocity
+
+    def _plan_straight(self, robots: Ints, psn: Floats) -> Ints:
+        """Give straight paths where they will do; returns the robots that need a planner."""
+        goals = np.array([self.targets[robot] for robot in robots.tolist()])
+        fits = np.array(
+            [suits(self.body, self.world, self.targets[robot]) for robot in robots.tolist()]
+        )
+        free = fits & self._field.segments_free(psn[robots], goals, self.body.radius_m)
+        gone = robots[free]
+        velocity = self._velocity(gone)
+        self.routes.put_straight(gone, psn[gone], goals[free])
+        self.s[gone] = 0.0
+        along = np.einsum("ki,ki->k", velocity, self.routes.tangent[gone, 0])
+        self.speed[gone] = np.maximum(along, 0.0)
+        self._orders.routed[gone] = True
+        for robot in gone.tolist():
+            del self.targets[robot]
+        return robots[~free]
+
+    def _plan_one(self, robot: int, psn: Floats, heading_rad: float) -> None:
+        x, y, z = psn[robot].tolist()
+        self._plans[robot] += 1
+        source = np.random.SeedSequence((self._seed, robot, int(self._plans[robot])))
+        seed = int(source.generate_state(1)[0])
+        target = self.targets.pop(robot)
+        path = self.planner.plan(Pose((x, y, z), heading_rad), target, seed)
+        if path is None:
+            self._orders.failed[robot] = True
+        else:
+            self.follow(robot, path, heading_rad)

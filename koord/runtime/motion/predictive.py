@@ -1,0 +1,190 @@
+"""Model-predictive path following for cars, by OSQP: the one file that imports it. (paper, VI-A)
+
+The kinematic bicycle is linearised about the path. The errors along it, across it and in heading,
+``e = (e_s, e_l, e_θ)``, follow, with the speed of travel ``w``, the slip angle ``β`` (what the
+steering wheels set), the path's curvature ``κ`` and ``d = ±1`` for driving forwards or backwards::
+
+    e_s' = κ w e_l + δw
+    e_l' = w (e_θ + δβ) − κ w e_s
+    e_θ' = κ δw + d w cos β_ref / l_r · δβ          with sin β_ref = d l_r κ
+
+The inputs over the horizon are the unknowns of a quadratic program (the states are put in), with
+the limits of speed, steering, and how fast both change. The matrices of all cars are worked out at
+once; each car has its own solver, which starts from its last answer. (Kong et al. 2015)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Floats, Ints
+from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.libraries import missing
+
+try:
+    import osqp
+    from scipy import sparse
+except ImportError as error:
+    raise missing("osqp", "sim") from error
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """What errors and inputs cost."""
+
+    along: float = 1.0
+    across: float = 6.0
+    heading: float = 1.0
+    speed: float = 0.5
+    slip: float = 0.2
+    speed_change: float = 0.2
+    slip_change: float = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Horizon:
+    """How far a controller looks: so many steps of so long."""
+
+    steps: int = 10
+    step_s: float = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """What cars are to follow, from now on: arrays ``(m, steps)``."""
+
+    speed_mps: Floats
+    curvature: Floats
+
+
+class Predictive:
+    """The controllers of ``count`` cars. The solver of a car is made when it is first needed."""
+
+    def __init__(
+        self,
+        count: int,
+        car: Car,
+        horizon: Horizon = Horizon(),
+        weights: Weights = Weights(),
+    ) -> None:
+        self.car, self.horizon, self.weights = car, horizon, weights
+        self.solvers: list[Any] = [None] * count
+        n = 2 * horizon.steps
+        self._upper = np.tril_indices(n)  # of the transpose: by columns, as OSQP has it
+        change = np.eye(n) - np.eye(n, k=-2)
+        self._limits = sparse.csc_matrix(np.vstack([np.eye(n), change]))
+        cost = np.tile([weights.speed, weights.slip], horizon.steps)
+        steady = np.tile([weights.speed_change, weights.slip_change], horizon.steps)
+        self._input_cost = np.diag(cost) + change.T @ np.diag(steady) @ change
+        self._change_cost = change.T @ np.diag(steady)
+        rate = car.steering_rate_radps * car.rear_m / car.wheelbase_m
+        self._fastest = np.array([car.accel_mps2, rate]) * horizon.step_s
+
+    def inputs(
+        self, cars: Ints, error: Floats, course: Course, way: Floats, last: Floats
+    ) -> Floats:
+        """Speed of travel and slip angle for the cars with these numbers, shape ``(m, 2)``.
+
+        ``error`` is ``(m, 3)``, ``way`` is -1 for cars that drive backwards, ``last`` the inputs
+        that are in effect, ``(m, 2)``.
+        """
+        reference = self._reference(course, way)
+        free, forced = self._predicted(error, course, way, reference)
+        weigh = np.tile(
+            [self.weights.along, self.weights.across, self.weights.heading], self.horizon.steps
+        )
+        quadratic = np.swapaxes(forced, 1, 2) @ (weigh[None, :, None] * forced)
+        quadratic += self._input_cost
+        flat = reference.reshape(len(cars), -1)
+        change = flat - np.concatenate([last, flat[:, :-2]], axis=1)
+        linear = np.einsum("mij,mi->mj", forced, weigh * free) + change @ self._change_cost.T
+        lowest = np.tile([0.0, -self.car.slip_rad], self.horizon.steps)
+        highest = np.tile([self.car.speed_mps, self.car.slip_rad], self.horizon.steps)
+        fastest = np.tile(self._fastest, self.horizon.steps)
+        lower = np.concatenate([lowest - flat, -fastest - change], axis=1)
+        upper = np.concatenate([highest - flat, fastest - change], axis=1)
+        packed = quadratic[:, self._upper[1], self._upper[0]]
+        answer = np.empty((len(cars), 2))
+        for row, car in enumerate(cars.tolist()):
+            answer[row] = self._solve(car, packed[row], linear[row], lower[row], upper[row])
+        return np.clip(answer + reference[:, 0], lowest[:2], highest[:2])
+
+    def _reference(self, course: Course, way: Floats) -> Floats:
+        most = np.sin(self.car.slip_rad)
+        bend = np.clip(way[:, None] * self.car.rear_m * course.curvature, -most, most)
+        return np.stack([course.speed_mps, np.arcsin(bend)], axis=2)
+
+    def _predicted(
+        self, error: Floats, course: Course, way: Floats, reference: Floats
+    ) -> tuple[Floats, Floats]:
+        """Errors at the ends of the steps: as they come of themselves, and per input.
+
+        Shapes ``(m, 3 steps)`` and ``(m, 3 steps, 2 steps)``.
+        """
+        m, steps, dt = len(error), self.horizon.steps, self.horizon.step_s
+        free, forced = np.empty((m, steps, 3)), np.zeros((m, steps, 3, 2 * steps))
+        w, bend = course.speed_mps, course.curvature
+        swing = way[:, None] * w * np.cos(reference[:, :, 1]) / self.car.rear_m
+        turn, advance = dt * bend * w, dt * w
+        e = error
+        for k in range(steps):
+            moved = np.empty((m, 3))
+            moved[:, 0] = e[:, 0] + turn[:, k] * e[:, 1]
+            moved[:, 1] = e[:, 1] - turn[:, k] * e[:, 0] + advance[:, k] * e[:, 2]
+            moved[:, 2] = e[:, 2]
+            free[:, k] = e = moved
+            if k:
+                g, known = forced[:, k - 1], slice(0, 2 * k)
+                forced[:, k, 0, known] = g[:, 0, known] + turn[:, k, None] * g[:, 1, known]
+                forced[:, k, 1, known] = (
+                    g[:, 1, known]
+                    - turn[:, k, None] * g[:, 0, known]
+                    + advance[:, k, None] * g[:, 2, known]
+                )
+                forced[:, k, 2, known] = g[:, 2, known]
+            forced[:, k, 0, 2 * k] = dt
+            forced[:, k, 1, 2 * k + 1] = advance[:, k] + advance[:, k] * dt * swing[:, k] / 2
+            forced[:, k, 2, 2 * k] = dt * bend[:, k]
+            forced[:, k, 2, 2 * k + 1] = dt * swing[:, k]
+        return free.reshape(m, -1), forced.reshape(m, 3 * steps, -1)
+
+    def _solve(
+        self, car: int, packed: Floats, linear: Floats, lower: Floats, upper: Floats
+    ) -> Floats:
+        solver = self.solvers[car]
+        if solver is None:
+            n = 2 * self.horizon.steps
+            matrix = np.zeros((n, n))
+            matrix[self._upper[1], self._upper[0]] = packed
+            solver = osqp.OSQP()
+            # The step size stays what it is: OSQP would adapt it by the clock.
+            solver.setup(
+                sparse.csc_matrix((packed, *_pattern(n)), shape=(n, n)),
+                linear,
+                self._limits,
+                lower,
+                upper,
+                verbose=False,
+                adaptive_rho=False,
+                rho=0.1,
+                eps_abs=1e-3,
+                eps_rel=1e-3,
+                max_iter=100,
+                check_termination=5,
+                polishing=False,
+            )
+            self.solvers[car] = solver
+        else:
+            solver.update(Px=packed, q=linear, l=lower, u=upper)
+        answer: Floats = solver.solve(raise_error=False).x[:2]
+        return answer
+
+
+def _pattern(n: int) -> tuple[Ints, Ints]:
+    """Row numbers and column starts of a full upper triangle, by columns."""
+    rows = np.concatenate([np.arange(k + 1) for k in range(n)])
+    starts = np.append(0, np.cumsum(np.arange(1, n + 1)))
+    return rows, starts

@@ -1,0 +1,47 @@
+"""Pure pursuit: steer along the circle to a point further on. (Coulter 1992)
+
+The cheap controller of cars. All arrays have one entry for each car.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.geometry import wrapped
+
+#: How far ahead a car looks, in time, and at least.
+_AHEAD_S = 0.5
+_AHEAD_M = 0.35
+
+
+def look_ahead(speed_mps: Floats) -> Floats:
+    """How far along its route a car looks."""
+    return np.maximum(_AHEAD_M, _AHEAD_S * speed_mps)
+
+
+def slip_towards(
+    aim: Floats, position: Floats, course_rad: Floats, way: Floats, car: Car
+) -> Floats:
+    """The angle between car and travel that leads to the points ``aim``, shape ``(m, 2)``.
+
+    ``course_rad`` is where the car is going now, ``way`` is -1 if it drives backwards.
+    """
+    gap = aim - position
+    distance = np.maximum(np.hypot(gap[:, 0], gap[:, 1]), 1e-6)
+    aside = wrapped(np.arctan2(gap[:, 1], gap[:, 0]) - course_rad)
+    # What lies behind is turned to as tightly as what lies abeam.
+    curvature = 2 * np.sin(np.clip(aside, -np.pi / 2, np.pi / 2)) / distance
+    most = np.sin(car.slip_rad)
+    return np.arcsin(np.clip(way * car.rear_m * curvature, -most, most))
+
+
+def steering(slip_rad: Floats, car: Car) -> Floats:
+    """The steering angles that make cars go at those angles to where they point."""
+    return np.arctan(np.tan(slip_rad) * (car.wheelbase_m / car.rear_m))
+
+
+def slip(steering_rad: Floats, car: Car) -> Floats:
+    """The inverse of :func:`steering`: tan β = (l_r / L) tan δ."""
+    return np.arctan(np.tan(steering_rad) * (car.rear_m / car.wheelbase_m))
