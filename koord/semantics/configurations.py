@@ -7,12 +7,13 @@ variables and its copy of every shared one; ``cp`` is ``ports``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from fractions import Fraction
 from typing import Any, Generic, TypeVar
 
 from koord.semantics.crowds import Crowd, Size
+from koord.semantics.patience import ENDLESS, Patience
 from koord.semantics.storage import Storage
 from koord.semantics.values import Value
 from koord.syntax import core
@@ -123,12 +124,14 @@ class System:
     """A program with its robots: ``kinds[i]`` is robot i's position in ``program.agents``.
 
     With a ``crowd`` the robots of ``kinds`` are only those that are looked at, and not all.
+    ``patience`` is no part of it: it ends what takes too long.
     """
 
     program: core.Program
     kinds: tuple[int, ...]
     delta_s: Fraction = Fraction(1, 10)
     crowd: Crowd[Any] | None = None
+    patience: Patience = field(default=ENDLESS, compare=False, repr=False)
 
     @property
     def robots(self) -> int:

@@ -81,6 +81,7 @@ def _nothing() -> None:
 
 def execute(m: Machine[V], s: core.Stmt) -> None:
     """One statement."""
+    m.system.patience.spend()
     match s:
         case core.Assign():
             assign(m, s.place, evaluate(m, s.value))
@@ -261,8 +262,8 @@ def for_range(m: Machine[V], s: core.ForRange) -> None:
     def trip(number: V) -> Callable[[], None]:
         return partial(once, m, number)
 
-    trips = [(k, here, trip(number)) for k, here, number in integers(m, s.low, s.high)]
-    _loop(m, trips)
+    # One after the other: a million of them at once would take up much room.
+    _loop(m, ((k, here, trip(number)) for k, here, number in integers(m, s.low, s.high)))
 
 
 def for_each(m: Machine[V], s: core.ForEach) -> None:
@@ -288,7 +289,7 @@ def for_each(m: Machine[V], s: core.ForEach) -> None:
         return body
 
     length = over.length
-    _loop(m, [(k, inside(m.d, k, length), trip(*pair)) for k, pair in enumerate(pairs)])
+    _loop(m, ((k, inside(m.d, k, length), trip(*pair)) for k, pair in enumerate(pairs)))
 
 
 def for_each_robot(m: Machine[V], s: core.ForEach, over: Family[V]) -> None:
@@ -308,6 +309,7 @@ def _loop(m: Machine[V], trips: Iterable[tuple[int, V, Callable[[], None]]]) -> 
     outer = m.memory.broke
     m.memory.broke = m.truth(False)
     for number, here, body in trips:
+        m.system.patience.spend()
         left = m.either(m.memory.broke, m.memory.returned)
         if m.d.known(left) is True:
             break

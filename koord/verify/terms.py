@@ -8,13 +8,14 @@ uninterpreted sort each.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import TypeAlias, assert_never
 
 import z3
 
 from koord.semantics.domain import Constant, binary_of_numbers, unary_of_numbers
+from koord.semantics.patience import ENDLESS, Patience
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import (
     BoolType,
@@ -28,6 +29,7 @@ from koord.syntax.types import (
 )
 
 Term: TypeAlias = "Constant | z3.ExprRef"
+Sort: TypeAlias = z3.SortRef
 
 
 class Terms:
@@ -35,15 +37,18 @@ class Terms:
 
     It has a Z3 context of its own too: what a solver answers depends on the names and the age of
     all terms of its context, so with a shared one answers would depend on what was asked before.
+    Building terms spends ``patience``: formulas can take longer to write than to decide.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, patience: Patience = ENDLESS) -> None:
         self.context = z3.Context()
+        self._patience = patience
         self._bool = z3.BoolSort(self.context)
         self._int = z3.IntSort(self.context)
         self._real = z3.RealSort(self.context)
         self._strings: dict[str, int] = {}
         self._sorts: dict[str, z3.SortRef] = {}
+        self._lists: dict[str, z3.DatatypeSortRef] = {}
         self._counter = 0
 
     # --- the five methods of a domain -----------------------------------------------------------
@@ -61,6 +66,7 @@ class Terms:
     def unary(self, op: UnaryOp, operand: Term) -> Term:
         if not isinstance(operand, z3.ExprRef):
             return unary_of_numbers(op, operand, exact=True)
+        self._patience.spend()
         match op:
             case UnaryOp.NOT:
                 return operand.arg(0) if z3.is_not(operand) else z3.Not(operand)
@@ -75,6 +81,7 @@ class Terms:
     def binary(self, op: BinaryOp, left: Term, right: Term) -> Term:
         if not isinstance(left, z3.ExprRef) and not isinstance(right, z3.ExprRef):
             return binary_of_numbers(op, left, right)
+        self._patience.spend()
         if op is BinaryOp.AND or op is BinaryOp.OR or op is BinaryOp.IMPLIES:
             return self._connective(op, left, right)
         return self._operation(op, *self._alike(left, right))
@@ -82,6 +89,7 @@ class Terms:
     def ite(self, condition: Term, then: Term, other: Term) -> Term:
         if not isinstance(condition, z3.ExprRef):
             return then if condition else other
+        self._patience.spend()
         if self._same(then, other):
             return then
         if isinstance(then, bool) or isinstance(other, bool):
@@ -143,6 +151,31 @@ class Terms:
         assert isinstance(applied, z3.ExprRef)
         return applied
 
+    def list_sort(self, element: Sequence[Sort]) -> z3.DatatypeSortRef:
+        """The sort of lists whose elements are made of parts of these sorts."""
+        name = f"list({', '.join(map(str, element))})"
+        if name not in self._lists:
+            made = z3.Datatype(name, self.context)
+            made.declare("nil")
+            parts = [(f"part{k}", sort) for k, sort in enumerate(element)]
+            made.declare("cons", *parts, ("rest", made))
+            self._lists[name] = made.create()
+        return self._lists[name]
+
+    def list_term(
+        self, element: Sequence[Sort], rows: Sequence[Sequence[Term]], length: Term
+    ) -> z3.ExprRef:
+        """A list as one term: as many of the rows as its length says, each an element's parts."""
+        sort = self.list_sort(element)
+        nil, cons = sort.constructor(0)(), sort.constructor(1)
+        built: Term = nil
+        for position in reversed(range(len(rows))):
+            parts = [self.lifted(p, s) for p, s in zip(rows[position], element, strict=True)]
+            there = self.binary(BinaryOp.LT, position, length)
+            built = self.ite(there, cons(*parts, built), nil)
+        assert isinstance(built, z3.ExprRef)
+        return built
+
     def for_all(self, variables: Sequence[Term], body: Term) -> Term:
         """Whether a Boolean holds whatever its variables are."""
         terms = [variable for variable in variables if isinstance(variable, z3.ExprRef)]
@@ -156,6 +189,94 @@ class Terms:
             if its_number == number:
                 return text
         return f"string{number}"
+
+    # --- looking at terms -----------------------------------------------------------------------
+
+    def key(self, term: Term) -> object:
+        """Something hashable that two scalars have in common exactly if they are written alike.
+
+        It is valid as long as the term is kept.
+        """
+        return term.get_id() if isinstance(term, z3.ExprRef) else (type(term), term)
+
+    def with_values(self, term: Term, values: Sequence[tuple[Term, Term]]) -> Term:
+        """A term with other terms in the place of constants, simplified."""
+        if not isinstance(term, z3.ExprRef):
+            return term
+        pairs = [
+            (old, self.lifted(new, old.sort()))
+            for old, new in values
+            if isinstance(old, z3.ExprRef)
+        ]
+        return self._constant(z3.simplify(z3.substitute(term, *pairs)))
+
+    def put(self, term: Term, values: Sequence[tuple[Term, Term]]) -> Term:
+        """A term with other terms in the place of constants, otherwise as it is."""
+        if not isinstance(term, z3.ExprRef) or not values:
+            return term
+        pairs = [
+            (old, self.lifted(new, old.sort()))
+            for old, new in values
+            if isinstance(old, z3.ExprRef)
+        ]
+        return z3.substitute(term, *pairs)
+
+    def unused(self, name: str) -> str:
+        """A name that no symbol has yet."""
+        self._counter += 1
+        return f"{name}!{self._counter}"
+
+    def function_like(self, like: z3.ExprRef, arguments: Sequence[Term]) -> z3.ExprRef:
+        """The function symbol of a constant's name and sort, at arguments."""
+        lifted = [self.lifted(a, self._int) for a in arguments]
+        symbol = z3.Function(str(like), *(a.sort() for a in lifted), like.sort())
+        applied = symbol(*lifted)
+        assert isinstance(applied, z3.ExprRef)
+        return applied
+
+    def mentions(self, term: Term, constants: Sequence[Term]) -> bool:
+        """Whether one of some constants occurs in a term."""
+        wanted = {c.get_id() for c in constants if isinstance(c, z3.ExprRef)}
+        if not isinstance(term, z3.ExprRef) or not wanted:
+            return False
+        return any(part.get_id() in wanted for part in _parts_of(term))
+
+    def parts_like(self, term: Term) -> list[Term]:
+        """The parts of a term that are of its sort, each once, itself first."""
+        if not isinstance(term, z3.ExprRef):
+            return []
+        sort = term.sort()
+        return [self._constant(part) for part in _parts_of(term) if part.sort() == sort]
+
+    def fresh_like(self, name: str, term: Term) -> z3.ExprRef:
+        """A constant of the sort of a scalar that occurs nowhere else."""
+        self._counter += 1
+        if isinstance(term, z3.ExprRef):
+            sort = term.sort()
+        elif isinstance(term, bool):
+            sort = self._bool
+        else:
+            sort = self._real if isinstance(term, Fraction) else self._int
+        return z3.Const(f"{name}!{self._counter}", sort)
+
+    def is_valid(self, claim: Term) -> bool:
+        """Whether a Boolean holds whatever its constants are, as far as a quick look tells."""
+        if not isinstance(claim, z3.ExprRef):
+            return bool(claim)
+        solver = z3.Solver(ctx=self.context)
+        solver.set("rlimit", 200_000)
+        solver.add(z3.Not(claim))
+        return bool(solver.check() == z3.unsat)
+
+    def _constant(self, term: z3.ExprRef) -> Term:
+        """Python's own constant where a term is one."""
+        if z3.is_true(term) or z3.is_false(term):
+            return bool(z3.is_true(term))
+        if z3.is_int_value(term):
+            return int(term.as_long())
+        if z3.is_rational_value(term):
+            return Fraction(term.numerator_as_long(), term.denominator_as_long())
+        return term
 
     # --- how they are built ---------------------------------------------------------------------
 
@@ -264,3 +385,15 @@ class Terms:
 
 def _is_zero(value: z3.ExprRef) -> bool:
     return bool(z3.is_rational_value(value) and value.numerator_as_long() == 0)
+
+
+def _parts_of(term: z3.ExprRef) -> Iterator[z3.ExprRef]:
+    """A term and all below it, each once."""
+    seen: set[int] = set()
+    waiting = [term]
+    while waiting:
+        part = waiting.pop()
+        if part.get_id() not in seen:
+            seen.add(part.get_id())
+            yield part
+            waiting += part.children()

@@ -1,0 +1,37 @@
+"""For how long somebody waits: long work asks now and then whether to go on.
+
+Evaluation is bounded by what a program may cost, which can still be many seconds, and formulas by
+less. So a system carries the patience of whoever works with it, and evaluation spends it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+#: So much is done between two questions: some milliseconds at most.
+_EVERY = 100
+
+
+class OutOfPatienceError(Exception):
+    """Nobody waits for this any longer: the time is up, or it was interrupted."""
+
+
+@dataclass(slots=True, eq=False)
+class Patience:
+    """``is_over`` says whether to stop. What is half done by then is lost, so it must not count."""
+
+    is_over: Callable[[], bool]
+    _left: int = 0
+
+    def spend(self) -> None:
+        """Ask now and then whether to go on. Raises OutOfPatienceError."""
+        self._left -= 1
+        if self._left < 0:
+            self._left = _EVERY
+            if self.is_over():
+                raise OutOfPatienceError
+
+
+#: That of somebody who waits for ever.
+ENDLESS = Patience(lambda: False)
