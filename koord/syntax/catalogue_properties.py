@@ -208,5 +208,31 @@ ENTRIES: dict[str, Entry] = {
             invariant: ran(Plan) implies length(way) > 0
             """,
         ),
+        error(
+            "K310",
+            "what a summary says of every value of a type is more than a promise",
+            """A summary may promise something of every value of a type: of some of them it can be
+            tried, and of the others it is taken on trust. What it denies of all of them, requires
+            of callers for all of them, or says of one without naming it, cannot be tried at
+            all.""",
+            """
+            def fun root(int n) -> int: extern
+              ensures: exists int r: r == result and r * r <= n
+            local:
+              int x = 0
+            Go:
+              eff: x = root(2)
+            """,
+            """
+            def fun root(int n) -> int: extern
+              ensures:
+                result * result <= n
+                forall int r: r * r <= n implies r <= result
+            local:
+              int x = 0
+            Go:
+              eff: x = root(2)
+            """,
+        ),
     )
 }

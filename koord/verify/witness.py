@@ -33,6 +33,7 @@ from koord.syntax.types import (
 )
 from koord.verify import moments
 from koord.verify.claims import Claim, ClaimKind, Findings, Phase, broken
+from koord.verify.promises import unkept
 from koord.verify.symbols import Symbolic, SymbolicAnswer, SymbolicInputs
 from koord.verify.terms import Term
 from koord.verify.verdicts import Counterexample
@@ -198,6 +199,9 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
     Raises :class:`NotReplayedError` where it did not.
     """
     steps = _broken_by(system, recording, claim)
+    found = unkept(system, recording)
+    if found is not None:
+        raise NotReplayedError(f"no {found.function} keeps its summary with these answers")
     last = steps[-1]
     number = len(recording.rounds)
     fault = last.configuration.fault

@@ -427,3 +427,32 @@ def test_what_stands_outside_is_for_all_kinds() -> None:
     """)
     assert [[e.name for e in agent.events] for agent in made.agents] == [["Common", "Go"]] * 2
     assert all(len(agent.init) == 1 for agent in made.agents)
+
+
+@pytest.mark.parametrize(
+    ("line", "right"),
+    [
+        ("ensures: forall int q: q > 0 implies near(q)", True),
+        ("ensures: result implies forall int q: near(q)", True),
+        ("ensures: forall k in 0, 3: forall int q: near(q + k)", True),
+        ("ensures: not ((forall int q: near(q)) implies result)", True),
+        ("ensures: not (forall int q: near(q))", False),
+        ("ensures: (forall int q: near(q)) implies result", False),
+        ("ensures: result == (forall int q: near(q))", False),
+        ("ensures: exists int q: near(q)", False),
+        ("ensures: forall int q, int r: exists int s: near(q + r + s)", False),
+        ("requires: forall int q: near(q)", False),
+    ],
+)
+def test_summaries_promise_something_of_every_value_and_deny_nothing(
+    line: str, right: bool
+) -> None:
+    """[EXTERNAL]: or nobody could ever try it."""
+    text = f"""
+def fun near(int p) -> bool: extern
+  {line}
+Go:
+  pre: near(1)
+  eff: stop
+"""
+    assert errors(text) == ([] if right else ["K310"])

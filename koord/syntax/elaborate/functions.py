@@ -9,6 +9,7 @@ from koord.syntax.elaborate.coercion import fit
 from koord.syntax.elaborate.findings import Findings
 from koord.syntax.elaborate.function_table import Signature
 from koord.syntax.elaborate.library import signature
+from koord.syntax.elaborate.promises import check_promises
 from koord.syntax.elaborate.session import Session
 from koord.syntax.elaborate.symbols import Role
 from koord.syntax.types import BOOL
@@ -217,4 +218,7 @@ def _external(session: Session, wanted: Signature, findings: Findings) -> core.E
 
 def _condition(body: Body, condition: ast.Expr) -> core.Expr | None:
     what = "what a summary says"
-    return fit(body, body.expr(condition, BOOL), BOOL, condition.span, what)
+    made = fit(body, body.expr(condition, BOOL), BOOL, condition.span, what)
+    if made is not None:
+        check_promises(body, made)
+    return made

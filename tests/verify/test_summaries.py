@@ -1,0 +1,130 @@
+"""Summaries that speak of every value of a type. [EXTERNAL] [E-QUANT]"""
+
+from __future__ import annotations
+
+from koord.syntax import core
+from koord.syntax.load import load
+from koord.syntax.source import Source
+from koord.verify.portfolio import Choice
+from koord.verify.verdicts import Outcome
+from tests.verify.asking import Answers, ask, bounded
+
+HOLDS, VIOLATED, UNKNOWN = Outcome.HOLDS, Outcome.VIOLATED, Outcome.UNKNOWN
+
+
+def loaded(text: str) -> core.Program:
+    found = load(Source("some.krd", text))
+    assert found.program is not None, found.diagnostics
+    return found.program
+
+
+def once(declared: str, variables: str, effect: str, *invariants: str) -> core.Program:
+    """A program whose robots do one thing, once."""
+    lines = [declared, "local:", *(f"    {v}" for v in variables.split("; "))]
+    lines += ["    bool done = false", "Go:", "    pre: not done", "    eff:"]
+    lines += [f"        {s}" for s in effect.split("; ")] + ["        done = true"]
+    return loaded("\n".join([*lines, *(f"invariant {i}" for i in invariants)]) + "\n")
+
+
+def outcomes(answers: Answers) -> dict[str, Outcome]:
+    return {v.claim.name: v.outcome for v in answers if v.claim.name != "no fault"}
+
+
+MODE = "enum Mode: idle, pick, drop\n"
+
+NEAR = """
+def fun near(int p, int[] a) -> bool: extern
+    ensures:
+        result implies contains(a, p)
+        forall int q: contains(a, q) implies near(q, a)
+"""
+
+
+def test_every_value_of_an_enumeration_is_one_of_its_members() -> None:
+    """A statement about all of them is about no other number."""
+    declared = f"""{MODE}
+def fun kind(Mode m, int a) -> int: extern
+    ensures: forall Mode k: (k == idle or k == pick or k == drop) and result >= 0
+def fun free(int a) -> Mode: extern fresh
+    ensures: forall Mode k: k == idle or k == pick or k == drop
+"""
+    program = once(
+        declared,
+        "int x = 0; Mode m = idle",
+        "x = kind(pick, 3); m = free(1)",
+        "Zero: x == 0",
+        "Natural: x >= 0",
+        "Idle: m == idle",
+    )
+    for choice in (Choice.AUTO, Choice.BMC):
+        found = outcomes(ask(program, robots=1, rounds=2, choice=choice))
+        assert found == {"Zero": VIOLATED, "Natural": HOLDS, "Idle": VIOLATED}, choice
+
+
+def test_an_answer_that_is_the_best_of_all() -> None:
+    """An answer that is made up anew each time, of a summary about every value."""
+    declared = f"""{MODE}
+def fun size(Mode m) -> int: extern
+def fun best(int n) -> Mode: extern fresh
+    ensures: forall Mode m: size(result) >= size(m)
+"""
+    invariants = (
+        "Best: done implies size(m) >= size(pick)",
+        "More: done implies size(m) > size(pick)",
+    )
+    program = once(declared, "Mode m = idle", "m = best(1)", *invariants)
+    assert outcomes(ask(program, robots=1, rounds=2)) == {"Best": HOLDS, "More": VIOLATED}
+
+
+def test_functions_of_lists_are_asked_about_every_value() -> None:
+    """What they answer depends on the value, though lists are held in many shapes."""
+    invariants = "One: done implies b", "Three: not c", "Never: not b"
+    effect = "b = near(1, xs); c = near(3, xs)"
+    program = once(NEAR, "int[] xs = [1, 2]; bool b = false; bool c = false", effect, *invariants)
+    found = outcomes(ask(program, robots=2, rounds=2))
+    assert found == {"One": HOLDS, "Three": HOLDS, "Never": VIOLATED}
+
+
+def test_lists_that_are_built_in_different_ways_are_one_question() -> None:
+    """[E-EQUAL]: also where functions are symbols of the solver."""
+    variables = "int[] xs = []; int n = 0; bool b = false; bool c = false"
+    effect = "append(xs, n); append(xs, 5); b = near(7, xs); c = near(7, [0, 5])"
+    program = once(NEAR, variables, effect, "Same: b == c", "Else: done implies b")
+    assert outcomes(ask(program, robots=1, rounds=2)) == {"Same": HOLDS, "Else": VIOLATED}
+
+
+def test_every_list() -> None:
+    """Proofs need a few of the lists only; so they hold however long others are."""
+    declared = """
+def fun total(int[] a) -> int: extern
+    ensures: forall int[] b: length(b) > length(a) implies total(b) > result
+"""
+    effect = "t = total([1]); u = total([5, 6])"
+    program = once(
+        declared, "int t = 0; int u = 0", effect, "Up: done implies t < u", "Down: t > u"
+    )
+    assert outcomes(ask(program, robots=1, rounds=2)) == {"Up": HOLDS, "Down": VIOLATED}
+
+
+def test_a_function_of_maps_that_is_asked_about_every_value_is_unknown() -> None:
+    declared = """
+def fun known(int p, Map<int, int> m) -> bool: extern
+    ensures: forall int q: known(q, m) implies result
+"""
+    program = once(declared, "Map<int, int> m = {}; bool b = false", "b = known(1, m)", "No: not b")
+    verdict = ask(program, robots=1, rounds=2)["No"]
+    assert verdict.outcome is UNKNOWN
+    assert "a map, as m is, in a question about every value of a type" in verdict.reason
+
+
+def test_a_run_that_breaks_a_promise_about_every_value_is_not_shown() -> None:
+    """[REPLAY]: a candidate that a replay would take on trust, from positions made opaque."""
+    declared = """
+def fun clear(pos[] a) -> bool: extern
+    ensures: forall pos[] b: length(b) < length(a) and result implies clear(b)
+"""
+    effect = "b = clear([p, p]); c = clear([p])"
+    variables = "pos p = pos(0, 0, 0); bool b = false; bool c = false"
+    program = once(declared, variables, effect, "Less: b implies c", "More: c implies b")
+    assert outcomes(ask(program, robots=1, rounds=2)) == {"Less": HOLDS, "More": VIOLATED}
+    assert bounded(program, robots=1, rounds=1).rounds == {"More": 1}
