@@ -299,6 +299,7 @@ class Robot:
     def propose_init(self) -> Proposal:
         """Run INIT into a buffer; the store as declared must be in place. [INIT]"""
         buffer = self._run(Buffer(None), type(self).initialise, Turn.INIT)
+        buffer.locks = set()  # nobody is kept out of INIT
         self._buffers = {None: buffer}
         return Proposal(self.pid, INIT_ROUND, (self._attempt(buffer),), urgent=True)
 
@@ -356,6 +357,10 @@ class Robot:
         elif buffer.asked is Asked.TO_STOP_TOGETHER and self.status is Status.RUNNING:
             self.status = Status.ASKED
         return buffer.output
+
+    def outcome(self, event: int | None) -> list[Written]:
+        """What an event that was let through writes to streams, if nothing comes of it else."""
+        return self._buffers[event].output
 
     def discard(self, changed: Mapping[str, Any]) -> None:
         """The robot skipped: nothing of its turn remains. [SKIP] [ATOMIC]"""

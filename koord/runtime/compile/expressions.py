@@ -120,7 +120,7 @@ def expression(scope: Scope, e: core.Expr) -> Code:
         case core.Delta():
             return Code("self.delta")
         case core.Select(base=base, step=step):
-            return _step(scope, expression(scope, base), step)
+            return _step(scope, expression(scope, base), step, base.type)
         case core.Builtin():
             return _builtin(scope, e)
         case core.MakeList(items=items):
@@ -360,11 +360,12 @@ def read(scope: Scope, place: core.Place) -> Code:
     return code
 
 
-def _step(scope: Scope, above: Code, step: core.Step, type_: Type | None = None) -> Code:
-    """A part of a value. [E-SELECT]"""
+def _step(scope: Scope, above: Code, step: core.Step, type_: Type) -> Code:
+    """A part of a value of some type. [E-SELECT]"""
     match step:
-        case core.FieldStep(name=name):
-            return Code(f"{above.within(ATOM)}.{scope.names.field(name)}", ATOM, above.faults)
+        case core.FieldStep(position=number):
+            name = field_name(scope.names, type_, number)
+            return Code(f"{above.within(ATOM)}.{name}", ATOM, above.faults)
         case core.KeyStep(key=key):
             at_key = expression(scope, key)
             return _call("entry", [above, at_key, Code(scope.place(step.span))], faults=True)
@@ -377,7 +378,13 @@ def _step(scope: Scope, above: Code, step: core.Step, type_: Type | None = None)
     assert_never(step)
 
 
-def is_inside(scope: Scope, index: core.Expr, type_: Type | None) -> bool:
+def field_name(names: Names, type_: Type, position: int) -> str:
+    """The attribute of a record's field."""
+    assert isinstance(type_, RecordType)
+    return names.field(type_.fields[position][0])
+
+
+def is_inside(scope: Scope, index: core.Expr, type_: Type) -> bool:
     """Whether an index surely is one of an array of that type."""
     if not isinstance(type_, ArrayType):
         return False

@@ -11,6 +11,7 @@ from koord.runtime.compile.expressions import (
     Code,
     Scope,
     expression,
+    field_name,
     integers,
     is_inside,
     read,
@@ -95,8 +96,8 @@ def assign(scope: Scope, place: core.Place, value: Code) -> Lines:
         scope.unset[variable.slot] = variable
     target = _target(scope, variable)
     match variable.type, place.steps:
-        case RecordType(), (core.FieldStep(name=name),):
-            field = scope.names.field(name)
+        case RecordType(), (core.FieldStep(position=position),):
+            field = field_name(scope.names, variable.type, position)
             return [f"{target} = {target}._replace({field}={value.text})"]
         case _:
             return [f"{target} = put({target}, {tail})"]

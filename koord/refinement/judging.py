@@ -1,0 +1,205 @@
+"""The judge: is a run of a compiled program one of the semantics? [REPLAY]"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from koord.refinement.running import Ran
+from koord.semantics.configurations import Configuration, System
+from koord.semantics.domain import DOUBLES, Constant
+from koord.semantics.execution import RecordedInputs, Step, execute
+from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.replay import Planned, Refused, Replayed, replay, same_output
+from koord.semantics.rounds import (
+    IllegalStepError,
+    Stepped,
+    evolved,
+    initialised,
+    run_event,
+    run_skip,
+)
+from koord.semantics.traces.recording import Answer, Concrete, Recording, Round
+from koord.semantics.traces.trace import BEFORE_ROUNDS, Emitted, Trace
+from koord.semantics.values import default
+from koord.syntax import core
+from koord.syntax.types import Type
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What the judge found: how many steps were right, and the first that is not, if any."""
+
+    trace: Trace
+    replayed: Replayed
+    refused: Refused | None
+
+    @property
+    def steps(self) -> int:
+        return self.replayed.steps
+
+
+def judge(ran: Ran) -> Judged:
+    """Replay a run on the reference semantics over doubles, rule by rule, for equality.
+
+    Of a fault, its place in the text is compared as well.
+    """
+    if not ran.trace.configurations:
+        nothing = Replayed(0, 0, None)
+        return Judged(ran.trace, nothing, None)
+    trace = ran.trace if ran.fault_place is None else completed(ran.trace)
+    last: list[Step] = []
+
+    def keep(step: Step) -> None:
+        last[:] = [step]
+
+    replayed = replay(trace, keep)
+    refused = replayed.refused
+    if refused is None and ran.fault_place is not None:
+        refused = _elsewhere(last[0], ran.fault_place)
+    return Judged(trace, replayed, refused)
+
+
+def _elsewhere(step: Step, place: str) -> Refused | None:
+    """The fault, if the rules find it at another place of the text."""
+    fault = step.configuration.fault
+    assert fault is not None
+    if str(fault.span) == place:
+        return None
+    planned = Planned(step.rule, step.round, step.robot, step.event)
+    reason = f"the fault is at {fault.span}, and not at {place}"
+    return Refused("FAULT", planned, reason)
+
+
+# --- faults -------------------------------------------------------------------------------------
+
+
+def completed(trace: Trace) -> Trace:
+    """A trace that ends in a fault, with all that the rules would ask for behind it.
+
+    Evaluation by the rules is total: it goes on behind a fault, with answers and output that have
+    no meaning. A program that runs ends at once. So answers that are missing in the last step are
+    made up, and its output may be the beginning of what the rules give.
+    """
+    try:
+        return _completed(trace)
+    except IllegalStepError:
+        return trace  # and replay will say where and why
+
+
+def _completed(trace: Trace) -> Trace:
+    system, recording = trace.system, trace.recording
+    opening, rounds = recording.opening, recording.rounds
+    if not rounds:
+        starts = RecordedInputs(starts=opening.starts)
+        inputs = _Completing(system, opening.answers, opening.answers, starts)
+        stepped = initialised(DOUBLES, system, inputs, opening.order)
+        whole = Recording(replace(opening, answers=tuple(inputs.answers)), ())
+        return _with_output(trace, whole, BEFORE_ROUNDS, None, stepped)
+    before = Recording(opening, rounds[:-1])
+    *_, start = execute(DOUBLES, system, before)
+    configuration, last = start.configuration, rounds[-1]
+    answers = (*opening.answers, *(a for round_ in rounds for a in round_.answers))
+    inputs = _Completing(system, answers, last.answers, RecordedInputs(readings=last.readings))
+    configuration, robot, found = _turns(system, configuration, last, inputs)
+    if not last.cut and found is None:
+        robot, found = None, evolved(DOUBLES, system, configuration, inputs)
+    whole = Recording(opening, (*rounds[:-1], replace(last, answers=tuple(inputs.answers))))
+    if found is None:
+        return replace(trace, recording=whole)
+    return _with_output(trace, whole, len(rounds) - 1, robot, found)
+
+
+def _turns(
+    system: System, configuration: Configuration[Constant], last: Round, inputs: _Completing
+) -> tuple[Configuration[Constant], int | None, Stepped[Constant] | None]:
+    """The program turns of the last round, up to the fault."""
+    for robot in last.order:
+        position = last.events[robot]
+        if position is None:
+            stepped = run_skip(DOUBLES, system, configuration, robot, inputs)
+        else:
+            stepped = run_event(DOUBLES, system, configuration, robot, position, inputs)
+        configuration = stepped.configuration
+        if configuration.fault is not None:
+            return configuration, robot, stepped
+    return configuration, None, None
+
+
+def _with_output(
+    trace: Trace, recording: Recording, round_: int, robot: int | None, last: Stepped[Constant]
+) -> Trace:
+    """The trace with the output of its last step as the rules have it, if it begins so."""
+    earlier = [e for e in trace.outputs if (e.round, e.robot) != (round_, robot)]
+    recorded = [e for e in trace.outputs if (e.round, e.robot) == (round_, robot)]
+    whole = [Emitted(round_, robot, written) for written in last.output]
+    if len(recorded) <= len(whole) and all(map(same_output, recorded, whole)):
+        recorded = whole
+    return replace(trace, recording=recording, outputs=(*earlier, *recorded))
+
+
+@dataclass
+class _Completing:
+    """Inputs from a recording; answers that are missing are made up, and noted."""
+
+    system: System
+    run: tuple[Answer, ...]  #: those of the whole run
+    given: tuple[Answer, ...]
+    others: RecordedInputs
+    answers: list[Answer] = field(init=False)
+    _known: dict[tuple[Phase, int, Key], Answer] = field(init=False)
+    _said: dict[tuple[str, tuple[Concrete, ...]], Concrete] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.answers = list(self.given)
+        self._known = {(a.phase, a.robot, a.key): a for a in self.given}
+        self._said = {(a.function, a.arguments): a.value for a in self.run if a.function}
+
+    def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
+        return self.others.start(declaration, robot)
+
+    def sensor(self, robot: int, port: core.Port) -> Concrete:
+        return self.others.sensor(robot, port)
+
+    def oracle(self, phase: Phase, robot: int) -> Oracle[Constant]:
+        return _CompletingOracle(self, phase, robot)
+
+    def answer(
+        self,
+        where: tuple[Phase, int, Key],
+        function: str | None,
+        arguments: tuple[Concrete, ...],
+        made_up: Concrete,
+    ) -> Concrete:
+        """What was recorded, or what is made up."""
+        if where not in self._known:
+            if function is not None:
+                made_up = self._said.setdefault((function, arguments), made_up)
+            self._known[where] = Answer(*where, function, arguments, made_up)
+            self.answers.append(self._known[where])
+        return self._known[where].value
+
+
+@dataclass(frozen=True, slots=True)
+class _CompletingOracle:
+    inputs: _Completing
+    phase: Phase
+    robot: int
+
+    def choose(self, key: Key, low: Constant, high: Constant, type_: Type) -> Constant:
+        value = self.inputs.answer((self.phase, self.robot, key), None, (), low)
+        assert isinstance(value, Constant)
+        return value
+
+    def external(
+        self, function: core.External, key: Key, arguments: tuple[Concrete, ...]
+    ) -> Concrete:
+        where = (self.phase, self.robot, key)
+        of_type = default(DOUBLES, function.result.type, self.inputs.system.robots)
+        return self.inputs.answer(where, function.name, arguments, of_type)
+
+    def every(self, type_: Type, body: Callable[[Concrete], Constant]) -> Constant:
+        return True
+
+    def vouches_for(self, function: core.External) -> bool:
+        return False

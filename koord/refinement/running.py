@@ -1,0 +1,173 @@
+"""Runs of compiled programs in one process, as traces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from random import Random
+
+from koord.refinement.answering import SampledHost
+from koord.refinement.translating import Observer, to_value
+from koord.runtime.compile import compiled
+from koord.runtime.compile.loading import loaded
+from koord.runtime.compile.naming import Names
+from koord.runtime.engine.fleet import Fleet, Shown
+from koord.runtime.engine.schedules import AtRandom, Deployed, Schedule
+from koord.runtime.proposals import INIT_ROUND, Decision
+from koord.runtime.robot import Robot
+from koord.semantics.configurations import Configuration, Fault, FaultKind, System, Written
+from koord.semantics.domain import Constant
+from koord.semantics.runs.answering import SampledInputs
+from koord.semantics.runs.sampling import Sampler
+from koord.semantics.traces.recording import Opening, Recording, Round
+from koord.semantics.traces.trace import Emitted, Numbers, Sources, Trace
+from koord.syntax import core
+from koord.syntax.diagnostics import KoordError
+from koord.syntax.source import NOWHERE, Span
+from koord.syntax.walk import nodes
+
+
+@dataclass(frozen=True)
+class Target:
+    """A program, and the classes that were compiled from it."""
+
+    program: core.Program
+    names: Names
+    classes: tuple[type[Robot], ...]
+    #: The places of the program's text by the way that compiled programs name them.
+    places: dict[str, core.Output]
+
+
+def target(program: core.Program) -> Target:
+    """Compile a program and load what was made of it."""
+    names = Names(program)
+    outputs = {
+        place_of(names, node.span): node for node in nodes(program) if isinstance(node, core.Output)
+    }
+    return Target(program, names, loaded(compiled(program)), outputs)
+
+
+def place_of(names: Names, span: Span) -> str:
+    """How compiled programs name a place: without the file where it is their own."""
+    where = f"{span.line}:{span.column}"
+    return where if span.file == names.file else f"{span.file}:{where}"
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """A run as a trace, and what it ended with: a place of a fault, a reason to stop early."""
+
+    trace: Trace
+    fault_place: str | None = None
+    gave_up: KoordError | None = None
+
+
+@dataclass
+class _Recorder:
+    """Gathers the recording of a run from what its fleet and its host did."""
+
+    target: Target
+    system: System
+    inputs: SampledInputs
+    observer: Observer
+    opening: Opening = field(default=Opening(()))
+    rounds: list[Round] = field(default_factory=list)
+    configurations: list[Configuration[Constant]] = field(default_factory=list)
+
+    def see(self, fleet: Fleet) -> Configuration[Constant]:
+        seen = self.observer.configuration(fleet)
+        self.configurations.append(seen)
+        self.inputs.forget_round()
+        self.inputs.look_at(seen)
+        return seen
+
+    def round_of(self, decision: Decision, *, cut: bool) -> Round:
+        """A round as recordings have it: those that skip have their turns last."""
+        events: list[int | None] = [None] * self.system.robots
+        for taken in decision.ran:
+            events[taken.robot] = taken.event
+        order = [taken.robot for taken in decision.ran]
+        if decision.fault is not None:
+            events[decision.fault.robot] = decision.fault.event
+            order.append(decision.fault.robot)
+        else:
+            order += decision.skipped
+        readings = () if cut else self.inputs.recorded_readings()
+        return Round(tuple(order), tuple(events), readings, self.inputs.recorded_answers(), cut)
+
+    def outputs(self, shown: Sequence[Shown]) -> Iterator[Emitted]:
+        for one in shown:
+            robot = None if one.round == INIT_ROUND else one.robot
+            for written in one.written:
+                types = tuple(value.type for value in self.target.places[written.place].values)
+                pairs = zip(written.values, types, strict=True)
+                values = tuple(to_value(value, type_) for value, type_ in pairs)
+                yield Emitted(one.round, robot, Written(written.stream, values, types))
+
+
+def run(
+    target: Target, system: System, sources: Sources, schedule: Schedule, rounds: int, rng: Random
+) -> Ran:
+    """Run a compiled program for so many rounds, or until it faults or stops.
+
+    Everything that is left open hangs on the generator. A run for which no start, readings or
+    answers are found ends where it got to.
+    """
+    inputs = SampledInputs(Sampler(system, Numbers.DOUBLE, rng))
+    host = SampledHost(system, target.names, inputs)
+    observer = Observer(system, target.names)
+    recorder = _Recorder(target, system, inputs, observer)
+    fleet = Fleet(target.classes, system.kinds, float(system.delta_s), host)
+    gave_up: KoordError | None = None
+    try:
+        _play(fleet, host, recorder, schedule, rounds)
+    except KoordError as error:
+        gave_up = error
+    return _ran(fleet, recorder, sources, gave_up)
+
+
+def _play(
+    fleet: Fleet, host: SampledHost, recorder: _Recorder, schedule: Schedule, rounds: int
+) -> None:
+    inputs, robots = recorder.inputs, recorder.system.robots
+    order = schedule.order(INIT_ROUND, robots)
+    host.settle_start(order)
+    fleet.begin(order)
+    recorder.opening = Opening(
+        order, inputs.recorded_starts(), inputs.recorded_answers(checks=True)
+    )
+    seen = recorder.see(fleet)
+    while fleet.ended is None and len(recorder.rounds) < rounds and not fleet.all_stopped:
+        decision = fleet.program_turns(schedule)
+        if decision.fault is not None:
+            recorder.rounds.append(recorder.round_of(decision, cut=True))
+            recorder.configurations.append(seen)
+            return
+        host.settle_readings(recorder.observer.configuration(fleet))
+        fleet.environment_turn()
+        recorder.rounds.append(recorder.round_of(decision, cut=False))
+        seen = recorder.see(fleet)
+
+
+def _ran(fleet: Fleet, recorder: _Recorder, sources: Sources, gave_up: KoordError | None) -> Ran:
+    configurations = recorder.configurations
+    shown = [one for one in fleet.shown if one.round < len(recorder.rounds)]
+    ended = fleet.ended if gave_up is None else None
+    if ended is not None:
+        fault = Fault(FaultKind(ended.fault.kind.value), ended.robot, NOWHERE, ended.fault.detail)
+        last = configurations.pop()
+        configurations.append(
+            Configuration(last.robots, last.store, last.round, last.turn, last.taken, fault)
+        )
+    trace = Trace(
+        sources,
+        recorder.system,
+        Numbers.DOUBLE,
+        Recording(recorder.opening, tuple(recorder.rounds)),
+        tuple(configurations),
+        tuple(recorder.outputs(shown)),
+    )
+    return Ran(trace, None if ended is None else ended.fault.place, gave_up)
+
+
+__all__ = ["AtRandom", "Deployed", "Ran", "Target", "place_of", "run", "target"]

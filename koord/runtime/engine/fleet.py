@@ -1,0 +1,128 @@
+"""A fleet in one process: the round rule with nothing lost and nobody late. [EVENT-TRANS]
+
+Every robot proposes, one decision is made of all proposals, everybody acts on it, and then the
+environment has its turn: the steps of a deployed round, without the messages. No clock is looked
+at: a round takes as long as it takes, and δ is a number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from koord.runtime.deciding import decide
+from koord.runtime.engine.schedules import Schedule
+from koord.runtime.operations import FaultError
+from koord.runtime.proposals import INIT_ROUND, Decision, Fault
+from koord.runtime.robot import Host, Robot, Status, Written
+from koord.runtime.store import Store
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """The fault that ended a run; ``robot`` is None where a shared variable's start is to blame."""
+
+    robot: int | None
+    fault: Fault
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What a robot wrote to streams in one turn; ``round`` is INIT_ROUND for INIT."""
+
+    round: int
+    robot: int
+    written: tuple[Written, ...]
+
+
+class Fleet:
+    """Robots of a compiled program, and their store.
+
+    :meth:`begin` comes first; then :meth:`program_turns` and :meth:`environment_turn` take turns.
+    After a fault (``ended``) there are no more turns.
+    """
+
+    def __init__(
+        self,
+        classes: Sequence[type[Robot]],
+        kinds: Sequence[int],
+        delta_s: float,
+        host: Host,
+    ) -> None:
+        """``kinds[i]`` is the position of robot i's class in ``classes``."""
+        self.robots = [classes[kind](pid, kinds, delta_s, host) for pid, kind in enumerate(kinds)]
+        self.host = host
+        self.store = Store(classes[0].SHARED, len(kinds))
+        self.round = 0  #: the one that is open or comes next
+        self.ended: Ended | None = None
+        self.shown: list[Shown] = []
+
+    @property
+    def all_stopped(self) -> bool:
+        """Whether no robot will run an event any more."""
+        return all(robot.status is Status.STOPPED for robot in self.robots)
+
+    def begin(self, order: Sequence[int] | None = None) -> Decision:
+        """INIT, with the robots' writes in an order. [INIT]"""
+        first = self.robots[0]
+        try:
+            first.declare()
+        except FaultError as error:
+            self.ended = Ended(None, first.located(error.fault))
+            return Decision(INIT_ROUND, (), (), ())
+        self.store.declare(vars(first))
+        for robot in self.robots:
+            vars(robot).update(self.store.values)
+        ranks = order if order is not None else range(len(self.robots))
+        proposals = {robot.pid: robot.propose_init() for robot in self.robots}
+        decision = decide(INIT_ROUND, proposals, ranks)
+        self._act(decision)
+        return decision
+
+    def program_turns(self, schedule: Schedule) -> Decision:
+        """Every robot's program turn. [SELECT] [ATOMIC] [END-PROG]"""
+        ranks = schedule.order(self.round, len(self.robots))
+        proposals = {
+            robot.pid: robot.propose(
+                self.round, schedule.events(robot), willing=schedule.willing(robot)
+            )
+            for robot in self.robots
+        }
+        decision = decide(self.round, proposals, ranks)
+        self._act(decision)
+        if self.ended is None and all(r.status is not Status.RUNNING for r in self.robots):
+            # [STOP]: everybody has asked, or stopped.
+            for robot in self.robots:
+                robot.status = Status.STOPPED
+        return decision
+
+    def environment_turn(self) -> None:
+        """Sensors and models; a new round begins. [ENV-TRANS]"""
+        readings = [self.host.read(robot) for robot in self.robots]
+        for robot, of_robot in zip(self.robots, readings, strict=True):
+            fault = robot.evolve(of_robot)
+            if fault is not None and self.ended is None:
+                self.ended = Ended(robot.pid, robot.located(fault))
+        self.round += 1
+
+    def _act(self, decision: Decision) -> None:
+        """Commit and discard as was decided. [SHARED-ASSIGN] [SKIP]"""
+        if decision.fault is not None:
+            faulted = decision.fault
+            self.ended = Ended(faulted.robot, faulted.fault)
+            for robot, event in [
+                *((taken.robot, taken.event) for taken in decision.ran),
+                (faulted.robot, faulted.event),
+            ]:
+                self._show(decision.round, robot, self.robots[robot].outcome(event))
+            return
+        changed = self.store.apply(decision.writes)
+        for taken in decision.ran:
+            written = self.robots[taken.robot].commit(taken.event, changed)
+            self._show(decision.round, taken.robot, written)
+        for robot in decision.skipped:
+            self.robots[robot].discard(changed)
+
+    def _show(self, round_: int, robot: int, written: Sequence[Written]) -> None:
+        if written:
+            self.shown.append(Shown(round_, robot, tuple(written)))
