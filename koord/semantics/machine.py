@@ -230,6 +230,7 @@ def machine(
     view: Configuration[V] | None = None,
 ) -> Machine[V]:
     """A machine at the start of a body that needs ``bound`` bound slots."""
+    system.patience.spend()
     never = d.const(False, BOOL)
     memory: Memory[V] = Memory(
         list(locals),

@@ -6,7 +6,7 @@ joined location by location.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -73,11 +73,9 @@ def marked(
         return _own_entry_marked(d, mask, storage, first, rest, condition)
     below = _parts(storage)
     parts = list(mask.parts) + [None] * (len(below) - len(mask.parts))
-    for position, part in enumerate(below):
-        here = _addresses(d, first, position)
-        if d.known(here) is not False:
-            both = d.binary(BinaryOp.AND, condition, here)
-            parts[position] = marked(d, parts[position], part, rest, both)
+    for position, here in _addressed(d, first, len(below)):
+        both = d.binary(BinaryOp.AND, condition, here)
+        parts[position] = marked(d, parts[position], below[position], rest, both)
     return Mask(mask.whole, tuple(parts), mask.keys)
 
 
@@ -96,10 +94,16 @@ def _own_entry_marked(
     return Mask(mask.whole, (part,), mask.keys)
 
 
-def _addresses(d: Domain[V], location: AtIndex[V] | AtField, position: int) -> V:
-    if isinstance(location, AtField):
-        return d.const(location.position == position, BOOL)
-    return d.binary(BinaryOp.EQ, location.index, d.const(position, INT))
+def _addressed(d: Domain[V], location: AtIndex[V] | AtField, count: int) -> Iterator[tuple[int, V]]:
+    """Which of so many parts a step may mean, each with the condition that it does."""
+    where = location.position if isinstance(location, AtField) else d.known(location.index)
+    if isinstance(where, int):
+        if 0 <= where < count:
+            yield where, d.const(True, BOOL)
+        return
+    assert isinstance(location, AtIndex)
+    for position in range(count):
+        yield position, d.binary(BinaryOp.EQ, location.index, d.const(position, INT))
 
 
 def _parts(storage: Storage[V] | Value[V]) -> Sequence[Storage[V] | Value[V]]:
@@ -132,7 +136,9 @@ def joined(
         patched: Storage[V] = target
         if mask.parts:
             triples = zip(target.parts, source.parts, mask.parts, strict=True)
-            patched = Tree(tuple(joined(d, t, s, m) for t, s, m in triples))
+            # Of many elements a robot writes few.
+            parts = tuple(t if m is None else joined(d, t, s, m) for t, s, m in triples)
+            patched = Tree(parts)
     else:
         assert isinstance(source, Cell)
         patched = Cell(target.is_set, _joined_value(d, target.value, source.value, mask))
