@@ -23,6 +23,9 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, PropertyKind, QuantifierKind
 from koord.syntax.walk import nodes
 
+#: A property of more parts is looked at as a whole.
+_MOST_PARTS = 10_000
+
 
 @dataclass
 class Watch:
@@ -55,8 +58,7 @@ class Watch:
         """Whether a property holds in a configuration."""
         parts = self._parts.get(stated.name)
         if parts is None:
-            split = _split(self.system, stated.condition, {}, ())
-            parts = self._parts[stated.name] = list(split)
+            parts = self._parts[stated.name] = _parts_of(self.system, stated.condition)
         if all(self._part_holds(part, stated.bound, configuration) for part in parts):
             return True
         # The property as a whole has the word, and asks its questions under its own keys.
@@ -114,6 +116,23 @@ class _Part:
         for robot in self.turns:
             yield robots[robot].status
             yield robots[robot].ran
+
+
+def _parts_of(system: System, condition: core.Expr) -> list[_Part]:
+    """The parts of a property; itself alone where they are more than one can keep."""
+    if _count(system, condition) > _MOST_PARTS:
+        return [_part(system, condition, {}, ())]
+    return list(_split(system, condition, {}, ()))
+
+
+def _count(system: System, e: core.Expr) -> int:
+    match e:
+        case core.Binary(op=BinaryOp.AND, left=left, right=right):
+            return _count(system, left) + _count(system, right)
+        case core.Quantified(quantifier=QuantifierKind.FORALL, domain=core.RobotRange()):
+            return system.robots * _count(system, e.body)
+        case _:
+            return 1
 
 
 def _split(
