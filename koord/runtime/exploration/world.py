@@ -60,7 +60,10 @@ class Bounds:
     epoch: int = 2  #: the highest that anybody stands for
     crashes: int = 1
     restarts: int = 0
-    settled: bool = True  #: begin when all robots have committed INIT, not when they are switched on
+    settled: bool = (
+        True  #: begin when all robots have committed INIT, not when they are switched on
+    )
+    eager: bool = True  #: robots propose as soon as they may; the message can still be late
     resends: bool = False  #: let robots send again what is not answered; it is all there already
     depth: int | None = None  #: so many events; None: to the end
     states: int = 1_000_000  #: give up after so many
@@ -263,7 +266,16 @@ class Explorer:
                 sent |= bits
         if _highest_epoch(local.state) > self.bounds.epoch:
             return None
-        return Move(self._number(local), sent, tuple(committed))
+        move = Move(self._number(local), sent, tuple(committed))
+        return self._with_work(local, move) if self.bounds.eager else move
+
+    def _with_work(self, local: Local, move: Move) -> Move:
+        """The move, and the robot's own proposal with it, if it has one to make."""
+        if local.work is None or local.state.round >= self.bounds.rounds:
+            return move
+        worked = self._worked_out(local, Act.WORK)
+        assert worked is not None
+        return Move(worked.local, move.sent | worked.sent, move.committed + worked.committed)
 
     def _carried_out(self, local: Local, effect: Effect) -> tuple[Local, int]:
         match effect:

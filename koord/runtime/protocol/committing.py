@@ -15,7 +15,7 @@ def commit(turn: Turn, held: Held) -> None:
     state = turn.state
     entry = held.entry
     assert (entry.round, entry.previous) == (state.round, state.chain)
-    kept = _kept(entry, state.pid) if state.mine is not None else None
+    kept = _kept(entry, state.pid)
     log = (*state.log, held)
     turn.change(
         round=state.round + 1,

@@ -100,7 +100,10 @@ class Begin(msgspec.Struct, frozen=True):
 
 
 class Commit(msgspec.Struct, frozen=True):
-    """Act: apply the writes. With ``kept`` the buffer is kept, otherwise thrown away. (R-COMMIT)"""
+    """Act: apply the writes. With ``kept`` the buffer is kept, otherwise thrown away. (R-COMMIT)
+
+    A robot that is back may find that it was let through with what it proposed before the crash.
+    """
 
     entry: Entry
     kept: Taken | None

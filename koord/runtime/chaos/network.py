@@ -1,0 +1,225 @@
+"""A network of robots in virtual time: who gets what when is drawn from a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from heapq import heappop, heappush
+from random import Random
+
+from koord.runtime.chaos.faults import Faults
+from koord.runtime.chaos.ledger import Journal, Ledger
+from koord.runtime.node import Node
+from koord.runtime.protocol.messages import Message
+from koord.runtime.protocol.setup import Setup
+from koord.runtime.protocol.state import Coordinator, State, fresh, returning
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Due:
+    """Something that happens at a time; ``number`` keeps equal times in order."""
+
+    at: float
+    number: int
+    what: Delivery | Wake | Birth | Weather = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """A message arrives."""
+
+    sender: int
+    incarnation: int
+    to: int
+    message: Message
+
+
+@dataclass(frozen=True, slots=True)
+class Wake:
+    """A robot's timer may have run down."""
+
+    robot: int
+
+
+@dataclass(frozen=True, slots=True)
+class Birth:
+    """A robot that was down is switched on."""
+
+    robot: int
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """Time to draw crashes and cuts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A datagram that was sent, whether or not it arrives; ``to`` is None for a multicast."""
+
+    sender: int
+    incarnation: int
+    to: int | None
+    message: Message
+
+
+#: How often crashes and cuts are drawn.
+WEATHER_S = 0.1
+
+
+class Network:
+    """Robots, their messages under way, and the time."""
+
+    def __init__(self, setup: Setup, faults: Faults, seed: int) -> None:
+        self.setup = setup
+        self.faults = faults
+        self.now = 0.0
+        self.sent: list[Sent] = []  #: since whoever watches has looked last
+        self.nodes: list[Node | None] = [None] * setup.robots
+        self.ledgers: list[Ledger] = []
+        self.journals = [Journal() for _ in range(setup.robots)]
+        self.crashes = 0
+        self._random = Random(seed)
+        self._due: list[Due] = []
+        self._number = 0
+        self._births = 0
+        self._cut: frozenset[int] = frozenset()
+        self._cut_until = 0.0
+        self._killed_at = 0.0
+        for robot in range(setup.robots):
+            self.ledgers.append(Ledger(robot, self.journals[robot]))
+            self._switch_on(robot, fresh(setup, robot, spare=self._incarnation()))
+        self._later(WEATHER_S, Weather())
+
+    def step(self) -> int | None:
+        """Let the next thing happen, and say to which robot, if to one."""
+        due = heappop(self._due)
+        self.now = max(self.now, due.at)
+        match due.what:
+            case Delivery(sender=sender, to=to) as delivery:
+                node = self.nodes[to]
+                if node is None or self._is_cut(sender, to):
+                    return None
+                node.receive(self.now, sender, delivery.incarnation, delivery.message)
+                self._await(to)
+                return to
+            case Wake(robot=robot):
+                node = self.nodes[robot]
+                if node is None or node.due is None or node.due > self.now:
+                    return None
+                node.wake(self.now)
+                self._await(robot)
+                return robot
+            case Birth(robot=robot):
+                self._be_born(robot)
+                return robot
+            case Weather():
+                self._draw_weather()
+                return None
+
+    def running(self) -> Iterator[State]:
+        """The states of the robots that are up."""
+        return (node.state for node in self.nodes if node is not None)
+
+    def crash(self, robot: int, outage_s: float | None) -> None:
+        """Switch a robot off; None: for ever."""
+        self.nodes[robot] = None
+        self.crashes += 1
+        if outage_s is not None:
+            self._later(outage_s, Birth(robot))
+
+    # --- the robots' outboxes -------------------------------------------------------------------
+
+    def post(self, sender: int, to: int | None, message: Message) -> None:
+        """A datagram leaves; what becomes of it is drawn per receiver."""
+        node = self.nodes[sender]
+        assert node is not None
+        incarnation = node.state.incarnation
+        self.sent.append(Sent(sender, incarnation, to, message))
+        receivers = (to,) if to is not None else range(self.setup.robots)
+        faults = self.faults
+        for receiver in receivers:
+            copies = 1 + (self._random.random() < faults.duplication)
+            for _ in range(copies):
+                if receiver == sender or self._random.random() < faults.loss:
+                    continue
+                delay = self._random.uniform(faults.least_delay_s, faults.most_delay_s)
+                self._later(delay, Delivery(sender, incarnation, receiver, message))
+
+    # --- time -----------------------------------------------------------------------------------
+
+    def _later(self, after_s: float, what: Delivery | Wake | Birth | Weather) -> None:
+        self._number += 1
+        heappush(self._due, Due(self.now + after_s, self._number, what))
+
+    def _await(self, robot: int) -> None:
+        node = self.nodes[robot]
+        if node is not None and node.due is not None:
+            self._later(max(0.0, node.due - self.now), Wake(robot))
+
+    # --- crashes and cuts -----------------------------------------------------------------------
+
+    def _switch_on(self, robot: int, state: State) -> None:
+        node = Node(self.setup, state, self.ledgers[robot], _Outbox(self, robot))
+        self.nodes[robot] = node
+        node.start(self.now)
+        self._await(robot)
+
+    def _incarnation(self) -> int:
+        self._births += 1
+        return self._births
+
+    def _be_born(self, robot: int) -> None:
+        """With an empty memory, but for the journal."""
+        self.ledgers[robot] = Ledger(robot, self.journals[robot])
+        self._switch_on(robot, returning(self.setup, robot, self._incarnation()))
+
+    def _draw_weather(self) -> None:
+        faults, draw = self.faults, self._random
+        self._later(WEATHER_S, Weather())
+        down = sum(node is None for node in self.nodes)
+        spare = self.setup.robots - self.setup.majority - down - self._newcomers()
+        for robot, node in enumerate(self.nodes):
+            if node is None or not draw.random() < faults.crashes_per_s * WEATHER_S:
+                continue
+            if spare > 0:
+                spare -= 1
+                self._outage(robot)
+        every = faults.coordinator_dies_every_s
+        if every and self.now - self._killed_at >= every and spare > 0:
+            for robot, node in enumerate(self.nodes):
+                if node is not None and isinstance(node.state.office, Coordinator):
+                    self._killed_at = self.now
+                    self._outage(robot)
+                    break
+        if self.now >= self._cut_until:
+            self._cut = frozenset()
+            if draw.random() < faults.cuts_per_s * WEATHER_S:
+                size = draw.randrange(1, self.setup.robots)
+                self._cut = frozenset(draw.sample(range(self.setup.robots), size))
+                self._cut_until = self.now + faults.cut_s
+
+    def _newcomers(self) -> int:
+        """Robots that are back and have yet to be admitted: as good as down, for a majority."""
+        return sum(1 for state in self.running() if not state.is_voter or state.round < 0)
+
+    def _outage(self, robot: int) -> None:
+        faults, draw = self.faults, self._random
+        for_ever = draw.random() < faults.for_ever
+        outage_s = draw.uniform(faults.least_outage_s, faults.most_outage_s)
+        self.crash(robot, None if for_ever else outage_s)
+
+    def _is_cut(self, one: int, other: int) -> bool:
+        return self.now < self._cut_until and (one in self._cut) != (other in self._cut)
+
+
+@dataclass(frozen=True, slots=True)
+class _Outbox:
+    network: Network
+    robot: int
+
+    def send(self, to: int, message: Message) -> None:
+        self.network.post(self.robot, to, message)
+
+    def tell(self, message: Message) -> None:
+        self.network.post(self.robot, None, message)
