@@ -29,6 +29,9 @@ from koord.syntax.types import (
 )
 
 Term: TypeAlias = "Constant | z3.ExprRef"
+
+#: A term that is no constant of Python's.
+Made: TypeAlias = z3.ExprRef
 Sort: TypeAlias = z3.SortRef
 
 
@@ -220,6 +223,16 @@ class Terms:
             if isinstance(old, z3.ExprRef)
         ]
         return z3.substitute(term, *pairs)
+
+    def is_boolean(self, term: Term) -> bool:
+        """Whether a scalar is a truth value."""
+        return isinstance(term, bool | z3.BoolRef)
+
+    def is_integer(self, term: Term) -> bool:
+        """Whether a scalar is an integer."""
+        if isinstance(term, z3.ExprRef):
+            return bool(term.sort() == self._int)
+        return isinstance(term, int) and not isinstance(term, bool)
 
     def unused(self, name: str) -> str:
         """A name that no symbol has yet."""

@@ -1,0 +1,309 @@
+"""Inductive proofs for every number of robots and of rounds. [T-EVERY-N]
+
+All claims are assumed of some configuration, and each is asked for after one more step. Those that
+fail are dropped and the rest asked again, until what is left proves itself. A proof is a proof
+whatever was said of whom; what is not proved is *unknown*, never violated.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from koord.semantics.configurations import Configuration
+from koord.semantics.crowds import NotFiniteError
+from koord.syntax import core
+from koord.syntax.core import Home, UnaryOp
+from koord.syntax.types import BOOL, INT, ArrayType, Robots
+from koord.syntax.walk import nodes
+from koord.verify.claims import Claim, ClaimKind, Phase
+from koord.verify.every_n.crowd import World
+from koord.verify.every_n.opening import Anywhere, Opening
+from koord.verify.every_n.rounds import Round
+from koord.verify.every_n.statements import Universal
+from koord.verify.footprint import footprint, stops_show
+from koord.verify.solving import Answer, Deadline, Effort, Solver
+from koord.verify.terms import Term
+
+#: How many generations of names are tried, the fewest first.
+GENERATIONS = 3
+
+#: What one question may cost, in the solver's own units: about half a second.
+AT_MOST = 5_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """The claims that hold for every number of robots, and why the others are still open."""
+
+    proved: tuple[Claim, ...]
+    reasons: dict[Claim, str]
+
+
+def prove(
+    program: core.Program,
+    delta_s: Fraction,
+    claims: Sequence[Claim],
+    deadline: Deadline,
+    effort: Effort,
+    seed: int = 0,
+) -> Proof:
+    """The largest set of the claims that is inductive for every number of robots."""
+    why = _beyond(program)
+    if why:
+        return Proof((), dict.fromkeys(claims, why))
+    reasons: dict[Claim, str] = {}
+    try:
+        start = _Start(program, delta_s, deadline, effort, seed)
+        reasons |= start.failing(claims)
+        step = _Step(program, delta_s, deadline, effort, seed)
+        candidates = [claim for claim in claims if claim not in reasons]
+        while candidates:
+            failed = step.failing(candidates)
+            if not failed:
+                break
+            reasons |= failed
+            candidates = [claim for claim in candidates if claim not in failed]
+    except NotFiniteError as error:
+        return Proof((), dict.fromkeys(claims, str(error)) | reasons)
+    limits = sorted({*start.limits, *step.limits})
+    if limits:
+        reasons |= dict.fromkeys(candidates, f"not covered: {'; '.join(limits)}")
+        candidates = []
+    return Proof(tuple(candidates), reasons)
+
+
+def _beyond(program: core.Program) -> str:
+    """Why a program is not looked at, if so."""
+    for entry in program.allwrite:
+        if any(t.size is Robots.ALL for t in _arrays(entry.variable.type)):
+            return f"{entry.variable.name} has an element for each robot that any robot may write"
+    return ""
+
+
+def _arrays(type_: object) -> Iterator[ArrayType]:
+    if isinstance(type_, ArrayType):
+        yield type_
+    for name in ("element", "key", "value"):
+        below = getattr(type_, name, None)
+        if below is not None:
+            yield from _arrays(below)
+    for _, below in getattr(type_, "fields", ()):
+        yield from _arrays(below)
+
+
+# --- questions ----------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class _Asking:
+    """A world and a solver that knows what its book says."""
+
+    world: World
+    deadline: Deadline
+    effort: Effort
+    seed: int
+    solver: Solver = field(init=False)
+    robots: tuple[Term, ...] = field(init=False)
+    _given: int = 0
+    _limit: int = -1
+
+    def __post_init__(self) -> None:
+        self.solver = Solver(self.world.d, self.world.unknowns, self.seed)
+        self.robots = tuple(self.world.d.fresh(f"y{k}", INT) for k in range(4))
+
+    def failing(self, goals: Sequence[tuple[Claim, list[Term]]]) -> dict[Claim, str]:
+        """The claims whose goals (each a conjunction) the book does not refute."""
+        pending = list(goals)
+        failed: dict[Claim, str] = {}
+        for limit in range(max(self._limit, 0), GENERATIONS):
+            if limit > self._limit:
+                self.world.book.settle(limit)
+                self._limit = limit
+            self.world.book.settle(self._limit)
+            failed = {}
+            still = []
+            for claim, goal in pending:
+                why = self._why_open(goal)
+                if why:
+                    failed[claim] = why
+                    still.append((claim, goal))
+            pending = still
+            if not pending:
+                break
+        return failed
+
+    def _why_open(self, goal: Sequence[Term]) -> str:
+        """Why a goal is not refuted; empty if it is."""
+        book = self.world.book
+        self.solver.add(book.facts[self._given :])
+        self._given = len(book.facts)
+        answer = self.solver.check(goal, self.deadline, self.effort, at_most=AT_MOST)
+        if answer is Answer.UNSAT:
+            return ""
+        if answer is Answer.SAT:
+            return "not inductive for every number of robots"
+        return "timeout" if self.deadline.is_near() else "too much for the solver"
+
+    @property
+    def limits(self) -> list[str]:
+        return list(self.world.unknowns.limits)
+
+
+def _universal(claim: Claim) -> Universal:
+    assert claim.stated is not None
+    return Universal.of(claim.stated.condition, claim.stated.bound)
+
+
+class _Start:
+    """What holds after INIT."""
+
+    def __init__(
+        self,
+        program: core.Program,
+        delta_s: Fraction,
+        deadline: Deadline,
+        effort: Effort,
+        seed: int,
+    ) -> None:
+        self._world = World.of(program, delta_s)
+        self._opening = Opening(self._world)
+        self._asking = _Asking(self._world, deadline, effort, seed)
+        self._world.book.expect(*self._asking.robots[:2])
+        self._world.book.expect(0, self._world.last, generation=1)
+        for assumption in program.assumptions:
+            given = Universal.of(assumption.condition, assumption.bound)
+            given.suppose(self._world, self._opening.configuration, True)
+
+    @property
+    def limits(self) -> list[str]:
+        return self._asking.limits
+
+    def failing(self, claims: Sequence[Claim]) -> dict[Claim, str]:
+        """The claims that may not hold after INIT, for all that is known."""
+        goals = [(claim, self._goal(claim)) for claim in claims if claim.looked_at(Phase.INIT)]
+        found = self._asking.failing(goals)
+        return {claim: f"after INIT: {why}" for claim, why in found.items()}
+
+    def _goal(self, claim: Claim) -> list[Term]:
+        world, d = self._world, self._world.d
+        robot = self._asking.robots[0]
+        if claim.kind is ClaimKind.FAULT:
+            moves = self._opening.moves(robot)
+            faults = self._opening.faults(moves)
+            return [d.binary(core.BinaryOp.OR, self._opening.fault, faults)]
+        asked = _universal(claim)
+        names = self._asking.robots[: asked.arity]
+        return [self._opening.calm, asked.broken(world, self._opening.configuration, names)]
+
+
+class _Step:
+    """One round from any configuration in which the claims hold."""
+
+    def __init__(
+        self,
+        program: core.Program,
+        delta_s: Fraction,
+        deadline: Deadline,
+        effort: Effort,
+        seed: int,
+    ) -> None:
+        self._program = program
+        world = self._world = World.of(program, delta_s)
+        self._opening = Opening(world)
+        self._start = Anywhere(world, self._opening)
+        self._asking = _Asking(world, deadline, effort, seed)
+        world.book.expect(*self._asking.robots[:2])
+        world.book.expect(0, world.last, generation=1)
+        world.book.note(self._opening.calm)
+        self._round = Round(world, self._start)
+        self._supposed: dict[Claim, Term] = {}
+        for assumption in _lasting(program):
+            given = Universal.of(assumption.condition, assumption.bound)
+            given.suppose(world, self._opening.configuration, True)
+
+    @property
+    def limits(self) -> list[str]:
+        return self._asking.limits
+
+    def failing(self, candidates: Sequence[Claim]) -> dict[Claim, str]:
+        """The claims that one round can break, for all that is known."""
+        given = [self._suppose(claim) for claim in candidates if claim.is_state_property]
+        failed: dict[Claim, str] = {}
+        for moment in self._moments():
+            goals = [
+                (claim, [*given, *goal])
+                for claim in candidates
+                if claim not in failed and (goal := self._goal(claim, moment))
+            ]
+            failed |= self._asking.failing(goals)
+        return failed
+
+    def _moments(self) -> list[Phase]:
+        if stops_show(self._program):
+            return [Phase.INSIDE, Phase.MIDDLE, Phase.END]
+        return [Phase.INSIDE, Phase.END]
+
+    def _suppose(self, claim: Claim) -> Term:
+        """The literal under which a claim is assumed of the start."""
+        if claim not in self._supposed:
+            when = self._world.d.fresh(f"suppose {claim.name}", BOOL)
+            self._supposed[claim] = when
+            _universal(claim).suppose(self._world, self._start.configuration, when)
+        return self._supposed[claim]
+
+    def _goal(self, claim: Claim, moment: Phase) -> list[Term]:
+        """What it would mean that the claim is broken then; empty if it cannot be."""
+        if not claim.looked_at(Phase.MIDDLE if moment is Phase.INSIDE else moment):
+            return []
+        round_, robot, other = self._round, *self._asking.robots[:2]
+        before: list[Term] = [] if moment is Phase.INSIDE else [round_.calm, round_.legal]
+        match claim.kind:
+            case ClaimKind.PROPERTY:
+                asked = _universal(claim)
+                names = self._asking.robots[: asked.arity]
+                broken = asked.broken(self._world, self._configuration(moment), names)
+                gentle = [round_.gentle] if moment is Phase.END else []
+                return [round_.calm, *before, *gentle, broken]
+            case ClaimKind.FAULT if moment is Phase.END:
+                return [*before, round_.breaks(robot)]
+            case ClaimKind.FAULT:
+                return [round_.faults(robot)] if moment is Phase.INSIDE else []
+            case ClaimKind.LOST_UPDATE:
+                if moment is not Phase.INSIDE:
+                    return []
+                return [round_.calm, round_.loses(robot, other, claim.subject)]
+            case ClaimKind.CONTRACT:
+                return [*before, round_.gentle, round_.fails(robot, claim.subject)]
+
+    def _configuration(self, moment: Phase) -> Configuration[Term]:
+        match moment:
+            case Phase.INSIDE:
+                return self._round.inside
+            case Phase.MIDDLE:
+                return self._round.middle
+            case _:
+                return self._round.end
+
+
+def _lasting(program: core.Program) -> list[core.Assumption]:
+    """The assumptions that are about nothing that ever changes."""
+    changing = {(home, slot) for home, _, slot in footprint(program)}
+    bodies = tuple(function.body for function in program.functions)
+
+    def lasts(assumption: core.Assumption) -> bool:
+        return not any(
+            isinstance(node, core.Ran | core.Stopped)
+            or (isinstance(node, core.Variable) and (node.home, node.slot) in changing)
+            for node in nodes((assumption.condition, bodies))
+            if not isinstance(node, core.Variable) or node.home is not Home.BOUND
+        )
+
+    return [assumption for assumption in program.assumptions if lasts(assumption)]
+
+
+__all__ = ["Proof", "prove"]
+
+_ = (Callable, UnaryOp, time)
