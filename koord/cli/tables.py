@@ -10,7 +10,7 @@ round 2, to t = 0.2 s
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from koord.cli.terminal import Paint, Style, visible
@@ -69,15 +69,41 @@ class Table:
     def start(self, step: Step) -> Iterator[str]:
         """The configuration after INIT."""
         yield self.style.paint("start", Paint.BOLD)
-        rows = [_Row("all", "", tuple(self._shared(step.configuration)))]
-        for number, robot in enumerate(step.configuration.robots):
-            own = self.names.of(number)
-            pieces = _held((*own.locals, *own.ports), (*robot.locals, *robot.ports))
-            rows.append(_Row(self._robot(number), "", tuple(pieces)))
-        rows = [row for row in rows if row.pieces]
+        rows = self._whole(step.configuration)
         rows += [_Row("", "", (), (line,)) for line in _written(step.stepped.output)]
         yield from self._laid_out(rows or [_Row("all", "", ("there are no variables",))])
         yield from self._fault(step)
+
+    def configuration(self, configuration: Configuration[Constant]) -> Iterator[str]:
+        """What all variables hold, without a heading."""
+        yield from self._laid_out(self._whole(configuration))
+
+    def _whole(self, configuration: Configuration[Constant]) -> list[_Row]:
+        rows = [_Row("all", "", tuple(self._shared(configuration)))]
+        for number, robot in enumerate(configuration.robots):
+            own = self.names.of(number)
+            pieces = _held((*own.locals, *own.ports), (*robot.locals, *robot.ports))
+            rows.append(_Row(self._robot(number), "", tuple(pieces)))
+        return [row for row in rows if row.pieces]
+
+    def step(
+        self,
+        ran: Sequence[str],
+        before: Configuration[Constant],
+        after: Configuration[Constant],
+    ) -> Iterator[str]:
+        """A round told as a whole: what each robot ran ("" for a skip), and all that changed."""
+        found = list(changes(self.names, before, after))
+        rows = []
+        for number, event in enumerate(ran):
+            own = [change for change in found if change.robot == number]
+            pieces = tuple(_told(change, of=number) for change in own)
+            if event or pieces:
+                rows.append(_Row(self._robot(number), event or "skip", pieces))
+        shared = tuple(_told(change, of=None) for change in found if change.robot is None)
+        if shared:
+            rows.append(_Row("all", "", shared))
+        yield from self._laid_out(rows or [_Row("all", "", ("nothing changes",))])
 
     def _shared(self, configuration: Configuration[Constant]) -> Iterator[str]:
         store = configuration.store

@@ -58,6 +58,7 @@ class Request:
     timeout_s: float | None
     seed: int
     trace: str | None  #: the file for the trace of a violation
+    explain: bool  #: show the steps that break claims which are not inductive
     as_json: bool
 
 
@@ -80,6 +81,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--timeout", metavar="SECONDS", type=seconds, help="give up after this time (never)"
+    )
+    parser.add_argument(
+        "--explain",
+        action="store_true",
+        help="show why claims that stay unknown could not be proved by induction",
     )
     add_settings(parser)
     add_trace(parser, "the trace of a violation")
@@ -121,13 +127,14 @@ def _request(arguments: argparse.Namespace) -> Request:
         timeout_s=arguments.timeout,
         seed=arguments.seed,
         trace=arguments.trace,
+        explain=arguments.explain,
         as_json=arguments.json,
     )
 
 
 def _verify(program: LoadedProgram, request: Request) -> Exit:
     # Z3 is loaded here and not before, so that the other commands start without it.
-    from koord.cli import counterexamples, verdicts
+    from koord.cli import counterexamples, steps, verdicts
     from koord.verify.claims import claims_of, liveness_of
     from koord.verify.portfolio import Choice, verify
     from koord.verify.verdicts import Bounds, Outcome
@@ -155,6 +162,10 @@ def _verify(program: LoadedProgram, request: Request) -> Exit:
             if verdict.counterexample is not None:
                 print()
                 for text in counterexamples.lines(program, system, verdict, style):
+                    print(text)
+            elif request.explain and verdict.step is not None:
+                print()
+                for text in steps.lines(system, verdict, style):
                     print(text)
         print()
         print(verdicts.summary(system, bounds, report, style))

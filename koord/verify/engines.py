@@ -12,7 +12,7 @@ from koord.verify.exhaustive import exhaust
 from koord.verify.induction import prove
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.solving import Effort
-from koord.verify.verdicts import Engine
+from koord.verify.verdicts import BrokenStep, Engine
 
 #: How many rounds an inductive step may span.
 MAX_DEPTH = 3
@@ -77,6 +77,7 @@ class ByInduction:
 
     def work(self, ledger: Ledger) -> None:
         started = time.monotonic()
+        shortest: dict[Claim, BrokenStep] = {}
         for depth in range(1, MAX_DEPTH + 1):
             self.unrolling.through(ledger, depth - 1)
             bounded = self.unrolling.of(ledger)
@@ -97,7 +98,10 @@ class ByInduction:
             ledger.settle(result.proved)
             for claim, reason in result.reasons.items():
                 seconds = time.monotonic() - started
-                ledger.leave([claim], Reach(Engine.INDUCTION, None, reason, seconds))
+                if claim in result.steps:
+                    shortest.setdefault(claim, result.steps[claim])
+                step = shortest.get(claim)
+                ledger.leave([claim], Reach(Engine.INDUCTION, None, reason, seconds, step))
             if not ledger.open() or ledger.deadline.passed() or self.effort.left <= 0:
                 return
 

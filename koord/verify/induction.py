@@ -17,10 +17,12 @@ from koord.syntax.core import UnaryOp
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import Claim, Findings, Phase
 from koord.verify.moments import Moment
-from koord.verify.solving import Answer, Deadline, Effort, cases
+from koord.verify.solving import Answer, Deadline, Effort, Model, cases
+from koord.verify.steps import broken_step
 from koord.verify.symbols import SymbolicInputs
 from koord.verify.terms import Term
-from koord.verify.verdicts import Engine, Outcome, Verdict
+from koord.verify.verdicts import BrokenStep, Engine, Outcome, Verdict
+from koord.verify.witness import Reader
 
 #: What a claim may cost as one question (about half a second) before it is asked case by case.
 FIRST_TRY = 5_000_000
@@ -32,6 +34,7 @@ class Inductive:
 
     proved: dict[Claim, Verdict]
     reasons: dict[Claim, str]
+    steps: dict[Claim, BrokenStep]  #: of those that are not inductive
 
 
 def prove(
@@ -66,7 +69,7 @@ def prove(
         claim: Verdict(claim, Outcome.HOLDS, Engine.INDUCTION, seconds, depth=depth)
         for claim in candidates
     }
-    return Inductive(proved, reasons)
+    return Inductive(proved, reasons, {c: s for c, s in step.broken.items() if c in reasons})
 
 
 class _Step:
@@ -83,6 +86,7 @@ class _Step:
         start = encoder.arbitrary(self._unrolling.opening.moment.configuration, "#")
         checks = SymbolicInputs(self._unrolling.unknowns, "start")
         # As after INIT, all claims about configurations are about this one.
+        self.broken: dict[Claim, BrokenStep] = {}
         self._assumed = [Moment(Phase.INIT, start, [], Findings(False), checks)]
         self._asked: list[Moment] = []
         for number in range(depth):
@@ -121,7 +125,7 @@ class _Step:
                 pending.pop(claim, None)
             for claim, violated in list(pending.items()):
                 if claim in pending:
-                    hit = self._broken_by(claim, violated, pending, extra, deadline)
+                    hit = self._broken_by(claim, violated, pending, extra, moment, deadline)
                     failed |= hit
                     for other in hit:
                         del pending[other]
@@ -133,6 +137,7 @@ class _Step:
         violated: Term,
         pending: dict[Claim, Term],
         extra: list[Term],
+        moment: Moment,
         deadline: Deadline,
     ) -> dict[Claim, str]:
         """Why a claim fails, case by case; with the other claims that the same step breaks."""
@@ -147,8 +152,16 @@ class _Step:
             if answer is Answer.SAT:
                 model = self._unrolling.solver.model()
                 also = [other for other, term in pending.items() if model.truth(term)]
+                self._keep(model, moment, [claim, *also])
                 return dict.fromkeys([claim, *also], "not inductive")
         return {}
+
+    def _keep(self, model: Model, moment: Moment, claims: Sequence[Claim]) -> None:
+        """Note the step that breaks claims. The assumed moments are middles and ends of rounds."""
+        ends = [m.configuration for m in self._assumed if m.phase is not Phase.MIDDLE]
+        reader = Reader(model, self._system)
+        step = broken_step(reader, ends, moment.configuration, moment.phase)
+        self.broken |= dict.fromkeys(claims, step)
 
     def _until(self, moment: Moment) -> list[Term]:
         """What must hold of the last round for this moment of it to come."""

@@ -13,7 +13,7 @@ from koord.semantics.configurations import System
 from koord.semantics.traces.recording import Recording
 from koord.verify.claims import Claim, Phase
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Verdict
+from koord.verify.verdicts import Bounds, BrokenStep, Counterexample, Engine, Outcome, Verdict
 
 #: Replays a recording that should break a claim; raises NotReplayedError if it does not.
 Judge = Callable[[Recording, Claim, Phase], Counterexample]
@@ -47,6 +47,7 @@ class Reach:
     rounds: int | None
     reason: str
     seconds: float
+    step: BrokenStep | None = None  #: why an invariant is not inductive
 
 
 @dataclass(slots=True)
@@ -104,7 +105,16 @@ class Ledger:
             outcome = Outcome.UNKNOWN
             reasons = [self.stopped, farthest.reason, *(r.reason for r in reaches), "not decided"]
             reason = next(filter(None, reasons))
-        return Verdict(claim, outcome, engine, farthest.seconds, farthest.rounds, reason=reason)
+        steps = (r.step for r in reaches if r.step is not None)
+        return Verdict(
+            claim,
+            outcome,
+            engine,
+            farthest.seconds,
+            farthest.rounds,
+            reason=reason,
+            step=next(steps, None),
+        )
 
 
 def _rounds(reach: Reach) -> int:

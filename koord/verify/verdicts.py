@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
+from koord.semantics.configurations import Configuration
+from koord.semantics.domain import Constant
 from koord.semantics.traces.recording import Recording
 from koord.syntax.source import Span
 from koord.verify.claims import Claim, Phase
@@ -52,6 +54,20 @@ class Counterexample:
 
 
 @dataclass(frozen=True, slots=True)
+class BrokenStep:
+    """A counterexample to induction: from a configuration in which all claims hold to one that
+    breaks a claim. It is no run, since nobody knows whether it can be reached.
+
+    Between two of them is one round, the last up to ``phase``; ``events[k][i]`` is the position of
+    the event that robot i runs in round k, or ``NO_EVENT``.
+    """
+
+    configurations: tuple[Configuration[Constant], ...]
+    events: tuple[tuple[int, ...], ...]
+    phase: Phase
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """The answer to one claim.
 
@@ -68,6 +84,7 @@ class Verdict:
     counterexample: Counterexample | None = None
     reason: str = ""
     depth: int = 1  #: of an inductive proof
+    step: BrokenStep | None = None  #: why a claim that is *unknown* is not inductive
 
 
 class Emptiness(Enum):
