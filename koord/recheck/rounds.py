@@ -1,0 +1,192 @@
+"""The program turns of a round: which robots have run what so far, and what that makes of it all.
+
+``q`` is a configuration inside a round that started in ``c``: some robots have run an event, the
+others have not (or have skipped, which looks alike). Everything that a robot did it did on ``c``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from koord.recheck.racing import Part, Racing
+from koord.recheck.storage import Robot, State, Storage
+from koord.recheck.terms import BOOL, Term, Terms
+from koord.recheck.turns import Turn, Turns
+from koord.syntax.types import Type
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A robot's event in a round, and the unknown that says whether it has run it."""
+
+    turn: Turn
+    runs: Term
+
+
+@dataclass(frozen=True, slots=True)
+class Prefix:
+    """The beginning of a round: ``state`` is what it has led to. ``facts`` say that it is legal."""
+
+    start: State
+    choices: tuple[tuple[Choice, ...], ...]  #: by robot, by event
+    state: State
+    facts: tuple[Term, ...]
+
+    def ran_none(self, robot: int, turns: Turns) -> Term:
+        t = turns.v.t
+        return t.negation(t.disjunction(choice.runs for choice in self.choices[robot]))
+
+
+@dataclass(frozen=True, slots=True)
+class Rounds:
+    """Builds the parts of rounds."""
+
+    turns: Turns
+
+    # --- robots that have moved -----------------------------------------------------------------
+
+    def prefix(self, start: State, label: str) -> Prefix:
+        """Any legal beginning of a round from ``start``, the whole of it included."""
+        world, v = self.turns.world, self.turns.v
+        t = v.t
+        facts: list[Term] = []
+        choices: list[tuple[Choice, ...]] = []
+        for i in range(world.robots):
+            mine = []
+            for position, event in enumerate(world.agent(i).events):
+                turn = self.turns.turn(start, i, position)
+                runs = v.symbol(f"{i} runs {event.name} in {label}", BOOL)
+                facts.append(t.implies(runs, self.may_run(start, turn)))
+                mine.append(Choice(turn, runs))
+            facts += _at_most_one(t, [choice.runs for choice in mine])
+            choices.append(tuple(mine))
+        facts += self._one_winner_each(choices)
+        flat = [choice for mine in choices for choice in mine]
+        exclusive = frozenset(
+            d.variable.slot
+            for d in world.program.allwrite
+            if world.guarding(d.variable.slot) is not None
+        )
+        racing = Racing(self.turns.s, label, exclusive)
+        parts = [Part(choice.turn.robot, choice.runs, choice.turn.writes) for choice in flat]
+        store = racing.joined(start.store, parts)
+        robots = tuple(self._moved(start.robots[i], mine) for i, mine in enumerate(choices))
+        return Prefix(start, tuple(choices), State(robots, store), (*facts, *racing.facts))
+
+    def may_run(self, start: State, turn: Turn) -> Term:
+        """The robot may select the event, as far as it alone is concerned. [SELECT]"""
+        t = self.turns.v.t
+        return t.conjunction(
+            [
+                t.negation(start.robots[turn.robot].stopped),
+                turn.enabled,
+                *(t.negation(fault.when) for fault in turn.faults),
+                turn.legal,
+            ]
+        )
+
+    def _one_winner_each(self, choices: Sequence[Sequence[Choice]]) -> list[Term]:
+        """No two robots enter one lock class. [ATOMIC]"""
+        t = self.turns.v.t
+        facts: list[Term] = []
+        for lock in self.turns.world.program.lock_classes:
+            entering = [self._enters(mine, lock.index) for mine in choices]
+            facts += _at_most_one(t, entering)
+        return facts
+
+    def _enters(self, mine: Sequence[Choice], lock: int) -> Term:
+        t = self.turns.v.t
+        return t.disjunction(
+            t.both(choice.runs, choice.turn.entered[lock])
+            for choice in mine
+            if lock in choice.turn.entered
+        )
+
+    def taken(self, prefix: Prefix, lock: int) -> Term:
+        """Whether one of the robots that ran has entered the class."""
+        return self.turns.v.t.disjunction(self._enters(mine, lock) for mine in prefix.choices)
+
+    def _moved(self, own: Robot, mine: Sequence[Choice]) -> Robot:
+        """A robot after the event that it ran, or as it was. [END-EVENT] [SKIP]"""
+        merged = Robot(own.locals, own.ports, own.asked, own.stopped, self.turns.v.t.integer(-1))
+        for choice in mine:
+            merged = self.merged(choice.runs, choice.turn, merged)
+        return merged
+
+    def merged(self, condition: Term, turn: Turn, other: Robot) -> Robot:
+        t, agent, after = self.turns.v.t, self.turns.world.agent(turn.robot), turn.after
+        locals_ = [d.variable.type for d in agent.locals]
+        ports = [p.declaration.variable.type for p in agent.ports]
+        return Robot(
+            self._merged(condition, after.locals, other.locals, locals_),
+            self._merged(condition, after.ports, other.ports, ports),
+            t.ite(condition, after.asked, other.asked),
+            t.ite(condition, after.stopped, other.stopped),
+            t.ite(condition, after.ran, other.ran),
+        )
+
+    def _merged(
+        self,
+        condition: Term,
+        a: tuple[Storage, ...],
+        b: tuple[Storage, ...],
+        types: Sequence[Type],
+    ) -> tuple[Storage, ...]:
+        s = self.turns.s
+        return tuple(s.merge(condition, x, y, t) for x, y, t in zip(a, b, types, strict=True))
+
+    # --- the end of the program turns -----------------------------------------------------------
+
+    def stopped_together(self, state: State) -> tuple[Term, State]:
+        """Whether no robot is running, and the configuration with all stopped. [END-PROG]"""
+        t = self.turns.v.t
+        idle = t.conjunction([t.either(r.asked, r.stopped) for r in state.robots])
+        robots = tuple(
+            Robot(r.locals, r.ports, r.asked, t.either(r.stopped, idle), r.ran)
+            for r in state.robots
+        )
+        return idle, State(robots, state.store)
+
+    def skips_legally(
+        self, prefix: Prefix, *, mover: Turn | None = None, nobody_moved: bool = False
+    ) -> list[Term]:
+        """Robot by robot: if it ran nothing by the end of the round, nothing obliged it. [SKIP]
+
+        ``mover`` runs on top of the prefix. With ``nobody_moved`` each says whether that robot may
+        be the first to move, and skip.
+        """
+        t = self.turns.v.t
+        facts = []
+        for i, mine in enumerate(prefix.choices):
+            free = [
+                self._not_obliged(prefix, choice.turn, mover, nobody_moved)
+                for choice in mine
+                if choice.turn.event.urgent
+            ]
+            may_skip = t.either(prefix.start.robots[i].stopped, t.conjunction(free))
+            if nobody_moved:
+                facts.append(may_skip)
+            elif mover is None or mover.robot != i:
+                facts.append(t.implies(prefix.ran_none(i, self.turns), may_skip))
+        return facts
+
+    def _not_obliged(
+        self, prefix: Prefix, turn: Turn, mover: Turn | None, nobody_moved: bool
+    ) -> Term:
+        """There are answers with which ``pre`` does not hold, or a class of the event is taken."""
+        t = self.turns.v.t
+        faulted = t.disjunction(fault.when for fault in turn.guard_faults)
+        off = t.both(turn.guard_legal, t.either(t.negation(turn.enabled), faulted))
+        if nobody_moved:
+            return off
+        taken = [self.taken(prefix, lock) for lock in turn.event.lock_classes]
+        if mover is not None:
+            taken += [
+                mover.entered[lock] for lock in turn.event.lock_classes if lock in mover.entered
+            ]
+        return t.disjunction([off, *taken])
+
+
+def _at_most_one(t: Terms, conditions: Sequence[Term]) -> list[Term]:
+    return [t.negation(t.both(a, b)) for k, a in enumerate(conditions) for b in conditions[k + 1 :]]

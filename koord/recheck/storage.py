@@ -1,0 +1,200 @@
+"""What variables hold: trees of atoms, each set or unset; and configurations made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from koord.recheck.terms import Term
+from koord.recheck.values import Value, Values
+from koord.syntax.types import Type
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """An atom. The value of an unset one is any value."""
+
+    is_set: Term
+    value: Value
+
+
+Storage: TypeAlias = "Cell | tuple[Storage, ...]"
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A step to a field of a record."""
+
+    position: int
+
+
+#: A step of a location: a field, or the index of an element.
+Location: TypeAlias = "Field | Term"
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """One robot's own part of a configuration. ``ran`` is its event's position, -1 for none."""
+
+    locals: tuple[Storage, ...]
+    ports: tuple[Storage, ...]
+    asked: Term
+    stopped: Term
+    ran: Term
+
+
+@dataclass(frozen=True, slots=True)
+class Store:
+    """The shared variables by slot."""
+
+    allread: tuple[Storage, ...]
+    allwrite: tuple[Storage, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A configuration in what properties read."""
+
+    robots: tuple[Robot, ...]
+    store: Store
+
+
+@dataclass(frozen=True, slots=True)
+class Storages:
+    """Reads, writes and merges storage."""
+
+    v: Values
+
+    def unset(self, type_: Type) -> Storage:
+        parts = self.v.parts(type_)
+        if parts is not None:
+            return tuple(self.unset(part) for _, part in parts)
+        return Cell(self.v.t.truth(False), self.v.default(type_))
+
+    def stored(self, value: Value, type_: Type) -> Storage:
+        """A value as storage, every atom set; a list literal may set a part of an array only."""
+        parts = self.v.parts(type_)
+        if parts is None:
+            return Cell(self.v.t.truth(True), value)
+        assert isinstance(value, tuple)
+        return tuple(
+            self.stored(value[k], part) if k < len(value) else self.unset(part)
+            for k, (_, part) in enumerate(parts)
+        )
+
+    def anything(self, name: str, type_: Type, like: Storage) -> Storage:
+        """Any state of a variable, in which every atom is set that is surely set in ``like``."""
+        if isinstance(like, Cell):
+            is_set = like.is_set
+            if is_set.value is not True:
+                is_set = self.v.symbol(f"{name} is set", "Bool")
+            known = isinstance(like.value, tuple) and self.v.parts(type_) is None
+            length = len(like.value) if known and isinstance(like.value, tuple) else None
+            return Cell(is_set, self.v.fresh(name, type_, length))
+        parts = self.v.parts(type_)
+        assert parts is not None
+        return tuple(
+            self.anything(name + label, part, below)
+            for below, (label, part) in zip(like, parts, strict=True)
+        )
+
+    def loosened(self, storage: Storage, type_: Type) -> Storage:
+        """The same storage, with lists of known length as lists of any length."""
+        if isinstance(storage, Cell):
+            if self.v.parts(type_) is None and isinstance(storage.value, tuple):
+                return Cell(storage.is_set, self.v.pack(storage.value, type_))
+            return storage
+        parts = self.v.parts(type_)
+        assert parts is not None
+        return tuple(
+            self.loosened(below, part) for below, (_, part) in zip(storage, parts, strict=True)
+        )
+
+    def read(self, storage: Storage, type_: Type) -> tuple[Value, Term]:
+        """What storage holds, and whether every atom of it is set."""
+        if isinstance(storage, Cell):
+            return storage.value, storage.is_set
+        parts = self.v.parts(type_)
+        assert parts is not None
+        below = [self.read(s, part) for s, (_, part) in zip(storage, parts, strict=True)]
+        return tuple(value for value, _ in below), self.v.t.conjunction(s for _, s in below)
+
+    def below(self, storage: tuple[Storage, ...], location: Location, type_: Type) -> Storage:
+        """A part of a tree; some part if there is none."""
+        if isinstance(location, Field):
+            return storage[location.position]
+        if location.value is not None:
+            k = int(location.value)
+            if 0 <= k < len(storage):
+                return storage[k]
+            return self.unset(self.v.element(type_))
+        found = storage[-1]
+        for k in range(len(storage) - 2, -1, -1):
+            here = self.v.t.equal(location, self.v.t.integer(k))
+            found = self.merge(here, storage[k], found, self.v.element(type_))
+        return found
+
+    def merge(self, condition: Term, a: Storage, b: Storage, type_: Type) -> Storage:
+        """``a`` where the condition holds, else ``b``."""
+        if condition.value is not None:
+            return a if condition.value else b
+        if a is b:
+            return a
+        if isinstance(a, Cell):
+            assert isinstance(b, Cell)
+            is_set = self.v.t.ite(condition, a.is_set, b.is_set)
+            return Cell(is_set, self.v.merge(condition, a.value, b.value, type_))
+        assert isinstance(b, tuple)
+        parts = self.v.parts(type_)
+        assert parts is not None
+        return tuple(
+            self.merge(condition, x, y, part) for x, y, (_, part) in zip(a, b, parts, strict=True)
+        )
+
+    def put(
+        self,
+        storage: Storage,
+        type_: Type,
+        locations: Sequence[Location],
+        new: Value,
+        guard: Term,
+    ) -> Storage:
+        """Storage with a part replaced, where the guard holds. What is not there is not written."""
+        if guard.value is False:
+            return storage
+        if isinstance(storage, Cell) and locations:
+            value = self._put_value(storage.value, type_, locations, new)
+            there = self.v.t.both(guard, storage.is_set)
+            return Cell(storage.is_set, self.v.merge(there, value, storage.value, type_))
+        if not locations:
+            return self.merge(guard, self.stored(new, type_), storage, type_)
+        assert isinstance(storage, tuple)
+        parts = self.v.parts(type_)
+        assert parts is not None
+        first, rest = locations[0], locations[1:]
+        changed = []
+        for k, (below, (_, part)) in enumerate(zip(storage, parts, strict=True)):
+            if isinstance(first, Field):
+                here = self.v.t.truth(k == first.position)
+            else:
+                here = self.v.t.equal(first, self.v.t.integer(k))
+            changed.append(self.put(below, part, rest, new, self.v.t.both(guard, here)))
+        return tuple(changed)
+
+    def _put_value(
+        self, value: Value, type_: Type, locations: Sequence[Location], new: Value
+    ) -> Value:
+        if not locations:
+            return new
+        first, rest = locations[0], locations[1:]
+        if isinstance(first, Field):
+            parts = self.v.parts(type_)
+            assert parts is not None
+            assert isinstance(value, tuple)
+            k = first.position
+            inner = self._put_value(value[k], parts[k][1], rest, new)
+            return (*value[:k], inner, *value[k + 1 :])
+        old = self.v.at(value, first, type_)
+        inner = self._put_value(old, self.v.element(type_), rest, new)
+        return self.v.with_element(value, first, inner, type_)

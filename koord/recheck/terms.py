@@ -1,0 +1,222 @@
+"""Terms of SMT-LIB 2, shared and folded as they are made.
+
+A term is known by identity: the same term made twice is the same object. Constants are folded, so
+whatever does not depend on an unknown never reaches the solver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+INT, REAL, BOOL = "Int", "Real", "Bool"
+
+Literal = int | Fraction | bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Term:
+    """``(head args…)``, or ``head`` alone. ``value`` is set for literals of numbers and Booleans.
+
+    A quantifier has its bound variables in ``binders``.
+    """
+
+    head: str
+    args: tuple[Term, ...]
+    sort: str
+    value: Literal | None = None
+    binders: tuple[Term, ...] = ()
+
+
+def quoted(name: str) -> str:
+    """Any text as a symbol of SMT-LIB."""
+    return "|" + name.replace("|", "!").replace("\\", "!") + "|"
+
+
+@dataclass(slots=True)
+class Terms:
+    """Makes terms; one instance per script."""
+
+    _known: dict[tuple[object, ...], Term] = field(default_factory=dict)
+
+    def _make(
+        self,
+        head: str,
+        args: tuple[Term, ...],
+        sort: str,
+        value: Literal | None = None,
+        binders: tuple[Term, ...] = (),
+    ) -> Term:
+        # Terms are kept alive by this table, so their ids are names.
+        key = (head, sort, *(id(a) for a in args), "", *(id(b) for b in binders))
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = Term(head, args, sort, value, binders)
+        return found
+
+    # --- leaves ---------------------------------------------------------------------------------
+
+    def symbol(self, name: str, sort: str) -> Term:
+        return self._make(quoted(name), (), sort)
+
+    def truth(self, value: bool) -> Term:
+        return self._make("true" if value else "false", (), BOOL, value)
+
+    def integer(self, value: int) -> Term:
+        text = str(value) if value >= 0 else f"(- {-value})"
+        return self._make(text, (), INT, value)
+
+    def real(self, value: Fraction) -> Term:
+        top = f"{abs(value.numerator)}.0"
+        text = top if value.denominator == 1 else f"(/ {top} {value.denominator}.0)"
+        return self._make(text if value >= 0 else f"(- {text})", (), REAL, value)
+
+    def _number(self, value: int | Fraction, sort: str) -> Term:
+        return self.integer(int(value)) if sort == INT else self.real(Fraction(value))
+
+    def op(self, head: str, args: Sequence[Term], sort: str) -> Term:
+        """Any other operation, of which nothing is known here."""
+        return self._make(head, tuple(args), sort)
+
+    # --- Booleans -------------------------------------------------------------------------------
+
+    def negation(self, a: Term) -> Term:
+        if a.value is not None:
+            return self.truth(not a.value)
+        return a.args[0] if a.head == "not" else self._make("not", (a,), BOOL)
+
+    def conjunction(self, parts: Iterable[Term]) -> Term:
+        return self._many("and", parts, neutral=True)
+
+    def disjunction(self, parts: Iterable[Term]) -> Term:
+        return self._many("or", parts, neutral=False)
+
+    def _many(self, head: str, parts: Iterable[Term], *, neutral: bool) -> Term:
+        kept: dict[int, Term] = {}
+        for part in parts:
+            for p in part.args if part.head == head else (part,):
+                if p.value is not None:
+                    if p.value is not neutral:
+                        return self.truth(not neutral)
+                    continue
+                if id(self.negation(p)) in kept:
+                    return self.truth(not neutral)
+                kept[id(p)] = p
+        if not kept:
+            return self.truth(neutral)
+        left = tuple(kept.values())
+        return left[0] if len(left) == 1 else self._make(head, left, BOOL)
+
+    def both(self, a: Term, b: Term) -> Term:
+        return self.conjunction((a, b))
+
+    def either(self, a: Term, b: Term) -> Term:
+        return self.disjunction((a, b))
+
+    def implies(self, a: Term, b: Term) -> Term:
+        return self.disjunction((self.negation(a), b))
+
+    def ite(self, condition: Term, then: Term, other: Term) -> Term:
+        if condition.value is not None:
+            return then if condition.value else other
+        if then is other:
+            return then
+        if then.sort == BOOL:
+            if then.value is not None:
+                known = self.either if then.value else self._unless
+                return known(condition, other)
+            if other.value is not None:
+                return self.implies(condition, then) if other.value else self.both(condition, then)
+        return self._make("ite", (condition, then, other), then.sort)
+
+    def _unless(self, condition: Term, other: Term) -> Term:
+        return self.both(self.negation(condition), other)
+
+    def equal(self, a: Term, b: Term) -> Term:
+        if a is b:
+            return self.truth(True)
+        if a.value is not None and b.value is not None:
+            return self.truth(a.value == b.value)
+        if a.sort == BOOL:
+            for one, other in ((a, b), (b, a)):
+                if one.value is not None:
+                    return other if one.value else self.negation(other)
+        return self._make("=", (a, b), BOOL)
+
+    def for_all(self, binders: Sequence[Term], body: Term) -> Term:
+        if not binders or body.value is not None:
+            return body
+        return self._make("forall", (body,), BOOL, None, tuple(binders))
+
+    # --- numbers --------------------------------------------------------------------------------
+
+    def less(self, a: Term, b: Term) -> Term:
+        return self._compare("<", a, b)
+
+    def at_most(self, a: Term, b: Term) -> Term:
+        return self._compare("<=", a, b)
+
+    def _compare(self, head: str, a: Term, b: Term) -> Term:
+        if a is b:
+            return self.truth(head == "<=")
+        if a.value is not None and b.value is not None:
+            return self.truth(a.value < b.value if head == "<" else a.value <= b.value)
+        return self._make(head, (a, b), BOOL)
+
+    def plus(self, a: Term, b: Term) -> Term:
+        if a.value is not None and b.value is not None:
+            return self._number(a.value + b.value, a.sort)
+        if a.value == 0:
+            return b
+        return a if b.value == 0 else self._make("+", (a, b), a.sort)
+
+    def minus(self, a: Term, b: Term) -> Term:
+        if a.value is not None and b.value is not None:
+            return self._number(a.value - b.value, a.sort)
+        if a is b:
+            return self._number(0, a.sort)
+        return a if b.value == 0 else self._make("-", (a, b), a.sort)
+
+    def negative(self, a: Term) -> Term:
+        if a.value is not None:
+            return self._number(-a.value, a.sort)
+        return self._make("-", (a,), a.sort)
+
+    def times(self, a: Term, b: Term) -> Term:
+        if a.value is not None and b.value is not None:
+            return self._number(a.value * b.value, a.sort)
+        if a.value == 0 or b.value == 1:
+            return a
+        return b if b.value == 0 or a.value == 1 else self._make("*", (a, b), a.sort)
+
+    def quotient(self, a: Term, b: Term) -> Term:
+        """Of reals. By zero it is some number: the fault is noted elsewhere."""
+        if a.value is not None and b.value:
+            return self.real(Fraction(a.value) / Fraction(b.value))
+        if b.value:
+            return self.times(a, self.real(1 / Fraction(b.value)))
+        return self._make("/", (a, b), REAL)
+
+    def floored(self, a: Term, b: Term) -> Term:
+        """Of integers, rounded down; SMT-LIB's ``div`` rounds down for positive divisors only."""
+        if a.value is not None and b.value:
+            return self.integer(int(a.value) // int(b.value))
+        if b.value is not None and b.value > 0:
+            return a if b.value == 1 else self._make("div", (a, b), INT)
+        down = self._make("div", (a, b), INT)
+        up = self._make("div", (self.negative(a), self.negative(b)), INT)
+        return self.ite(self.less(self.integer(0), b), down, up)
+
+    def remainder(self, a: Term, b: Term) -> Term:
+        """``a - b * floor(a / b)``: zero, or with the sign of the divisor."""
+        if a.value is not None and b.value:
+            return self.integer(int(a.value) % int(b.value))
+        return self.minus(a, self.times(b, self.floored(a, b)))
+
+    def widened(self, a: Term) -> Term:
+        if a.value is not None:
+            return self.real(Fraction(a.value))
+        if a.head == "ite" and any(arg.value is not None for arg in a.args[1:]):
+            return self.ite(a.args[0], self.widened(a.args[1]), self.widened(a.args[2]))
+        return self._make("to_real", (a,), REAL)

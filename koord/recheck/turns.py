@@ -1,0 +1,247 @@
+"""One robot's turns as terms: INIT, a program turn, the environment's turn.
+
+By T-SNAPSHOT a turn is a function of the robot's own part of the configuration at the start of the
+round. It is worked out there once, wherever in the round it then takes place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from koord.recheck.body import Body, Fault, Memory, Write
+from koord.recheck.racing import Part, Racing
+from koord.recheck.storage import Robot, State, Storage, Storages, Store
+from koord.recheck.terms import Term
+from koord.recheck.values import Values
+from koord.recheck.world import World
+from koord.syntax import core
+from koord.syntax.core import Direction, Start
+from koord.syntax.types import INT, ArrayType
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """What one event of one robot does, if it runs.
+
+    ``enabled``: its ``pre`` holds. ``faults`` are those of ``pre`` and ``eff``. ``legal`` is what
+    the answers satisfy that it asks for; ``entered`` the lock classes, with their conditions.
+    """
+
+    robot: int
+    position: int
+    event: core.Event
+    enabled: Term
+    guard_faults: tuple[Fault, ...]
+    guard_legal: Term
+    faults: tuple[Fault, ...]
+    legal: Term
+    after: Robot
+    writes: tuple[Write, ...]
+    entered: dict[int, Term]
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """What INIT gives: a configuration, what holds of it, and what may go wrong on the way."""
+
+    state: State
+    facts: tuple[Term, ...]
+    faults: tuple[Fault, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Evolution:
+    """What the environment's turn gives; ``promises`` are contracts that models have to keep."""
+
+    state: State
+    facts: tuple[Term, ...]
+    faults: tuple[Fault, ...]
+    promises: tuple[tuple[str, int, Term], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Turns:
+    """Works out turns."""
+
+    world: World
+    v: Values
+
+    @property
+    def s(self) -> Storages:
+        return Storages(self.v)
+
+    # --- INIT -----------------------------------------------------------------------------------
+
+    def opening(self) -> Opening:
+        """The configuration after INIT, in which all assumptions hold. [INIT] [PROP-ASSUME]"""
+        program, t = self.world.program, self.v.t
+        base = Store(
+            tuple(self.s.unset(d.variable.type) for d in program.allread),
+            tuple(self.s.unset(d.variable.type) for d in program.allwrite),
+        )
+        shared = Body(self.world, self.v, None, Memory([], [], [*base.allread], [*base.allwrite]))
+        for d in program.allwrite:
+            self._start(shared, d, shared.memory.allwrite, "")
+        base = Store(base.allread, tuple(shared.memory.allwrite))
+        bodies = [self._initial(i, base) for i in range(self.world.robots)]
+        racing = Racing(self.s, "INIT")
+        everyone = [Part(i, t.truth(True), tuple(b.writes)) for i, b in enumerate(bodies)]
+        store = racing.joined(base, everyone)
+        never = t.integer(-1)
+        robots = tuple(
+            Robot(tuple(b.memory.locals), tuple(b.memory.ports), b.asked, b.stopped, never)
+            for b in bodies
+        )
+        state = State(robots, store)
+        facts = [*racing.facts, *(fact for b in (shared, *bodies) for fact in b.legal)]
+        for assumption in program.assumptions:
+            holds, legal = self.holds(state, assumption.condition, assumption.bound)
+            facts += [legal, holds]
+        faults = [fault for b in (shared, *bodies) for fault in b.faults]
+        return Opening(state, tuple(facts), tuple(faults))
+
+    def _initial(self, robot: int, base: Store) -> Body:
+        agent = self.world.agent(robot)
+        memory = Memory(
+            [self.s.unset(d.variable.type) for d in agent.locals],
+            [self.s.unset(p.declaration.variable.type) for p in agent.ports],
+            [*base.allread],
+            [*base.allwrite],
+        )
+        body = Body(self.world, self.v, robot, memory)
+        body.bound = [None] * agent.init_bound
+        for port in agent.ports:
+            entry = port.declaration
+            self._start(body, entry, memory.ports, f"@{robot}")
+        for entry in agent.locals:
+            self._start(body, entry, memory.locals, f"@{robot}")
+        for entry in self.world.program.allread:
+            self._start_own(body, entry, robot)
+        body.run(agent.init)
+        return body
+
+    def _start(
+        self,
+        body: Body,
+        entry: core.Declaration,
+        storages: list[Storage],
+        where: str,
+    ) -> None:
+        variable = entry.variable
+        if entry.initial is Start.UNSET:
+            return
+        if entry.initial is Start.ARBITRARY:
+            name = f"{variable.name}{where} at the start"
+            value = self.v.fresh(name, variable.type, entry.length)
+        else:
+            value = body.value(entry.initial)
+        storages[variable.slot] = self.s.stored(value, variable.type)
+
+    def _start_own(self, body: Body, entry: core.Declaration, robot: int) -> None:
+        """The robot's own entry of an allread variable: a write like any other. [ALLREAD]"""
+        variable = entry.variable
+        assert isinstance(variable.type, ArrayType)
+        element = variable.type.element
+        if entry.initial is Start.UNSET:
+            return
+        if entry.initial is Start.ARBITRARY:
+            value = self.v.fresh(f"{variable.name}[{robot}] at the start", element, entry.length)
+        else:
+            value = body.value(entry.initial)
+        place = core.Place(variable, (core.IndexStep(core.Pid(INT), element),), span=entry.span)
+        body.assign(place, value)
+
+    # --- program turns --------------------------------------------------------------------------
+
+    def turn(self, state: State, robot: int, position: int) -> Turn:
+        """One event of a robot, on a configuration at the start of a round. [EVENT-TRANS]"""
+        event = self.world.agent(robot).events[position]
+        own, t = state.robots[robot], self.v.t
+        memory = Memory(
+            [*own.locals], [*own.ports], [*state.store.allread], [*state.store.allwrite]
+        )
+        body = Body(self.world, self.v, robot, memory)
+        body.bound = [None] * event.bound
+        enabled = body.condition(event.guard)
+        guard_faults, guard_legal = tuple(body.faults), t.conjunction(body.legal)
+        with body.where(enabled):
+            body.run(event.effect)
+        after = Robot(
+            tuple(memory.locals),
+            tuple(memory.ports),
+            t.either(own.asked, body.asked),
+            t.either(own.stopped, body.stopped),
+            t.integer(position),
+        )
+        return Turn(
+            robot,
+            position,
+            event,
+            enabled,
+            guard_faults,
+            guard_legal,
+            tuple(body.faults),
+            t.conjunction(body.legal),
+            after,
+            tuple(body.writes),
+            dict(body.entered),
+        )
+
+    # --- the environment's turn -----------------------------------------------------------------
+
+    def environment(self, state: State) -> Evolution:
+        """Ports evolve, each robot's by itself. [ENV-TRANS] [ENV-MODEL] [ENV-FREE]"""
+        facts: list[Term] = []
+        faults: list[Fault] = []
+        promises: list[tuple[str, int, Term]] = []
+        robots: list[Robot] = []
+        for i, own in enumerate(state.robots):
+            memory = Memory(ports=[*own.ports], after=[*own.ports])
+            body = Body(self.world, self.v, i, memory)
+            agent = self.world.agent(i)
+            for module in agent.modules:
+                if module.environment is not None:
+                    body.bound = [None] * module.environment_bound
+                    body.run(module.environment)
+                else:
+                    self._sense(agent, module, i, memory)
+            faults += body.faults
+            body.closed = True
+            for module in agent.modules:
+                for contract in module.contracts:
+                    kept = self._kept(body, contract)
+                    if module.environment is None:
+                        facts.append(kept)
+                    else:
+                        promises.append((contract.name, i, kept))
+            facts += body.legal
+            assert memory.after is not None
+            robots.append(Robot(own.locals, tuple(memory.after), own.asked, own.stopped, own.ran))
+        after = State(tuple(robots), state.store)
+        return Evolution(after, tuple(facts), tuple(faults), tuple(promises))
+
+    def _sense(self, agent: core.Agent, module: core.Module, robot: int, memory: Memory) -> None:
+        assert memory.after is not None
+        for position in module.ports:
+            port = agent.ports[position]
+            if port.direction is Direction.SENSOR:
+                variable = port.declaration.variable
+                read = self.v.fresh(f"{module.name}.{variable.name}@{robot} read", variable.type)
+                memory.after[variable.slot] = self.s.stored(read, variable.type)
+
+    def _kept(self, body: Body, contract: core.Contract) -> Term:
+        """``requires`` before implies ``ensures`` after. [ENV-CONTRACT]"""
+        t = self.v.t
+        body.bound = [None] * contract.bound
+        required = t.conjunction([body.statement(e) for e in contract.requires])
+        return t.implies(required, t.conjunction([body.statement(e) for e in contract.ensures]))
+
+    # --- statements about configurations --------------------------------------------------------
+
+    def holds(self, state: State, condition: core.Expr, bound: int) -> tuple[Term, Term]:
+        """Whether a statement holds in a configuration; and what the answers in it satisfy."""
+        memory = Memory([], [], [*state.store.allread], [*state.store.allwrite], None, state)
+        body = Body(self.world, self.v, None, memory)
+        body.bound = [None] * bound
+        holds = body.statement(condition)
+        return holds, self.v.t.conjunction(body.legal)

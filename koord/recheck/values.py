@@ -1,0 +1,333 @@
+"""Values of Koord as terms: trees for what has a fixed shape, sequences of SMT for lists.
+
+A record or an array is a tuple of its parts; a scalar is a term. A list whose length is written in
+the text is a tuple of its elements as well; any other list is one term of a sort ``(Seq …)``, of
+any length. So nothing here bounds the length of a list.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import reduce
+from typing import TypeAlias, assert_never
+
+from koord.recheck.terms import BOOL, INT, REAL, Term, Terms, quoted
+from koord.syntax.source import NOWHERE, Span
+from koord.syntax.types import (
+    ArrayType,
+    BoolType,
+    EnumType,
+    FloatType,
+    IntType,
+    ListType,
+    MapType,
+    OpaqueType,
+    QueueType,
+    RecordType,
+    Robots,
+    StreamType,
+    StringType,
+    Type,
+    show,
+)
+
+Value: TypeAlias = "Term | tuple[Value, ...]"
+
+
+class NotRecheckedError(Exception):
+    """A construct that this checker has no account of. ``span`` is its place in the text."""
+
+    def __init__(self, reason: str, span: Span = NOWHERE) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.span = span
+
+
+@dataclass(slots=True)
+class Values:
+    """Makes and combines values, for so many robots."""
+
+    t: Terms
+    robots: int
+    #: Declarations of sorts, functions and constants, in the order in which they are needed.
+    declarations: list[str] = field(default_factory=list)
+    #: What every unknown satisfies by its type.
+    ranges: list[Term] = field(default_factory=list)
+    _sorts: dict[str, str] = field(default_factory=dict)
+    _strings: dict[str, int] = field(default_factory=dict)
+    _names: dict[str, int] = field(default_factory=dict)
+    _functions: set[str] = field(default_factory=set)
+
+    # --- types ----------------------------------------------------------------------------------
+
+    def size(self, type_: ArrayType) -> int:
+        return self.robots if type_.size is Robots.ALL else type_.size
+
+    def parts(self, type_: Type) -> list[tuple[str, Type]] | None:
+        """Labels and types of what a value is made of, or None for scalars and lists."""
+        match type_:
+            case RecordType(fields=fields):
+                return [(f".{name}", part) for name, part in fields]
+            case ArrayType(element=element):
+                return [(f"[{k}]", element) for k in range(self.size(type_))]
+            case _:
+                return None
+
+    def sort(self, type_: Type) -> str:
+        """The sort of a whole value as one term."""
+        match type_:
+            case IntType() | EnumType() | StringType() | StreamType():
+                return INT
+            case FloatType():
+                return REAL
+            case BoolType():
+                return BOOL
+            case ListType(element=element) | QueueType(element=element):
+                return f"(Seq {self.sort(element)})"
+            case RecordType() | ArrayType():
+                return self._product(type_)
+            case MapType() | OpaqueType():
+                raise NotRecheckedError(f"values of type {show(type_)} are not rechecked")
+        assert_never(type_)
+
+    def _product(self, type_: RecordType | ArrayType) -> str:
+        parts = self.parts(type_)
+        assert parts is not None
+        name = f"{show(type_)}!"
+        if name not in self._sorts:
+            sorts = [self.sort(part) for _, part in parts]
+            fields = "".join(
+                f" ({quoted(name + label)} {sort})"
+                for (label, _), sort in zip(parts, sorts, strict=True)
+            )
+            symbol = quoted(name)
+            maker = quoted(f"{name}make")
+            self.declarations.append(f"(declare-datatype {symbol} (({maker}{fields})))")
+            self._sorts[name] = symbol
+        return self._sorts[name]
+
+    # --- making ---------------------------------------------------------------------------------
+
+    def text(self, text: str) -> Term:
+        """A string as a number: strings are compared for equality, and nothing else."""
+        return self.t.integer(self._strings.setdefault(text, len(self._strings)))
+
+    def default(self, type_: Type) -> Value:
+        """Some value, to go on with after a fault."""
+        parts = self.parts(type_)
+        if parts is not None:
+            return tuple(self.default(part) for _, part in parts)
+        match type_:
+            case ListType() | QueueType():
+                return ()
+            case BoolType():
+                return self.t.truth(False)
+            case FloatType():
+                return self.t.real(Fraction(0))
+            case _:
+                self.sort(type_)
+                return self.t.integer(0)
+
+    def symbol(self, name: str, sort: str) -> Term:
+        """A new constant. Names that are asked for twice are numbered."""
+        count = self._names[name] = self._names.get(name, 0) + 1
+        full = name if count == 1 else f"{name} ({count})"
+        self.declarations.append(f"(declare-const {quoted(full)} {sort})")
+        return self.t.symbol(full, sort)
+
+    def fresh(self, name: str, type_: Type, length: int | None = None) -> Value:
+        """Any value of a type; ``length`` is that of a list, if it is known."""
+        parts = self.parts(type_)
+        if parts is not None:
+            return tuple(self.fresh(name + label, part) for label, part in parts)
+        if length is not None and isinstance(type_, ListType | QueueType):
+            return tuple(self.fresh(f"{name}[{k}]", type_.element) for k in range(length))
+        made = self.symbol(name, self.sort(type_))
+        self.ranges += self.bounds(made, type_)
+        return made
+
+    def bounds(self, term: Term, type_: Type) -> list[Term]:
+        """What a term satisfies because it is of a type."""
+        if not isinstance(type_, EnumType):
+            return []
+        t = self.t
+        last = t.integer(len(type_.members) - 1)
+        return [t.at_most(t.integer(0), term), t.at_most(term, last)]
+
+    def applied(self, name: str, arguments: list[Term], type_: Type) -> Value:
+        """An application of an uninterpreted function, one symbol per scalar of the answer."""
+        parts = self.parts(type_)
+        if parts is not None:
+            return tuple(self.applied(name + label, arguments, part) for label, part in parts)
+        sort, symbol = self.sort(type_), quoted(f"{name}()")
+        if symbol not in self._functions:
+            self._functions.add(symbol)
+            sorts = " ".join(argument.sort for argument in arguments)
+            self.declarations.append(f"(declare-fun {symbol} ({sorts}) {sort})")
+        return self.t.op(symbol, arguments, sort)
+
+    # --- whole values ---------------------------------------------------------------------------
+
+    def leaves(self, value: Value, type_: Type) -> Iterator[tuple[Term, Type]]:
+        """The scalars and lists of a value, each as one term, with their types."""
+        parts = self.parts(type_)
+        if parts is None:
+            yield self.pack(value, type_), type_
+            return
+        assert isinstance(value, tuple)
+        for part, (_, part_type) in zip(value, parts, strict=True):
+            yield from self.leaves(part, part_type)
+
+    def pack(self, value: Value, type_: Type) -> Term:
+        """A value as one term."""
+        if isinstance(value, Term):
+            return value
+        sort = self.sort(type_)
+        if isinstance(type_, ListType | QueueType):
+            units = [
+                self.t.op("seq.unit", [self.pack(item, type_.element)], sort) for item in value
+            ]
+            if not units:
+                return self.t.op(f"(as seq.empty {sort})", (), sort)
+            return units[0] if len(units) == 1 else self.t.op("seq.++", units, sort)
+        parts = self.parts(type_)
+        assert parts is not None
+        packed = [self.pack(v, part) for v, (_, part) in zip(value, parts, strict=True)]
+        return self.t.op(quoted(f"{show(type_)}!make"), packed, sort)
+
+    def unpack(self, term: Term, type_: Type) -> Value:
+        """The tree of a term; lists stay terms."""
+        parts = self.parts(type_)
+        if parts is None:
+            return term
+        if term.head == quoted(f"{show(type_)}!make"):
+            inside = term.args
+        else:
+            self.sort(type_)
+            inside = tuple(
+                self.t.op(quoted(f"{show(type_)}!{label}"), [term], self.sort(part))
+                for label, part in parts
+            )
+        return tuple(self.unpack(a, part) for a, (_, part) in zip(inside, parts, strict=True))
+
+    def merge(self, condition: Term, a: Value, b: Value, type_: Type) -> Value:
+        """``a`` where the condition holds, else ``b``."""
+        if condition.value is not None:
+            return a if condition.value else b
+        if a is b:
+            return a
+        types = self._types_below(a, b, type_)
+        if types is None:
+            return self.t.ite(condition, self.pack(a, type_), self.pack(b, type_))
+        assert isinstance(a, tuple)
+        assert isinstance(b, tuple)
+        return tuple(
+            self.merge(condition, x, y, part) for x, y, part in zip(a, b, types, strict=True)
+        )
+
+    def equal(self, a: Value, b: Value, type_: Type) -> Term:
+        if a is b:
+            return self.t.truth(True)
+        types = self._types_below(a, b, type_)
+        if types is None:
+            if isinstance(a, tuple) and isinstance(b, tuple):
+                return self.t.truth(False)  # lists of known and different lengths
+            return self.t.equal(self.pack(a, type_), self.pack(b, type_))
+        assert isinstance(a, tuple)
+        assert isinstance(b, tuple)
+        same = [self.equal(x, y, part) for x, y, part in zip(a, b, types, strict=True)]
+        return self.t.conjunction(same)
+
+    def _types_below(self, a: Value, b: Value, type_: Type) -> list[Type] | None:
+        """The types of the parts of two trees of one shape, or None."""
+        if not (isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b)):
+            return None
+        if isinstance(type_, RecordType):
+            return [part for _, part in type_.fields]
+        return [self.element(type_)] * len(a)
+
+    # --- lists and arrays -----------------------------------------------------------------------
+
+    def element(self, type_: Type) -> Type:
+        assert isinstance(type_, ListType | QueueType | ArrayType)
+        return type_.element
+
+    def length(self, value: Value) -> Term:
+        if isinstance(value, tuple):
+            return self.t.integer(len(value))
+        return self.t.op("seq.len", [value], INT)
+
+    def inside(self, value: Value, index: Term) -> Term:
+        """Whether there is such an element."""
+        t = self.t
+        return t.both(t.at_most(t.integer(0), index), t.less(index, self.length(value)))
+
+    def at(self, value: Value, index: Term, type_: Type) -> Value:
+        """An element of a list or array; some value if there is none."""
+        element = self.element(type_)
+        if isinstance(value, Term):
+            found = self.t.op("seq.nth", [value, index], self.sort(element))
+            return self.unpack(found, element)
+        if index.value is not None:
+            k = int(index.value)
+            return value[k] if 0 <= k < len(value) else self.default(element)
+        if not value:
+            return self.default(element)
+        found_value = value[-1]
+        for k in range(len(value) - 2, -1, -1):
+            here = self.t.equal(index, self.t.integer(k))
+            found_value = self.merge(here, value[k], found_value, element)
+        return found_value
+
+    def with_element(self, value: Value, index: Term, new: Value, type_: Type) -> Value:
+        """The list with one element replaced; the same if there is no such element."""
+        element = self.element(type_)
+        if isinstance(value, Term):
+            sort = value.sort
+            unit = self.t.op("seq.unit", [self.pack(new, element)], sort)
+            return self.t.op("seq.update", [value, index, unit], sort)
+        return tuple(
+            self.merge(self.t.equal(index, self.t.integer(k)), new, old, element)
+            for k, old in enumerate(value)
+        )
+
+    def contains(self, value: Value, wanted: Value, type_: Type) -> Term:
+        element = self.element(type_)
+        if isinstance(value, Term):
+            unit = self.t.op("seq.unit", [self.pack(wanted, element)], value.sort)
+            return self.t.op("seq.contains", [value, unit], BOOL)
+        return self.t.disjunction(self.equal(item, wanted, element) for item in value)
+
+    def appended(self, value: Value, new: Value, type_: Type) -> Value:
+        if isinstance(value, tuple):
+            return (*value, new)
+        tail = self.pack((new,), type_)
+        return self.t.op("seq.++", [value, tail], value.sort)
+
+    def without(self, value: Value, position: Term, type_: Type) -> Value:
+        """The list without one element, which there is."""
+        t, whole = self.t, self.pack(value, type_)
+        zero, one = t.integer(0), t.integer(1)
+        length = self.length(whole)
+        after = t.plus(position, one)
+        head = t.op("seq.extract", [whole, zero, position], whole.sort)
+        tail = t.op("seq.extract", [whole, after, t.minus(length, after)], whole.sort)
+        return t.op("seq.++", [head, tail], whole.sort)
+
+    def position(self, value: Value, wanted: Value, type_: Type) -> Term:
+        """Where the first equal element is; negative if there is none."""
+        whole = self.pack(value, type_)
+        unit = self.pack((wanted,), type_)
+        return self.t.op("seq.indexof", [whole, unit, self.t.integer(0)], INT)
+
+    def least(self, items: tuple[Value, ...], *, greatest: bool) -> Term:
+        """By folding from the left."""
+
+        def better(best: Term, item: Term) -> Term:
+            pair = (best, item) if greatest else (item, best)
+            return self.t.ite(self.t.less(*pair), item, best)
+
+        terms = [item for item in items if isinstance(item, Term)]
+        return reduce(better, terms)

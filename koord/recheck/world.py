@@ -1,0 +1,171 @@
+"""What is rechecked: a program with so many robots, and what can be read off its text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from koord.recheck.values import NotRecheckedError
+from koord.syntax import core
+from koord.syntax.core import Direction, Home
+from koord.syntax.source import Span
+from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Type, show
+from koord.syntax.walk import nodes
+
+#: A variable: its home, the kind of robot (0 for shared ones), its slot.
+Key = tuple[Home, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """A program, which kind each robot is of, and the length of a round in seconds."""
+
+    program: core.Program
+    kinds: tuple[int, ...]
+    delta_s: Fraction
+    #: Variables that events or the environment may write; as a whole, or an element of a list.
+    written: frozenset[Key] = field(init=False)
+    rewritten: frozenset[Key] = field(init=False)
+
+    def __post_init__(self) -> None:
+        _refuse_maps(self.program)
+        pairs = list(_written(self.program))
+        object.__setattr__(self, "written", frozenset(key for key, _ in pairs))
+        whole = frozenset(key for key, place in pairs if place is None or not _in_list(place))
+        object.__setattr__(self, "rewritten", whole)
+
+    @property
+    def robots(self) -> int:
+        return len(self.kinds)
+
+    def agent(self, robot: int) -> core.Agent:
+        return self.program.agents[self.kinds[robot]]
+
+    def slot_of(self, robot: int, variable: core.Variable) -> int | None:
+        """Where a robot's kind keeps a local or port of that name. [PROP-READ]"""
+        agent = self.agent(robot)
+        own = agent.locals if variable.home is Home.LOCAL else _ports(agent)
+        here = [d.variable for d in own if d.variable.name == variable.name]
+        for found in here:
+            if found.slot == variable.slot:
+                return found.slot
+        return here[0].slot if here else None
+
+    def guarding(self, slot: int) -> int | None:
+        """The lock class whose blocks alone write an allwrite variable, if there is one."""
+        classes = {
+            lock
+            for agent in self.program.agents
+            for event in agent.events
+            for place, lock in _places(event.effect, None)
+            if place.variable.home is Home.ALLWRITE and place.variable.slot == slot
+        }
+        return classes.pop() if len(classes) == 1 else None
+
+    def mentions(self, kind: type) -> bool:
+        """Whether a property has such a node in it."""
+        return any(isinstance(node, kind) for node in nodes(self.program.properties))
+
+    def asks(self) -> bool:
+        """Whether some robot may call ``trystop``."""
+        bodies = tuple((agent.init, agent.events) for agent in self.program.agents)
+        return any(isinstance(node, core.TryStop) for node in nodes(bodies))
+
+    def stops(self) -> bool:
+        bodies = tuple((agent.init, agent.events) for agent in self.program.agents)
+        return any(isinstance(node, core.Stop | core.TryStop) for node in nodes(bodies))
+
+    def urgent(self) -> bool:
+        return any(event.urgent for agent in self.program.agents for event in agent.events)
+
+
+def _ports(agent: core.Agent) -> tuple[core.Declaration, ...]:
+    return tuple(port.declaration for port in agent.ports)
+
+
+# --- what may be written --------------------------------------------------------------------------
+
+
+def _places(block: core.Block, lock: int | None) -> Iterator[tuple[core.Place, int | None]]:
+    """The places that a block writes, each with the lock class around it."""
+    for s in block:
+        match s:
+            case core.Assign(place=place) | core.Append(place=place) | core.Remove(place=place):
+                yield place, lock
+            case core.Pop(place=place, into=into):
+                yield place, lock
+                if into is not None:
+                    yield into, lock
+            case core.If(then=then, otherwise=otherwise):
+                yield from _places(then, lock)
+                yield from _places(otherwise, lock)
+            case core.ForRange(body=body) | core.ForEach(body=body):
+                yield from _places(body, lock)
+            case core.Atomic(lock_class=inner, body=body):
+                yield from _places(body, inner)
+            case _:
+                pass
+
+
+def _written(program: core.Program) -> Iterator[tuple[Key, core.Place | None]]:
+    """Variables that may change after INIT, with the place; None for a sensor without a model."""
+    for kind, agent in enumerate(program.agents):
+        blocks = [event.effect for event in agent.events]
+        for module in agent.modules:
+            if module.environment is not None:
+                blocks.append(module.environment)
+                continue
+            for position in module.ports:
+                port = agent.ports[position]
+                if port.direction is Direction.SENSOR:
+                    yield (Home.PORT, kind, port.declaration.variable.slot), None
+        for block in blocks:
+            changes = _list_changes(block)
+            for place, _ in _places(block, None):
+                own = place.variable.home in (Home.LOCAL, Home.PORT)
+                key = (place.variable.home, kind if own else 0, place.variable.slot)
+                yield key, None if place in changes else place
+
+
+def _list_changes(block: core.Block) -> set[core.Place]:
+    """The places whose lists become longer or shorter in a block."""
+    kinds = core.Append | core.Remove | core.Pop
+    return {node.place for node in nodes(block) if isinstance(node, kinds)}
+
+
+def _in_list(place: core.Place) -> bool:
+    """Whether a place is an element of a list, or in one: then the list keeps its length."""
+    type_ = place.variable.type
+    for step in place.steps:
+        if isinstance(type_, ListType | QueueType):
+            return True
+        type_ = step.type
+    return False
+
+
+# --- what is not rechecked ------------------------------------------------------------------------
+
+
+def _has_map(type_: Type) -> bool:
+    match type_:
+        case MapType():
+            return True
+        case RecordType(fields=fields):
+            return any(_has_map(part) for _, part in fields)
+        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
+            return _has_map(element)
+        case _:
+            return False
+
+
+def _refuse_maps(program: core.Program) -> None:
+    """Raises NotRecheckedError at the first expression or declaration of a map."""
+    for node in nodes(program):
+        type_, span = None, None
+        if isinstance(node, core.Declaration):
+            type_, span = node.variable.type, node.span
+        elif isinstance(node, core.Node):
+            type_, span = getattr(node, "type", None), node.span
+        if isinstance(span, Span) and type_ is not None and _has_map(type_):
+            raise NotRecheckedError(f"maps are not rechecked ({show(type_)})", span)
