@@ -15,6 +15,12 @@ from koord.cli.terminal import cells, is_terminal, style_of, visible
 #: Often enough to look alive, seldom enough to cost nothing.
 TICK_S = 0.2
 
+#: A Ctrl-C that nobody has looked at for so long insists by itself.
+INSIST_S = 2.0
+
+#: Windows has none.
+_HAS_TIMER = hasattr(signal, "setitimer")
+
 _ERASE = "\r\x1b[K"
 
 
@@ -103,12 +109,14 @@ class Interruption:
     """Lets work end in good order on Ctrl-C: the first one asks, the second one insists.
 
     Inside the ``with`` the first Ctrl-C sets ``requested``, which the work looks at between its
-    steps; a second one raises KeyboardInterrupt. A solver that is at work answers the first one by
-    itself (Z3: unknown, "interrupted from keyboard"); who sees that answer calls ``request``.
+    steps; a second one raises KeyboardInterrupt, and so does the first where the work does not look
+    in time. A solver that is at work answers the first one by itself (Z3: unknown, "interrupted
+    from keyboard"); who sees that answer calls ``request``.
     """
 
     requested: bool = False
     _previous: object = field(default=None, repr=False)
+    _previous_alarm: object = field(default=None, repr=False, compare=False)
 
     def request(self) -> None:
         self.requested = True
@@ -116,6 +124,8 @@ class Interruption:
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
             self._previous = signal.signal(signal.SIGINT, self._on_signal)
+            if _HAS_TIMER:
+                self._previous_alarm = signal.signal(signal.SIGALRM, self._on_signal)
         return self
 
     def __exit__(
@@ -125,6 +135,9 @@ class Interruption:
         traceback: TracebackType | None,
     ) -> None:
         if self._previous is not None:
+            if _HAS_TIMER:
+                signal.setitimer(signal.ITIMER_REAL, 0)
+                signal.signal(signal.SIGALRM, self._previous_alarm)  # type: ignore[arg-type]
             signal.signal(signal.SIGINT, self._previous)  # type: ignore[arg-type]
             self._previous = None
 
@@ -132,3 +145,5 @@ class Interruption:
         if self.requested:
             raise KeyboardInterrupt
         self.requested = True
+        if _HAS_TIMER:
+            signal.setitimer(signal.ITIMER_REAL, INSIST_S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from random import Random
@@ -31,8 +31,9 @@ from koord.cli.tables import Rounds, Table, fleet
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import sources_of, write_trace
 from koord.semantics.configurations import NO_EVENT, System
+from koord.semantics.patience import OutOfPatienceError, Patience
 from koord.semantics.runs.policies import AtRandom, First, Play
-from koord.semantics.runs.running import Run, new_run
+from koord.semantics.runs.running import Moment, Run, new_run
 from koord.semantics.runs.watching import Watch
 from koord.semantics.traces.codec import encode
 from koord.semantics.traces.names import Names
@@ -132,7 +133,10 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _run(loaded: LoadedProgram, request: Request) -> Exit:
+    interruption = Interruption()
     system = system_of(loaded.program, request.fleet, request.delta_s)
+    if not request.interactive:
+        system = replace(system, patience=Patience(lambda: interruption.requested))
     rng = Random(request.seed)
     run = new_run(system, request.numbers, rng)
     watch = Watch(run.d, system, run.inputs)
@@ -142,21 +146,32 @@ def _run(loaded: LoadedProgram, request: Request) -> Exit:
     if request.interactive:
         return _by_hand(loaded, request, Interactive(run, watch, table, request.rounds))
     policy = First() if request.policy is Policy.FIRST else AtRandom(rng)
-    return _by_policy(loaded, request, Play(run, policy, request.rounds, watch), table)
+    play = Play(run, policy, request.rounds, watch)
+    return _by_policy(loaded, request, play, table, interruption)
 
 
-def _by_policy(loaded: LoadedProgram, request: Request, play: Play, table: Table) -> Exit:
+def _by_policy(
+    loaded: LoadedProgram, request: Request, play: Play, table: Table, interruption: Interruption
+) -> Exit:
     tracer = Tracer() if request.trace is not None or request.as_json else None
     rounds = None if request.as_json else Rounds(table)
-    with Interruption() as interruption:
+    kept: Moment | None = None
+    with interruption:
         try:
             for taken in play.steps():
+                kept = play.run.moment
                 if tracer is not None:
                     tracer.add(taken.step)
                 if rounds is not None:
                     rounds.show(taken)
                 if interruption.requested:
                     break
+        except OutOfPatienceError:
+            # A step that is half done does not count.
+            if kept is None:
+                print("interrupted while looking for a start", file=sys.stderr)
+                return Exit.INTERRUPTED
+            play.run.go_back(kept)
         finally:
             if rounds is not None:
                 rounds.close()

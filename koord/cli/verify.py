@@ -25,7 +25,7 @@ from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit, gravest
 from koord.cli.files import check_writable
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
-from koord.cli.progress import LiveLine
+from koord.cli.progress import Interruption, LiveLine
 from koord.cli.systems import system_of
 from koord.cli.terminal import style_of
 from koord.cli.traces import write_trace
@@ -143,7 +143,7 @@ def _verify(program: LoadedProgram, request: Request) -> Exit:
     known = [claim.name for claim in claims_of(system)] + [p.name for p in liveness_of(system)]
     _check_names(request.properties, known)
     bounds = Bounds(request.rounds, request.timeout_s)
-    with LiveLine(sys.stderr) as line:
+    with Interruption() as interruption, LiveLine(sys.stderr) as line:
         report = verify(
             system,
             bounds,
@@ -151,6 +151,7 @@ def _verify(program: LoadedProgram, request: Request) -> Exit:
             names=request.properties,
             seed=request.seed,
             progress=line.show,
+            interrupted=lambda: interruption.requested,
         )
     if request.as_json:
         print(json.dumps(verdicts.as_json(program.source.name, system, bounds, report), indent=2))

@@ -22,7 +22,7 @@ class Patience:
     """``is_over`` says whether to stop. What is half done by then is lost, so it must not count."""
 
     is_over: Callable[[], bool]
-    _left: int = 0
+    _left: int = _EVERY
 
     def spend(self) -> None:
         """Ask now and then whether to go on. Raises OutOfPatienceError."""

@@ -43,23 +43,31 @@ def verify(
     names: Sequence[str] = (),
     seed: int = 0,
     progress: Callable[[str], None] = lambda text: None,
+    interrupted: Callable[[], bool] = lambda: False,
 ) -> Report:
     """Verdicts on all claims about a system, or on the named ones.
 
-    Claims that are not named still serve as lemmas. Ctrl-C ends it with what is known so far.
+    Claims that are not named still serve as lemmas. KeyboardInterrupt ends it with what is known so
+    far, and so does ``interrupted``, which is asked now and then.
     """
+
+    def is_over() -> bool:
+        if interrupted():
+            raise KeyboardInterrupt
+        return deadline.passed()
+
     started = time.monotonic()
     deadline = Deadline.after(bounds.timeout_s)
-    system = replace(system, patience=Patience(deadline.passed))
+    system = replace(system, patience=Patience(is_over))
     ask = partial(_ask, bounds=bounds, choice=choice, seed=seed, progress=progress)
     subject = _abstract_subject(system) or _plain_subject(system)
     asked = ask(subject, deadline)
     given = dict(zip(claims_of(system), asked.verdicts, strict=True))
-    interrupted, vacuities = asked.interrupted, asked.vacuities
+    cut, vacuities = asked.interrupted, asked.vacuities
     if subject.system is not system and asked.spurious and not asked.interrupted:
         # Opaque values let something happen that real ones do not: look at those.
         again = ask(_plain_subject(system), deadline)
-        interrupted = again.interrupted
+        cut = again.interrupted
         for claim, verdict in zip(given, again.verdicts, strict=True):
             if given[claim].outcome is Outcome.UNKNOWN:
                 given[claim] = verdict
@@ -74,7 +82,7 @@ def verify(
         if not names or p.name in names
     )
     seconds = time.monotonic() - started
-    return Report(verdicts + live, vacuities, seconds, interrupted)
+    return Report(verdicts + live, vacuities, seconds, cut)
 
 
 @dataclass(frozen=True, slots=True)

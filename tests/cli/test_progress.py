@@ -8,6 +8,7 @@ import time
 
 import pytest
 
+from koord.cli import progress
 from koord.cli.progress import Interruption, LiveLine
 
 
@@ -91,6 +92,24 @@ def test_the_first_interrupt_asks_and_the_second_insists() -> None:
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def deaf_work() -> None:
+    with Interruption():
+        os.kill(os.getpid(), signal.SIGINT)
+        while True:
+            signal.pause()
+
+
+def test_an_interrupt_that_nobody_looks_at_insists_by_itself(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(progress, "INSIST_S", 0.001)
+    before = signal.getsignal(signal.SIGALRM)
+    with pytest.raises(KeyboardInterrupt):
+        deaf_work()
+    assert signal.getsignal(signal.SIGALRM) is before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
 def test_a_solver_can_pass_the_interrupt_on() -> None:
