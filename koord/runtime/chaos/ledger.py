@@ -59,10 +59,13 @@ class Ledger:
         self.acted: list[Entry] = []
         self._journal = journal
 
-    def propose(self, round_: int) -> Proposal:
-        proposal = proposal_of(self.pid, round_)
-        self._journal.proposed = proposal
-        return proposal
+    def propose(self, round_: int) -> Proposal | None:
+        """A robot that is back is silent until the others are where it was."""
+        before = self._journal.proposed
+        if before is not None and before.round >= round_:
+            return before if before.round == round_ else None
+        self._journal.proposed = proposal_of(self.pid, round_)
+        return self._journal.proposed
 
     def commit(self, entry: Entry, kept: Taken | None) -> None:
         if entry.round != self.round:
@@ -76,6 +79,8 @@ class Ledger:
 
     def _keep(self, round_: int) -> None:
         journal = self._journal
+        if journal.kept and round_ <= journal.kept[-1]:
+            return  # before the crash
         if journal.proposed is None or journal.proposed.round != round_:
             raise AssertionError(f"{self.pid} is to keep {round_}, and has no buffer for it")
         journal.kept.append(round_)
@@ -87,7 +92,7 @@ class Ledger:
         items = msgspec.msgpack.decode(store)
         self.store = {tuple(place): value for place, value in items}
         self.round = round_
-        if ran is not None and (not self._journal.kept or self._journal.kept[-1] != ran.round):
+        if ran is not None:
             self._keep(ran.round)
 
     def hold(self, reason: Reason | None) -> None:

@@ -194,7 +194,7 @@ class Network:
                     break
         if self.now >= self._cut_until:
             self._cut = frozenset()
-            if draw.random() < faults.cuts_per_s * WEATHER_S:
+            if self.setup.robots > 1 and draw.random() < faults.cuts_per_s * WEATHER_S:
                 size = draw.randrange(1, self.setup.robots)
                 self._cut = frozenset(draw.sample(range(self.setup.robots), size))
                 self._cut_until = self.now + faults.cut_s

@@ -18,7 +18,7 @@ from koord.runtime.protocol.messages import (
     Propose,
     Snapshot,
 )
-from koord.runtime.protocol.state import Follower, Rejoining
+from koord.runtime.protocol.state import Follower, Rejoining, State
 from koord.runtime.protocol.turn import Turn
 
 #: So many entries are sent to one who asks; for more it asks again.
@@ -200,19 +200,21 @@ def _learn_epoch(turn: Turn, epoch: int) -> None:
 def resend(turn: Turn) -> None:
     """A follower's question was not answered. (R-AGAIN)"""
     state = turn.state
-    leader = state.leader
-    if leader is None:
-        return  # somebody will stand, or this robot does
-    if state.is_behind:
-        turn.send(leader, Ask(state.round))
-    elif state.tentative is not None:
-        held = state.tentative
-        turn.send(leader, Acknowledge(held.epoch, held.round, held.digest, again=True))
-    elif state.mine is not None:
-        turn.send(leader, Propose(state.mine))
-    else:
+    question = _unanswered(state)
+    if question is None:
         return
+    if state.leader is not None:
+        turn.send(state.leader, question)
     turn.await_longer()
+
+
+def _unanswered(state: State) -> Ask | Acknowledge | Propose | None:
+    if state.is_behind:
+        return Ask(state.round)
+    if state.tentative is not None:
+        held = state.tentative
+        return Acknowledge(held.epoch, held.round, held.digest, again=True)
+    return None if state.mine is None else Propose(state.mine)
 
 
 def rejoin(turn: Turn) -> None:
