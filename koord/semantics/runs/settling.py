@@ -152,7 +152,8 @@ def misses(m: Machine[Constant], e: core.Expr) -> int:
                     m.trail.append(label)
                     total += misses(m, e.body)
                     m.trail.pop()
-            return total
+            # What it ranges over may fault; then it does not hold either.
+            return total or int(not statement(m, e))
         case _:
             return int(not statement(m, e))
 
