@@ -19,6 +19,8 @@ class Knowledge:
     asking: set[str] = field(default_factory=set)
     #: Functions that need the robot: its number, the others', the store, the host.
     methods: set[str] = field(default_factory=set)
+    #: Functions that may be called while INIT is not over.
+    in_init: set[str] = field(default_factory=set)
     #: Shared variables that are set once INIT is over, by home and slot.
     shared: set[tuple[Home, int]] = field(default_factory=set)
     #: The same of each kind's own variables.
@@ -31,6 +33,7 @@ class Knowledge:
             if self._needs_robot(function.body):
                 self.methods.add(function.name)
         self._find_sure()
+        self._find_init()
 
     def asks(self, part: object) -> bool:
         """Whether anything below asks an external function or for a choice."""
@@ -55,6 +58,23 @@ class Knowledge:
             or (isinstance(node, core.Variable) and _is_of_fleet(node))
             for node in nodes(part)
         )
+
+    def _find_init(self) -> None:
+        program = self.program
+        entries = [*program.allread, *program.allwrite]
+        for agent in program.agents:
+            entries += [*agent.locals, *(port.declaration for port in agent.ports)]
+        parts: tuple[object, ...] = (
+            *(entry.initial for entry in entries if not isinstance(entry.initial, Start)),
+            *(agent.init for agent in program.agents),
+            *(external.requires for external in program.externals),
+        )
+        # A function calls earlier ones only.
+        for function in reversed(program.functions):
+            calls = (node for node in nodes(parts) if isinstance(node, core.Call))
+            if any(call.function == function.name for call in calls):
+                self.in_init.add(function.name)
+                parts = (*parts, function.body)
 
     def _find_sure(self) -> None:
         """A variable is set if it starts so, or if every robot's INIT surely sets it. [ATOM]"""

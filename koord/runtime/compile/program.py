@@ -98,7 +98,8 @@ class _Module:
                 yield from ["", "", *self.function(function, in_method=False)]
 
     def function(self, function: core.Function, *, in_method: bool) -> Lines:
-        scope = self.scope(None, in_method=in_method)
+        early = function.name in self.knowledge.in_init
+        scope = self.scope(None, sure=set() if early else None, in_method=in_method)
         parameters = ["self"] if in_method else []
         if function.name in self.knowledge.asking:
             parameters.append("trail: Key")
