@@ -11,7 +11,8 @@ from typing import TypeAlias
 class Car:
     """A car of the size of the F1/10 and RACECAR platforms (paper, VI-A).
 
-    Its position is the middle of its wheelbase, half-way between the axles.
+    Its position is the middle of its rear axle, as in those platforms: that point goes where the
+    car points, so a path of positions says where the car points as well.
     """
 
     length_m: float = 0.58
@@ -26,24 +27,19 @@ class Car:
     cruise_accel_mps2: float = 1.2
 
     @property
-    def rear_m(self) -> float:
-        """From the position back to the rear axle."""
+    def middle_m(self) -> float:
+        """From the position forward to the middle of the car."""
         return self.wheelbase_m / 2
 
     @property
-    def slip_rad(self) -> float:
-        """The largest angle between where the car points and where its middle goes."""
-        return math.atan(self.rear_m * math.tan(self.steering_rad) / self.wheelbase_m)
-
-    @property
     def turning_m(self) -> float:
-        """The radius of the tightest circle that its position can describe."""
-        return self.rear_m / math.sin(self.slip_rad)
+        """The radius of the tightest circle that the position can describe."""
+        return self.wheelbase_m / math.tan(self.steering_rad)
 
     @property
     def radius_m(self) -> float:
         """Of the disc about the position that covers the car."""
-        return math.hypot(self.length_m, self.width_m) / 2
+        return math.hypot(self.length_m / 2 + self.middle_m, self.width_m / 2)
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,9 @@ _DONE_M = 0.03
 #: What is left of a leg is driven at this speed at least.
 _CREEP_MPS = 0.08
 
+#: A car begins a leg when its wheels are turned so, to this.
+_WHEELS_RAD = 0.03
+
 #: A car that stands at the end of its route for so long and has not reached it has missed it.
 _MISSED_S = 1.0
 
@@ -48,7 +51,7 @@ class Driving:
     def __init__(self, group: Group, steering: Steering, horizon: Horizon = _HORIZON) -> None:
         assert isinstance(group.body, Car)
         self.group, self.car, self.horizon = group, group.body, horizon
-        self.inputs: Floats = np.zeros((group.count, 2))  #: speed of travel and slip angle
+        self.inputs: Floats = np.zeros((group.count, 2))  #: speed of travel and steering angle
         self.way: Floats = np.ones(group.count)
         self.missed: Bools = np.zeros(group.count, np.bool_)
         self._waited: Floats = np.zeros(group.count)
@@ -67,15 +70,17 @@ class Driving:
         if len(cars):
             left = self._advance(cars, measured)
             goes = left > _DONE_M
-            going[cars[goes]] = True
-            if goes.any():
-                inputs[cars[goes]] = self._steer(cars[goes], measured, dt_s)
+            inputs[cars[goes], 1], turning = self._turn_wheels(cars[goes], measured)
+            cars = cars[goes][~turning]
+            going[cars] = True
+            if len(cars):
+                inputs[cars] = self._steer(cars, measured, dt_s)
         self._watch(wanted, going, dt_s)
         slowest = np.abs(measured.speed_mps) - self.car.accel_mps2 * dt_s
         inputs[:, 0] = np.where(going, inputs[:, 0], np.maximum(slowest, 0.0))
         self.inputs = inputs
         group.speed[:] = np.where(going, inputs[:, 0], 0.0)
-        return np.column_stack([self.way * inputs[:, 0], pursuit.steering(inputs[:, 1], self.car)])
+        return np.column_stack([self.way * inputs[:, 0], inputs[:, 1]])
 
     def _advance(self, cars: Ints, measured: Measured) -> Floats:
         """Move ``s`` to where cars are, and on to the next leg; returns what is left of legs."""
@@ -83,13 +88,25 @@ class Driving:
         s = np.maximum(group.s[cars], routes.nearest(cars, group.s[cars], measured.position[cars]))
         k = routes.segment(cars, s)
         end = routes.leg_end[cars, k]
-        slow = np.abs(measured.speed_mps[cars]) < 3 * _CREEP_MPS
+        slow = np.abs(measured.speed_mps[cars]) < _CREEP_MPS
         done = (end - s <= _DONE_M) & (end < routes.length[cars]) & slow
         s = np.where(done, end, np.minimum(s, end - 1e-9))
         k = routes.segment(cars, s)
         group.s[cars], self.way[cars] = s, routes.way[cars, k]
         left: Floats = routes.leg_end[cars, k] - s
         return left
+
+    def _turn_wheels(self, cars: Ints, measured: Measured) -> tuple[Floats, Bools]:
+        """Who begins a leg with the wheels turned wrongly, and where they should be."""
+        routes, s = self.group.routes, self.group.s[cars]
+        k = routes.segment(cars, s)
+        first = (k == 0) | (routes.leg_end[cars, np.maximum(k - 1, 0)] < routes.leg_end[cars, k])
+        bend = routes.at(cars, s, k).curvature
+        right = pursuit.steering(bend, self.way[cars], self.car)
+        stands = (np.abs(measured.speed_mps[cars]) < _CREEP_MPS) & (s - routes.s[cars, k] < 0.01)
+        wrong = np.abs(self.inputs[cars, 1] - right) > _WHEELS_RAD
+        turning: Bools = first & stands & wrong
+        return right, turning
 
     def _steer(self, cars: Ints, measured: Measured, dt_s: float) -> Floats:
         if self._predictive is None:
@@ -101,7 +118,8 @@ class Driving:
         pace = self.group.routes.pace
         last = self.inputs[cars, 0]
         allowed = self.group.routes.at(cars, np.minimum(s + last * dt_s, s + left)).speed_mps
-        return np.maximum(np.minimum(allowed, last + pace.accel_mps2 * dt_s), _CREEP_MPS)
+        speed: Floats = np.minimum(allowed, last + pace.accel_mps2 * dt_s)
+        return np.maximum(speed, _CREEP_MPS)
 
     def _pursue(self, cars: Ints, measured: Measured, dt_s: float) -> Floats:
         routes, s = self.group.routes, self.group.s[cars]
@@ -112,47 +130,39 @@ class Driving:
         beyond = np.maximum(ahead - left, 0.0)
         aim = spot.position[:, :2] + beyond[:, None] * spot.tangent[:, :2]
         way = self.way[cars]
-        course = measured.heading_rad[cars] + self.inputs[cars, 1] + np.where(way < 0, np.pi, 0.0)
-        angle = pursuit.slip_towards(aim, measured.position[cars, :2], course, way, self.car)
-        return np.column_stack([speed, angle])
+        course = measured.heading_rad[cars] + np.where(way < 0, np.pi, 0.0)
+        bend = pursuit.curvature_towards(aim, measured.position[cars, :2], course)
+        return np.column_stack([speed, pursuit.steering(bend, way, self.car)])
 
     def _predict(self, cars: Ints, measured: Measured, controller: Predictive) -> Floats:
         routes, s, way = self.group.routes, self.group.s[cars], self.way[cars]
-        steps, dt = self.horizon.steps, self.horizon.step_s
-        k = routes.segment(cars, s)
-        left = routes.leg_end[cars, k] - s
-        # Where the car will be, going as fast as the end of the leg allows.
-        speed = self._pace(cars, s, left, dt)
-        ahead, speeds = np.empty((len(cars), steps)), np.empty((len(cars), steps))
-        at = np.zeros(len(cars))
+        steps, dt, accel = self.horizon.steps, self.horizon.step_s, routes.pace.accel_mps2
+        left = routes.leg_end[cars, routes.segment(cars, s)] - s
+        # Where the car will be after each step, going as fast as the end of the leg allows.
+        at, speed = np.zeros((len(cars), steps + 1)), np.empty((len(cars), steps))
+        last = self.inputs[cars, 0]
         for step in range(steps):
-            ahead[:, step], speeds[:, step] = at, speed
-            at = np.minimum(at + dt * speed, left - 1e-6)
-            slower = np.sqrt(2 * routes.pace.accel_mps2 * np.maximum(left - at, 0.0))
-            speed = np.minimum(np.minimum(speed + routes.pace.accel_mps2 * dt, slower), self._top)
-        spots = routes.at(np.repeat(cars, steps), (s[:, None] + ahead).ravel())
-        speeds = np.minimum(speeds, spots.speed_mps.reshape(speeds.shape))
-        speeds[:, 0] = np.maximum(speeds[:, 0], _CREEP_MPS)
-        bends = spots.curvature.reshape(speeds.shape)
-        here = spots.position.reshape(len(cars), steps, 3)[:, 0, :2]
-        course = spots.course_rad.reshape(len(cars), steps)[:, 0]
+            rest = left - at[:, step]
+            # The speed from which a stop is met if it is kept for one more step.
+            stop = np.sqrt(2 * accel * rest + (accel * dt / 2) ** 2) - accel * dt / 2
+            last = np.minimum(np.minimum(last + accel * dt, stop), routes.pace.cruise_mps)
+            speed[:, step] = last
+            at[:, step + 1] = np.minimum(at[:, step] + dt * last, left - 1e-6)
+        spots = routes.at(np.repeat(cars, steps + 1), (s[:, None] + at).ravel())
+        allowed = spots.speed_mps.reshape(at.shape)[:, 1:]
+        speed = np.minimum(speed, allowed)
+        speed[:, 0] = np.maximum(speed[:, 0], _CREEP_MPS)
+        bends = spots.curvature.reshape(at.shape)[:, :-1]
+        here = spots.position.reshape(*at.shape, 3)[:, 0, :2]
+        course = spots.course_rad.reshape(at.shape)[:, 0]
         gap = measured.position[cars, :2] - here
-        cos, sin = np.cos(course), np.sin(course)
-        most = np.sin(self.car.slip_rad)
-        lean = np.arcsin(np.clip(way * self.car.rear_m * bends[:, 0], -most, most))
-        pointing = course - lean + np.where(way < 0, np.pi, 0.0)
-        error = np.column_stack(
-            [
-                np.zeros(len(cars)),
-                cos * gap[:, 1] - sin * gap[:, 0],
-                wrapped(measured.heading_rad[cars] - pointing),
-            ]
+        across = np.cos(course) * gap[:, 1] - np.sin(course) * gap[:, 0]
+        pointing = course + np.where(way < 0, np.pi, 0.0)
+        turned = wrapped(measured.heading_rad[cars] - pointing)
+        error = np.column_stack([np.zeros(len(cars)), across, turned])
+        return controller.inputs(
+            cars, error, Course(speed, bends, _CREEP_MPS), way, self.inputs[cars]
         )
-        return controller.inputs(cars, error, Course(speeds, bends), way, self.inputs[cars])
-
-    @property
-    def _top(self) -> float:
-        return self.group.routes.pace.cruise_mps
 
     def _watch(self, wanted: Bools, going: Bools, dt_s: float) -> None:
         """Find out who stands at the end of a route that it has not come near enough to."""

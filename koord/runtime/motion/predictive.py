@@ -1,12 +1,12 @@
 """Model-predictive path following for cars, by OSQP: the one file that imports it. (paper, VI-A)
 
 The kinematic bicycle is linearised about the path. The errors along it, across it and in heading,
-``e = (e_s, e_l, e_θ)``, follow, with the speed of travel ``w``, the slip angle ``β`` (what the
-steering wheels set), the path's curvature ``κ`` and ``d = ±1`` for driving forwards or backwards::
+``e = (e_s, e_l, e_θ)``, follow, with the speed of travel ``w``, the steering angle ``φ``, the
+path's curvature ``κ`` and ``d = ±1`` for driving forwards or backwards::
 
-    e_s' = κ w e_l + δw
-    e_l' = w (e_θ + δβ) − κ w e_s
-    e_θ' = κ δw + d w cos β_ref / l_r · δβ          with sin β_ref = d l_r κ
+    e_s' = κ w e_l + Δw
+    e_l' = w e_θ − κ w e_s
+    e_θ' = κ Δw + d w / (L cos² φ_ref) Δφ          with tan φ_ref = d L κ
 
 The inputs over the horizon are the unknowns of a quadratic program (the states are put in), with
 the limits of speed, steering, and how fast both change. The matrices of all cars are worked out at
@@ -23,6 +23,7 @@ import numpy as np
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.libraries import missing
+from koord.runtime.motion.pursuit import steering
 
 try:
     import osqp
@@ -35,13 +36,13 @@ except ImportError as error:
 class Weights:
     """What errors and inputs cost."""
 
-    along: float = 1.0
+    along: float = 0.05
     across: float = 6.0
     heading: float = 1.0
-    speed: float = 0.5
-    slip: float = 0.2
-    speed_change: float = 0.2
-    slip_change: float = 1.5
+    speed: float = 1.0
+    steering: float = 0.05
+    speed_change: float = 0.1
+    steering_change: float = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +55,14 @@ class Horizon:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """What cars are to follow, from now on: arrays ``(m, steps)``."""
+    """What cars are to follow, from now on: arrays ``(m, steps)``.
+
+    They may go more slowly than told, to keep to the path, but not more slowly than ``slowest``.
+    """
 
     speed_mps: Floats
     curvature: Floats
+    slowest_mps: float
 
 
 class Predictive:
@@ -76,17 +81,17 @@ class Predictive:
         self._upper = np.tril_indices(n)  # of the transpose: by columns, as OSQP has it
         change = np.eye(n) - np.eye(n, k=-2)
         self._limits = sparse.csc_matrix(np.vstack([np.eye(n), change]))
-        cost = np.tile([weights.speed, weights.slip], horizon.steps)
-        steady = np.tile([weights.speed_change, weights.slip_change], horizon.steps)
+        cost = np.tile([weights.speed, weights.steering], horizon.steps)
+        steady = np.tile([weights.speed_change, weights.steering_change], horizon.steps)
         self._input_cost = np.diag(cost) + change.T @ np.diag(steady) @ change
         self._change_cost = change.T @ np.diag(steady)
-        rate = car.steering_rate_radps * car.rear_m / car.wheelbase_m
-        self._fastest = np.array([car.accel_mps2, rate]) * horizon.step_s
+        rates = np.array([car.accel_mps2, car.steering_rate_radps])
+        self._fastest = rates * horizon.step_s
 
     def inputs(
         self, cars: Ints, error: Floats, course: Course, way: Floats, last: Floats
     ) -> Floats:
-        """Speed of travel and slip angle for the cars with these numbers, shape ``(m, 2)``.
+        """Speed of travel and steering angle for the cars with these numbers, shape ``(m, 2)``.
 
         ``error`` is ``(m, 3)``, ``way`` is -1 for cars that drive backwards, ``last`` the inputs
         that are in effect, ``(m, 2)``.
@@ -101,21 +106,23 @@ class Predictive:
         flat = reference.reshape(len(cars), -1)
         change = flat - np.concatenate([last, flat[:, :-2]], axis=1)
         linear = np.einsum("mij,mi->mj", forced, weigh * free) + change @ self._change_cost.T
-        lowest = np.tile([0.0, -self.car.slip_rad], self.horizon.steps)
-        highest = np.tile([self.car.speed_mps, self.car.slip_rad], self.horizon.steps)
+        highest = np.empty_like(reference)
+        highest[:, :, 0], highest[:, :, 1] = reference[:, :, 0], self.car.steering_rad
+        lowest = -highest
+        lowest[:, :, 0] = np.minimum(reference[:, :, 0], course.slowest_mps)
+        low, high = lowest.reshape(flat.shape), highest.reshape(flat.shape)
         fastest = np.tile(self._fastest, self.horizon.steps)
-        lower = np.concatenate([lowest - flat, -fastest - change], axis=1)
-        upper = np.concatenate([highest - flat, fastest - change], axis=1)
+        lower = np.concatenate([low - flat, -fastest - change], axis=1)
+        upper = np.concatenate([high - flat, fastest - change], axis=1)
         packed = quadratic[:, self._upper[1], self._upper[0]]
         answer = np.empty((len(cars), 2))
         for row, car in enumerate(cars.tolist()):
             answer[row] = self._solve(car, packed[row], linear[row], lower[row], upper[row])
-        return np.clip(answer + reference[:, 0], lowest[:2], highest[:2])
+        return np.clip(answer + reference[:, 0], low[:, :2], high[:, :2])
 
     def _reference(self, course: Course, way: Floats) -> Floats:
-        most = np.sin(self.car.slip_rad)
-        bend = np.clip(way[:, None] * self.car.rear_m * course.curvature, -most, most)
-        return np.stack([course.speed_mps, np.arcsin(bend)], axis=2)
+        angle = steering(course.curvature, way[:, None], self.car)
+        return np.stack([course.speed_mps, angle], axis=2)
 
     def _predicted(
         self, error: Floats, course: Course, way: Floats, reference: Floats
@@ -127,7 +134,7 @@ class Predictive:
         m, steps, dt = len(error), self.horizon.steps, self.horizon.step_s
         free, forced = np.empty((m, steps, 3)), np.zeros((m, steps, 3, 2 * steps))
         w, bend = course.speed_mps, course.curvature
-        swing = way[:, None] * w * np.cos(reference[:, :, 1]) / self.car.rear_m
+        swing = way[:, None] * w / (self.car.wheelbase_m * np.cos(reference[:, :, 1]) ** 2)
         turn, advance = dt * bend * w, dt * w
         e = error
         for k in range(steps):
@@ -146,7 +153,7 @@ class Predictive:
                 )
                 forced[:, k, 2, known] = g[:, 2, known]
             forced[:, k, 0, 2 * k] = dt
-            forced[:, k, 1, 2 * k + 1] = advance[:, k] + advance[:, k] * dt * swing[:, k] / 2
+            forced[:, k, 1, 2 * k + 1] = advance[:, k] * dt * swing[:, k] / 2
             forced[:, k, 2, 2 * k] = dt * bend[:, k]
             forced[:, k, 2, 2 * k + 1] = dt * swing[:, k]
         return free.reshape(m, -1), forced.reshape(m, 3 * steps, -1)

@@ -21,27 +21,20 @@ def look_ahead(speed_mps: Floats) -> Floats:
     return np.maximum(_AHEAD_M, _AHEAD_S * speed_mps)
 
 
-def slip_towards(
-    aim: Floats, position: Floats, course_rad: Floats, way: Floats, car: Car
-) -> Floats:
-    """The angle between car and travel that leads to the points ``aim``, shape ``(m, 2)``.
+def curvature_towards(aim: Floats, position: Floats, course_rad: Floats) -> Floats:
+    """The curvature of the circles that lead to the points ``aim``, shape ``(m, 2)``.
 
-    ``course_rad`` is where the car is going now, ``way`` is -1 if it drives backwards.
+    ``course_rad`` is where the car is going, which is backwards if it drives backwards.
     """
     gap = aim - position
     distance = np.maximum(np.hypot(gap[:, 0], gap[:, 1]), 1e-6)
     aside = wrapped(np.arctan2(gap[:, 1], gap[:, 0]) - course_rad)
     # What lies behind is turned to as tightly as what lies abeam.
-    curvature = 2 * np.sin(np.clip(aside, -np.pi / 2, np.pi / 2)) / distance
-    most = np.sin(car.slip_rad)
-    return np.arcsin(np.clip(way * car.rear_m * curvature, -most, most))
+    bend: Floats = 2 * np.sin(np.clip(aside, -np.pi / 2, np.pi / 2)) / distance
+    return bend
 
 
-def steering(slip_rad: Floats, car: Car) -> Floats:
-    """The steering angles that make cars go at those angles to where they point."""
-    return np.arctan(np.tan(slip_rad) * (car.wheelbase_m / car.rear_m))
-
-
-def slip(steering_rad: Floats, car: Car) -> Floats:
-    """The inverse of :func:`steering`: tan β = (l_r / L) tan δ."""
-    return np.arctan(np.tan(steering_rad) * (car.rear_m / car.wheelbase_m))
+def steering(curvature: Floats, way: Floats, car: Car) -> Floats:
+    """The steering angles for curvatures of the path, within the limits; ``way`` is ±1."""
+    angle = np.arctan(way * car.wheelbase_m * curvature)
+    return np.clip(angle, -car.steering_rad, car.steering_rad)

@@ -203,14 +203,17 @@ def _car_fits(free: Field, car: Car, start: Pose) -> Callable[[Any], bool]:
     half = car.length_m / 4
     reach = math.hypot(half, car.width_m / 2) + MARGIN_M
     x0, y0, z = start.position
-    ahead, aside = half * math.cos(start.heading_rad), half * math.sin(start.heading_rad)
-    front = _leaving(free, (x0 + ahead, y0 + aside, z), reach)
-    back = _leaving(free, (x0 - ahead, y0 - aside, z), reach)
+    ahead_m, behind_m = car.middle_m + half, half - car.middle_m
+    cos0, sin0 = math.cos(start.heading_rad), math.sin(start.heading_rad)
+    front = _leaving(free, (x0 + ahead_m * cos0, y0 + ahead_m * sin0, z), reach)
+    back = _leaving(free, (x0 - behind_m * cos0, y0 - behind_m * sin0, z), reach)
 
     def valid(state: Any) -> bool:
         x, y, yaw = state.getX(), state.getY(), state.getYaw()
-        dx, dy = half * math.cos(yaw), half * math.sin(yaw)
-        return front(x + dx, y + dy, z) and back(x - dx, y - dy, z)
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return front(x + ahead_m * cos, y + ahead_m * sin, z) and back(
+            x - behind_m * cos, y - behind_m * sin, z
+        )
 
     return valid
 

@@ -1,0 +1,154 @@
+"""Cars that push and block each other and run into walls: the level ``full``. By pymunk alone.
+
+The bicycle model says which velocity a car strives for; engine and tyres bring it there with
+limited force, pymunk solves the contacts. Velocities are read and forces written for all cars at
+once (pymunk's batch interface), because one call per car and step would cost ten times as much.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import assert_never
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.field import GROUND_ROBOT_M
+from koord.runtime.motion.libraries import missing
+from koord.runtime.motion.world import Box, Disc, Obstacle, Polygon, World
+from koord.sim.vehicles.bicycles import Bicycles
+
+try:
+    import pymunk
+    from pymunk import batch
+except ImportError as error:
+    raise missing("pymunk", "sim") from error
+
+_READ = (
+    batch.BodyFields.POSITION
+    | batch.BodyFields.ANGLE
+    | batch.BodyFields.VELOCITY
+    | batch.BodyFields.ANGULAR_VELOCITY
+)
+_WRITE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
+_PAIRS = batch.ArbiterFields.BODY_A_ID | batch.ArbiterFields.BODY_B_ID
+
+#: What tyres hold sideways, as an acceleration: dry rubber on a hall's floor, μ ≈ 0.9.
+_GRIP_MPS2 = 8.8
+
+_WALL_M = 0.05
+
+
+class CollidingCars(Bicycles):
+    """Cars with bodies, among obstacles and the walls around the world."""
+
+    def __init__(self, car: Car, start: Floats, heading_rad: Floats, world: World) -> None:
+        super().__init__(car, start, heading_rad)
+        self._space = pymunk.Space()
+        self._space.iterations = 10
+        self._space.collision_slop = 0.001
+        self._inertia = car.mass_kg * (car.length_m**2 + car.width_m**2) / 12
+        self._numbers = {self._add_car(k): k for k in range(len(start))}
+        self._add_world(world)
+        self._state, self._forces, self._arbiters = (batch.Buffer() for _ in range(3))
+        # pymunk lists the body of the world as well, behind the cars: no force acts on it.
+        self._force: Floats = np.zeros((len(start) + 1, 3))
+
+    def advance(self, command: Floats, dt_s: float, steps: int) -> None:
+        """Go on for some steps with commanded speeds and steering angles, shape ``(n, 2)``."""
+        for _ in range(steps):
+            state = self._read()
+            # What a collision has taken away is gone: the engine starts from the speed there is.
+            self.speed = self._speed(state)
+            self.actuate(command, dt_s)
+            turn = self.turning()
+            # The velocity that the wheels allow the middle of the car, where it points next.
+            cos, sin = np.cos(state[:, 2] + turn * dt_s), np.sin(state[:, 2] + turn * dt_s)
+            aside = turn * self.car.middle_m
+            gain_x = self.speed * cos - aside * sin - state[:, 3]
+            gain_y = self.speed * sin + aside * cos - state[:, 4]
+            size = np.hypot(gain_x, gain_y)
+            held = np.minimum(1.0, _GRIP_MPS2 * dt_s / np.maximum(size, 1e-12))
+            pull, force = held * (self.car.mass_kg / dt_s), self._force[: len(state)]
+            force[:, 0], force[:, 1] = pull * gain_x, pull * gain_y
+            force[:, 2] = held * (turn - state[:, 5]) * (self._inertia / dt_s)
+            self._forces.set_float_buf(self._force)
+            batch.set_space_bodies(self._space, _WRITE, self._forces)
+            self._space.step(dt_s)
+        self._show(self._read())
+
+    def contacts(self) -> list[tuple[int, int]]:
+        """The pairs of cars that touch; -1 is the world. Sorted."""
+        self._arbiters.clear()
+        batch.get_space_arbiters(self._space, _PAIRS, self._arbiters)
+        ids = np.frombuffer(self._arbiters.int_buf(), dtype=np.uintp).reshape(-1, 2)
+        number = self._numbers
+        pairs = ((number.get(int(a), -1), number.get(int(b), -1)) for a, b in ids)
+        return sorted({(min(pair), max(pair)) for pair in pairs})
+
+    def _read(self) -> Floats:
+        self._state.clear()
+        batch.get_space_bodies(self._space, _READ, self._state)
+        state = np.frombuffer(self._state.float_buf(), dtype=np.float64).reshape(-1, 6)
+        return state[: len(self.speed)]
+
+    def _show(self, state: Floats) -> None:
+        self.position[:, 0] = state[:, 0] - self.car.middle_m * np.cos(state[:, 2])
+        self.position[:, 1] = state[:, 1] - self.car.middle_m * np.sin(state[:, 2])
+        self.heading = (state[:, 2] + np.pi) % (2 * np.pi) - np.pi
+        self.speed = self._speed(state)
+
+    def _speed(self, state: Floats) -> Floats:
+        """The part of the cars' velocities along them, which is the speed of the rear axle."""
+        ahead: Floats = np.cos(state[:, 2]) * state[:, 3] + np.sin(state[:, 2]) * state[:, 4]
+        return ahead
+
+    def _add_car(self, number: int) -> int:
+        body = pymunk.Body(self.car.mass_kg, self._inertia)
+        x, y, _ = self.position[number].tolist()
+        body.angle = heading = float(self.heading[number])
+        ahead = self.car.middle_m
+        body.position = (x + ahead * math.cos(heading), y + ahead * math.sin(heading))
+        shape = pymunk.Poly.create_box(body, (self.car.length_m, self.car.width_m))
+        shape.friction, shape.elasticity = 0.4, 0.1
+        self._space.add(body, shape)
+        return body.id
+
+    def _add_world(self, world: World) -> None:
+        (x0, y0, _), (x1, y1, _) = world.low, world.high
+        corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+        ground = self._space.static_body
+        shapes: list[pymunk.Shape] = [
+            pymunk.Segment(ground, a, b, _WALL_M)
+            for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
+        ]
+        for obstacle in world.obstacles:
+            if obstacle.low_z < world.ground + GROUND_ROBOT_M and obstacle.high_z > world.ground:
+                shapes += _solid(obstacle, ground)
+        for shape in shapes:
+            shape.friction, shape.elasticity = 0.4, 0.1
+        self._space.add(*shapes)
+
+
+def _solid(obstacle: Obstacle, ground: pymunk.Body) -> list[pymunk.Shape]:
+    match obstacle:
+        case Disc(centre=centre, radius_m=radius):
+            return [pymunk.Circle(ground, radius, centre)]
+        case Box(corners=corners):
+            return [pymunk.Poly(ground, corners)]
+        case Polygon(corners=corners):
+            from pymunk.autogeometry import convex_decomposition
+
+            ring = [*corners, corners[0]]
+            if _turns_right(corners):
+                ring.reverse()
+            return [pymunk.Poly(ground, part) for part in convex_decomposition(ring, 0.0)]
+        case _:
+            assert_never(obstacle)
+
+
+def _turns_right(corners: tuple[tuple[float, float], ...]) -> bool:
+    after = (*corners[1:], corners[0])
+    area = math.fsum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, after, strict=True))
+    return area < 0

@@ -1,0 +1,142 @@
+"""Quadrotors: rigid bodies under cascaded control, as arrays over drones.
+
+Position p, velocity v, attitude q (a unit quaternion, w first, from the body's frame to the
+world's), rates ω in the body's frame, and the thrust per mass T, which follows what is asked for
+with the rotors' lag::
+
+    m v̇ = m T R(q) e_z − m g e_z − c (v − wind)        J ω̇ = τ − ω × J ω        q̇ = ½ q ∘ (0, ω)
+
+(Mahony, Kumar, Corke 2012; the drag is that of slow flight, linear in the speed against the air.)
+The level ``simple`` leaves out attitude and rotors: the acceleration asked for is there at once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from koord.runtime.motion import cascade
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Drone
+from koord.runtime.motion.cascade import GRAVITY, Gains
+from koord.runtime.motion.flying import Reference
+
+
+@dataclass(slots=True)
+class FlightState:
+    """The state of drones: ``(3, n)``, the quaternion ``(4, n)``, the thrust ``(n,)``."""
+
+    position: Floats
+    velocity: Floats
+    attitude: Floats
+    rates: Floats
+    thrust: Floats
+    steady: Floats  #: the integral part of the position controllers, m/s²
+
+
+def at_rest(start: Floats) -> FlightState:
+    """Drones that hover (or stand) at places, shape ``(n, 3)``."""
+    n = len(start)
+    upright = np.zeros((4, n))
+    upright[0] = 1.0
+    return FlightState(
+        np.ascontiguousarray(start.T),
+        np.zeros((3, n)),
+        upright,
+        np.zeros((3, n)),
+        np.full(n, GRAVITY),
+        np.zeros((3, n)),
+    )
+
+
+class Quadrotors:
+    """Drones with attitude, on NumPy alone: the reference for every quicker kernel."""
+
+    def __init__(
+        self, drone: Drone, start: Floats, ground_m: float = 0.0, gains: Gains | None = None
+    ) -> None:
+        """``start`` has shape ``(n, 3)``."""
+        self.drone, self.ground_m, self.gains = drone, ground_m, gains or Gains()
+        self.state = at_rest(start)
+
+    def advance(self, reference: Reference, wind: Floats, dt_s: float, steps: int) -> None:
+        """Fly for some steps. The reference moves on at its velocity; ``wind`` is ``(n, 3)``."""
+        position = np.ascontiguousarray(reference.position.T)
+        velocity, air = np.ascontiguousarray(reference.velocity.T), np.ascontiguousarray(wind.T)
+        # The reference is for the end of these steps.
+        position -= velocity * (dt_s * steps)
+        for _ in range(steps):
+            position += velocity * dt_s
+            self._step(position, velocity, air, dt_s)
+
+    def _step(self, goal: Floats, pace: Floats, air: Floats, dt_s: float) -> None:
+        s, drone, gains = self.state, self.drone, self.gains
+        wanted = position_control(gains, s, goal, pace, drone, dt_s)
+        axis, thrust = cascade.axis_and_thrust(wanted, drone)
+        asked = cascade.body_rates(gains, axis, s.attitude)
+        inertia, torque = np.array(drone.inertia_kgm2), np.array(drone.torque_nm)
+        spin = inertia[:, None] * s.rates
+        couple = np.empty_like(spin)
+        couple[0] = s.rates[1] * spin[2] - s.rates[2] * spin[1]
+        couple[1] = s.rates[2] * spin[0] - s.rates[0] * spin[2]
+        couple[2] = s.rates[0] * spin[1] - s.rates[1] * spin[0]
+        tau = inertia[:, None] * (gains.rate * (asked - s.rates)) + couple
+        tau = np.minimum(np.maximum(tau, -torque[:, None]), torque[:, None])
+        s.rates = s.rates + dt_s * (tau - couple) / inertia[:, None]
+        s.attitude = turned(s.attitude, s.rates, dt_s)
+        s.thrust = s.thrust + (thrust - s.thrust) * (1.0 - math.exp(-dt_s / drone.rotor_lag_s))
+        w, x, y, z = s.attitude
+        force = np.empty_like(s.velocity)
+        force[0] = s.thrust * (2.0 * (x * z + w * y))
+        force[1] = s.thrust * (2.0 * (y * z - w * x))
+        force[2] = s.thrust * (1.0 - 2.0 * (x * x + y * y)) - GRAVITY
+        move(s, force, air, drone, self.ground_m, dt_s)
+
+
+class PointDrones(Quadrotors):
+    """Drones without attitude: the level ``simple``."""
+
+    def _step(self, goal: Floats, pace: Floats, air: Floats, dt_s: float) -> None:
+        s = self.state
+        wanted = position_control(self.gains, s, goal, pace, self.drone, dt_s)
+        move(s, wanted, air, self.drone, self.ground_m, dt_s)
+
+
+def position_control(
+    gains: Gains, s: FlightState, goal: Floats, pace: Floats, drone: Drone, dt_s: float
+) -> Floats:
+    """The acceleration asked for, ``(3, n)``; the integral part goes on by a step."""
+    gap = goal - s.position
+    steady = s.steady + (gains.integral * dt_s) * gap
+    s.steady = np.minimum(np.maximum(steady, -gains.windup_mps2), gains.windup_mps2)
+    return cascade.acceleration(gains, gap, pace - s.velocity, s.steady, drone)
+
+
+def turned(attitude: Floats, rates: Floats, dt_s: float) -> Floats:
+    """Attitudes after turning at rates for a step, of unit length again."""
+    w, x, y, z = attitude
+    p, q, r = rates * (0.5 * dt_s)
+    after = np.empty_like(attitude)
+    after[0] = w - (x * p + y * q + z * r)
+    after[1] = x + (w * p + y * r - z * q)
+    after[2] = y + (w * q + z * p - x * r)
+    after[3] = z + (w * r + x * q - y * p)
+    size = after[0] * after[0] + after[1] * after[1] + after[2] * after[2] + after[3] * after[3]
+    unit: Floats = after / np.sqrt(size)
+    return unit
+
+
+def move(
+    s: FlightState, force: Floats, air: Floats, drone: Drone, ground_m: float, dt_s: float
+) -> None:
+    """Velocity, then position, a step later; the ground holds what sinks onto it."""
+    drag = drone.drag_kgps / drone.mass_kg
+    s.velocity = s.velocity + dt_s * (force - drag * (s.velocity - air))
+    s.position = s.position + dt_s * s.velocity
+    below = s.position[2] <= ground_m
+    if below.any():
+        s.position[2, below] = ground_m
+        s.velocity[:2, below] = 0.0
+        s.velocity[2, below] = np.maximum(s.velocity[2, below], 0.0)
