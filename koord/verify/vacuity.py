@@ -15,6 +15,7 @@ from koord.verify.footprint import footprint
 from koord.verify.ledger import Ledger
 from koord.verify.reaching import inside_rounds, never_broken, seen, unbroken
 from koord.verify.solving import Answer, Deadline, Effort
+from koord.verify.summaries import unanswerable
 from koord.verify.verdicts import Emptiness, Outcome, Vacuity
 from koord.verify.wishes import Aim, Wish, wishes_of
 
@@ -30,7 +31,16 @@ def vacuities(ledger: Ledger) -> tuple[Vacuity, ...]:
     if start is not None:
         return (start,)
     ledger.progress("looking for what never happens")
-    return (*_unmet(ledger, deadline, effort), *_untouched(ledger))
+    silent = tuple(_silent(ledger, deadline, effort))
+    return (*silent, *_unmet(ledger, deadline, effort), *_untouched(ledger))
+
+
+def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:
+    """External functions whose summaries contradict themselves."""
+    original = ledger.subject.original
+    for external in unanswerable(original, ledger.seed, deadline, effort):
+        detail = f"no answer of {external.name} can meet its `ensures`"
+        yield Vacuity(Emptiness.SUMMARIES, "", detail, certain=True, span=external.span)
 
 
 def _start(system: System, seed: int, deadline: Deadline, effort: Effort) -> Vacuity | None:

@@ -128,3 +128,27 @@ def fun clear(pos[] a) -> bool: extern
     program = once(declared, variables, effect, "Less: b implies c", "More: c implies b")
     assert outcomes(ask(program, robots=1, rounds=2)) == {"Less": HOLDS, "More": VIOLATED}
     assert bounded(program, robots=1, rounds=1).rounds == {"More": 1}
+
+
+def test_a_summary_that_nothing_meets_is_told() -> None:
+    """Whether it is about one answer, about other answers, or about every value."""
+    for promise in (
+        "result > a and result < a",
+        "f(a) == result and f(a) > result",
+        "forall int q: result > q",
+    ):
+        declared = f"def fun f(int a) -> int: extern\n    ensures: {promise}\n"
+        asked = ask(once(declared, "int x = 0", "x = f(1)", "Zero: x == 0"), robots=1, rounds=2)
+        assert any("no answer of f can meet its `ensures`" in told for told in asked.empty), promise
+
+
+def test_a_summary_that_something_meets_is_not() -> None:
+    declared = """
+def fun f(int a) -> int: extern
+    requires: a > 0
+    ensures: result > a
+def fun g(int[] a) -> int: extern
+    ensures: length(a) > 3 and result == 1
+"""
+    asked = ask(once(declared, "int x = 0", "x = f(1) + g([1])", "Any: x >= 0"), robots=1, rounds=2)
+    assert not any("can meet its" in told for told in asked.empty)
