@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from koord.semantics.configurations import System
+from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.search.canonical import State, Vault
 from koord.semantics.search.checking import Check, asks_who_ran, check, sees_the_environment
 from koord.semantics.search.commits import Commits
@@ -30,7 +31,7 @@ from koord.semantics.search.findings import (
 )
 from koord.semantics.search.finite import NotFinite, not_finite
 from koord.semantics.search.joint import Joint, Joints, needs_relaxed
-from koord.semantics.search.limits import Limits, Meter
+from koord.semantics.search.limits import OUT_OF_TIME, Limits, Meter
 from koord.semantics.search.menus import Course, Menu, Menus
 from koord.semantics.search.openings import openings
 from koord.semantics.search.orbits import Orbits
@@ -179,6 +180,8 @@ class _Search:
                     yield Violated(found.claim, self._recording(found), len(self._seen))
         except _LimitError as limit:
             self.end = OutOfBounds(str(limit), len(self._seen), self._depth)
+        except OutOfPatienceError:
+            self.end = OutOfBounds(OUT_OF_TIME, len(self._seen), self._depth)
         except UnboundedError as reason:
             self.end = NotFinite(str(reason), NOWHERE)
         else:
@@ -231,11 +234,13 @@ class _Search:
         yield from self._failures(state, menus)
         seen, representative = self._seen, self._representative
         for joint in self._joints.joints(state, menus):
+            self._system.patience.spend()
             yield from self._looked_inside(state, joint)
             if not joint.is_whole:
                 continue
             yield from self._evolved(state, joint)
             for robots, shared in joint.successors():
+                self._system.patience.spend()
                 after = representative(robots, shared)
                 if after not in seen:
                     yield from self._entered(after, state, waiting)

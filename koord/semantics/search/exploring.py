@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Generic, TypeVar
 
 from koord.semantics.configurations import System
@@ -24,6 +25,9 @@ from koord.syntax.core import Home
 from koord.syntax.types import INT, ArrayType, Type
 
 T = TypeVar("T")
+
+#: Of so many values one at a time can be tried.
+_MOST_OPTIONS = 100_000
 
 
 class UnboundedError(Exception):
@@ -43,7 +47,11 @@ class Chooser:
 
     def pick(self, options: Iterable[T]) -> T:
         """The option for this time around."""
-        choices = list(options)
+        choices = list(islice(options, _MOST_OPTIONS + 1))
+        if len(choices) > _MOST_OPTIONS:
+            raise UnboundedError(
+                f"something that is left open has more than {_MOST_OPTIONS} values"
+            )
         if not choices:
             raise _DeadEndError
         if self._depth == len(self._path):

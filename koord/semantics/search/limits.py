@@ -13,6 +13,8 @@ _PAGE_BYTES = 4096
 #: So many looks at a meter are cheap before one that is not.
 _EVERY = 200
 
+OUT_OF_TIME = "out of time"
+
 #: Seconds between two reports of progress.
 TELL_EVERY_S = 0.1
 
@@ -46,7 +48,7 @@ class Meter:
         self._countdown = _EVERY
         deadline = self.limits.deadline_s
         if deadline is not None and self._clock() >= deadline:
-            return "out of time"
+            return OUT_OF_TIME
         if resident_mb() > self.limits.memory_mb:
             return f"more than {self.limits.memory_mb} MB of memory"
         return ""
