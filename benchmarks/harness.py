@@ -65,6 +65,11 @@ class Measured:
         except ValueError:
             return None
 
+    def report(self) -> Any:
+        """What ``koord verify --json`` says of its one program; None if it was stopped."""
+        found = self.json()
+        return None if found is None or "reports" not in found else found["reports"][0]
+
 
 def measure(
     command: Sequence[str], *, timeout_s: float = 120.0, stdin: bytes | None = None

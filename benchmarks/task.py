@@ -89,7 +89,7 @@ def task(report: Report) -> None:
                 "robots": robots,
                 "tasks": tasks,
                 "outcome": outcome,
-                "reach": reach(done.json()),
+                "reach": reach(done.report()),
                 **times(done),
                 **limited(done.wall_s if outcome == "holds" else math.inf, limit_s),
             }
@@ -106,7 +106,7 @@ def task(report: Report) -> None:
                 "robots": 3,
                 "tasks": 4,
                 "outcome": judged(report, engine, done),
-                "reach": reach(done.json()),
+                "reach": reach(done.report()),
                 **times(done),
             }
         )
@@ -114,7 +114,7 @@ def task(report: Report) -> None:
 
 def judged(report: Report, what: str, done: Measured) -> str:
     """The verdict; it is to hold, unless there was not enough time."""
-    found = done.json()
+    found = done.report()
     outcome = "unknown" if found is None else str(found["outcome"])
     right = outcome == "holds" or gave_up(done)
     report.expect(right, f"{what}: {outcome}, exit code {done.code}, {done.errors[-300:]}")

@@ -165,7 +165,7 @@ def compare(report: Report, title: str, rows: list[Published], *flags: str) -> N
         what = f"{row.program}, {row.robots} robots{', ' * bool(settings)}{settings}"
         note(what)
         done = verified(row, *flags)
-        found = done.json()
+        found = done.report()
         got = verdict(row, found)
         said = "" if found is not None else f" ({done.errors[-300:]})"
         right = got == row.verdict or (got == "unknown" and gave_up(done))

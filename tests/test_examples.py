@@ -93,7 +93,7 @@ def test_the_verdicts_are_those_expected(
     file: str, run: Run, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code = main(run.command(file))
-    report = json.loads(capsys.readouterr().out)
+    (report,) = json.loads(capsys.readouterr().out)["reports"]
     claims = {claim["name"]: claim for claim in report["claims"]}
     assert set(run.says) <= set(claims)
     for name, claim in claims.items():

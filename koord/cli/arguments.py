@@ -59,6 +59,18 @@ def fleet(text: str) -> Fleet:
     return Fleet(total, tuple(kinds.items()))
 
 
+def fleets(text: str) -> tuple[Fleet, ...]:
+    """``2..10``: one fleet of each size. Otherwise the one fleet that :func:`fleet` reads."""
+    low, dots, high = text.partition("..")
+    if not dots:
+        return (fleet(text),)
+    least = _whole(low, "robots", 1, MOST_ROBOTS)
+    most = _whole(high, "robots", 1, MOST_ROBOTS)
+    if most < least:
+        raise ArgumentTypeError(f"{text!r} has no number of robots; write {most}..{least}")
+    return tuple(Fleet(total) for total in range(least, most + 1))
+
+
 def rounds(text: str) -> int:
     """A number of rounds; 0 means the first configuration only."""
     return _whole(text, "rounds", 0, MOST_ROUNDS)
@@ -218,14 +230,15 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_bounds(parser: argparse.ArgumentParser) -> None:
-    """``--robots``, ``--rounds``, ``--delta``, ``--seed``."""
+def add_bounds(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
+    """``--robots``, ``--rounds``, ``--delta``, ``--seed``. Several fleets make a sweep."""
+    sweep = ", or 2..10 for one after the other" if several else ""
     parser.add_argument(
         "--robots",
         metavar="N",
-        type=fleet,
-        default=Fleet(3),
-        help="how many robots, or how many of each kind: Car=2,Drone=1 (3)",
+        type=fleets if several else fleet,
+        default=(Fleet(3),) if several else Fleet(3),
+        help=f"how many robots, or how many of each kind: Car=2,Drone=1{sweep} (3)",
     )
     parser.add_argument(
         "--rounds", metavar="R", type=rounds, default=20, help="how many rounds (20)"

@@ -17,7 +17,7 @@ from koord.verify.verdicts import (
     Verdict,
 )
 
-_PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKNOWN: Paint.WARNING}
+PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKNOWN: Paint.WARNING}
 
 
 def lines(name: str, system: System, report: Report, style: Style) -> Iterator[str]:
@@ -27,7 +27,7 @@ def lines(name: str, system: System, report: Report, style: Style) -> Iterator[s
     rows = [(v.claim.name, said(v), _by(v), f"{v.seconds:.2f} s") for v in report.verdicts]
     widths = [max((len(row[k]) for row in rows), default=0) for k in range(4)]
     for verdict, row in zip(report.verdicts, rows, strict=True):
-        shown = style.paint(row[1].ljust(widths[1]), _PAINT[verdict.outcome])
+        shown = style.paint(row[1].ljust(widths[1]), PAINT[verdict.outcome])
         time = row[3].rjust(widths[3])
         yield f"  {row[0].ljust(widths[0])}  {shown}  {row[2].ljust(widths[2])}  {time}".rstrip()
         if verdict.reason:
@@ -50,12 +50,11 @@ def _empty(vacuity: Vacuity, style: Style) -> str:
 
 def summary(system: System, bounds: Bounds, report: Report, style: Style) -> str:
     """One line: the outcome, for whom, how far, in how long."""
-    outcome = style.paint(report.outcome.value, _PAINT[report.outcome])
+    outcome = style.paint(report.outcome.value, PAINT[report.outcome])
     stopped = "interrupted, " if report.interrupted else ""
     match report.outcome:
         case Outcome.HOLDS:
-            everywhere = all(verdict.rounds is None for verdict in report.verdicts)
-            reach = "every number of rounds" if everywhere else f"{bounds.rounds} rounds"
+            reach = "every number of rounds" if _everywhere(report) else f"{bounds.rounds} rounds"
             vacuously = ", but vacuously" if report.is_vacuous else ""
             text = f"{outcome}{vacuously}: {_claims(report)}, {_fleet(system)}, {reach}"
         case Outcome.VIOLATED:
@@ -67,6 +66,24 @@ def summary(system: System, bounds: Bounds, report: Report, style: Style) -> str
         case _:
             assert_never(report.outcome)
     return f"{text}; {stopped}{report.seconds:.2f} s"
+
+
+def _everywhere(report: Report) -> bool:
+    return all(verdict.rounds is None for verdict in report.verdicts)
+
+
+def outcome_of(report: Report) -> str:
+    """The outcome of all claims together, in few words."""
+    match report.outcome:
+        case Outcome.HOLDS:
+            reach = "in every round" if _everywhere(report) else "within the bound"
+            return f"holds {reach}" + (", vacuously" if report.is_vacuous else "")
+        case Outcome.VIOLATED:
+            found = [v.counterexample for v in report.verdicts if v.counterexample is not None]
+            return f"violated in round {min(shown.round for shown in found)}"
+        case Outcome.UNKNOWN:
+            return "unknown"
+    assert_never(report.outcome)
 
 
 def said(verdict: Verdict) -> str:
@@ -150,5 +167,11 @@ def _verdict_json(verdict: Verdict) -> dict[str, object]:
         "reason": verdict.reason or None,
         "violated": None
         if found is None
-        else {"round": found.round, "phase": found.phase.value, "detail": found.detail},
+        else {
+            "round": found.round,
+            "phase": found.phase.value,
+            "robot": found.robot,
+            "detail": found.detail,
+            "place": None if found.span is None else str(found.span),
+        },
     }

@@ -33,8 +33,12 @@ from koord.semantics.configurations import System
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
+    from koord.verify.verdicts import Bounds, Verdict
     from koord.verify.verdicts import Report as Verification
-    from koord.verify.verdicts import Verdict
+
+
+#: Changes when readers of what ``--json`` prints have to change.
+JSON_VERSION = 1
 
 
 class Engine(Enum):
@@ -50,7 +54,7 @@ class Engine(Enum):
 class Request:
     """What is to be verified of each program, and within which limits."""
 
-    fleet: Fleet
+    fleets: tuple[Fleet, ...]  #: several make a sweep
     rounds: int
     delta_s: Fraction
     engine: Engine
@@ -58,13 +62,14 @@ class Request:
     timeout_s: float | None
     seed: int
     trace: str | None  #: the file for the trace of a violation
+    plot: str | None  #: the file for a picture of a sweep
     explain: bool  #: show the steps that break claims which are not inductive
     as_json: bool
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     add_files(parser)
-    add_bounds(parser)
+    add_bounds(parser, several=True)
     parser.add_argument(
         "--engine",
         choices=[engine.value for engine in Engine],
@@ -89,6 +94,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_settings(parser)
     add_trace(parser, "the trace of a violation")
+    parser.add_argument(
+        "--plot", metavar="FILE", help="draw time against robots, for --robots 2..10 (.svg, .png)"
+    )
     add_json(parser, "the verdict")
     parser.epilog = (
         "exit codes: 0 holds, 1 violated, 2 errors in the input, 3 unknown, 4 holds, but vacuously"
@@ -101,7 +109,11 @@ def main(arguments: argparse.Namespace) -> int:
     if request.trace is not None:
         if len(arguments.files) > 1:
             raise argparse.ArgumentTypeError("--trace takes one program at a time")
+        if len(request.fleets) > 1:
+            raise argparse.ArgumentTypeError("--trace takes one number of robots at a time")
         check_writable(request.trace)
+    if request.plot is not None:
+        _check_plot(arguments.files, request)
     report = Report()
     programs = load_programs(arguments.files, Reading.of(arguments), report)
     if report.errors and request.as_json:
@@ -111,7 +123,12 @@ def main(arguments: argparse.Namespace) -> int:
     if report.errors:
         return Exit.BAD_INPUT
     try:
-        return gravest(_verify(program, request) for program in programs)
+        told: list[dict[str, object]] = []
+        verified = _verify if len(request.fleets) == 1 else _sweep
+        code = gravest([verified(program, request, told) for program in programs])
+        if request.as_json:
+            print(json.dumps({"version": JSON_VERSION, "reports": told}, indent=2))
+        return code
     except KoordError as error:  # of the program, met on the way
         report_error(error, as_json=request.as_json, sources=report.sources.values())
         return Exit.BAD_INPUT
@@ -119,7 +136,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _request(arguments: argparse.Namespace) -> Request:
     return Request(
-        fleet=arguments.robots,
+        fleets=arguments.robots,
         rounds=arguments.rounds,
         delta_s=arguments.delta,
         engine=Engine(arguments.engine),
@@ -127,34 +144,31 @@ def _request(arguments: argparse.Namespace) -> Request:
         timeout_s=arguments.timeout,
         seed=arguments.seed,
         trace=arguments.trace,
+        plot=arguments.plot,
         explain=arguments.explain,
         as_json=arguments.json,
     )
 
 
-def _verify(program: LoadedProgram, request: Request) -> Exit:
+def _check_plot(files: Sequence[str], request: Request) -> None:
+    from koord.cli.sweeps import check_drawable
+
+    assert request.plot is not None
+    if len(files) > 1 or len(request.fleets) == 1:
+        raise argparse.ArgumentTypeError("--plot takes one program and a sweep: --robots 2..10")
+    check_drawable(request.plot)
+    check_writable(request.plot)
+
+
+def _verify(program: LoadedProgram, request: Request, told: list[dict[str, object]]) -> Exit:
     # Z3 is loaded here and not before, so that the other commands start without it.
     from koord.cli import counterexamples, steps, verdicts
-    from koord.verify.claims import claims_of, liveness_of
-    from koord.verify.portfolio import Choice, verify
-    from koord.verify.verdicts import Bounds, Outcome
 
-    system = system_of(program.program, request.fleet, request.delta_s)
-    known = [claim.name for claim in claims_of(system)] + [p.name for p in liveness_of(system)]
-    _check_names(request.properties, known)
-    bounds = Bounds(request.rounds, request.timeout_s)
-    with Interruption() as interruption, LiveLine(sys.stderr) as line:
-        report = verify(
-            system,
-            bounds,
-            Choice(request.engine.value),
-            names=request.properties,
-            seed=request.seed,
-            progress=line.show,
-            interrupted=lambda: interruption.requested,
-        )
+    (fleet,) = request.fleets
+    system = system_of(program.program, fleet, request.delta_s)
+    bounds, report = _asked(system, request)
     if request.as_json:
-        print(json.dumps(verdicts.as_json(program.source.name, system, bounds, report), indent=2))
+        told.append(verdicts.as_json(program.source.name, system, bounds, report))
     else:
         style = style_of(sys.stdout)
         for text in verdicts.lines(program.source.name, system, report, style):
@@ -172,6 +186,57 @@ def _verify(program: LoadedProgram, request: Request) -> Exit:
         print(verdicts.summary(system, bounds, report, style))
     if request.trace is not None:
         _keep(program, system, report, request.trace)
+    return _exit(report)
+
+
+def _sweep(program: LoadedProgram, request: Request, told: list[dict[str, object]]) -> Exit:
+    """One number of robots after the other; Ctrl-C ends it with those that are done."""
+    from koord.cli import sweeps, verdicts
+
+    style = style_of(sys.stdout)
+    name = program.source.name
+    points: list[sweeps.Point] = []
+    if not request.as_json:
+        print("\n".join(sweeps.heading(name, style)))
+    for fleet in request.fleets:
+        system = system_of(program.program, fleet, request.delta_s)
+        bounds, report = _asked(system, request)
+        points.append(sweeps.Point(system, report))
+        told.append(verdicts.as_json(name, system, bounds, report))
+        if not request.as_json:
+            print(sweeps.row(points[-1], style), flush=True)
+        if report.interrupted:
+            break
+    if request.plot is not None:
+        sweeps.draw(request.plot, name, points)
+    return gravest(_exit(point.report) for point in points)
+
+
+def _asked(system: System, request: Request) -> tuple[Bounds, Verification]:
+    """The verdicts on one system, with a live line while they are looked for."""
+    from koord.verify.claims import claims_of, liveness_of
+    from koord.verify.portfolio import Choice, verify
+    from koord.verify.verdicts import Bounds
+
+    known = [claim.name for claim in claims_of(system)] + [p.name for p in liveness_of(system)]
+    _check_names(request.properties, known)
+    bounds = Bounds(request.rounds, request.timeout_s)
+    with Interruption() as interruption, LiveLine(sys.stderr) as line:
+        report = verify(
+            system,
+            bounds,
+            Choice(request.engine.value),
+            names=request.properties,
+            seed=request.seed,
+            progress=line.show,
+            interrupted=lambda: interruption.requested,
+        )
+    return bounds, report
+
+
+def _exit(report: Verification) -> Exit:
+    from koord.verify.verdicts import Outcome
+
     if report.interrupted:
         return Exit.INTERRUPTED
     codes = {

@@ -7,6 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from koord.cli import main as frame
 from koord.cli import run, verify
@@ -27,7 +28,7 @@ def program(tmp_path: Path) -> str:
 def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
     seen: list[tuple[str, verify.Request]] = []
 
-    def engine(loaded: LoadedProgram, request: verify.Request) -> Exit:
+    def engine(loaded: LoadedProgram, request: verify.Request, told: object) -> Exit:
         seen.append((loaded.source.name, request))
         return Exit.UNKNOWN
 
@@ -40,7 +41,7 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
         (
             program,
             verify.Request(
-                fleet=Fleet(3, (("Car", 2), ("Drone", 1))),
+                fleets=(Fleet(3, (("Car", 2), ("Drone", 1))),),
                 rounds=5,
                 delta_s=Fraction(1, 3),
                 engine=verify.Engine.BMC,
@@ -48,6 +49,7 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
                 timeout_s=2.5,
                 seed=9,
                 trace=f"{program}.json",
+                plot=None,
                 explain=True,
                 as_json=True,
             ),
@@ -60,14 +62,14 @@ def test_the_defaults_are_those_of_the_documentation(
 ) -> None:
     seen: list[verify.Request] = []
 
-    def engine(loaded: LoadedProgram, request: verify.Request) -> Exit:
+    def engine(loaded: LoadedProgram, request: verify.Request, told: object) -> Exit:
         seen.append(request)
         return Exit.OK
 
     monkeypatch.setattr(verify, "_verify", engine)
     assert frame.main(["verify", program]) == Exit.OK
     (request,) = seen
-    assert (request.fleet, request.rounds, request.engine) == (Fleet(3), 20, verify.Engine.AUTO)
+    assert (request.fleets, request.rounds, request.engine) == ((Fleet(3),), 20, verify.Engine.AUTO)
     assert (request.properties, request.timeout_s, request.trace) == ((), None, None)
 
 
@@ -75,7 +77,7 @@ def test_several_programs_end_with_the_gravest_code(
     monkeypatch: pytest.MonkeyPatch, program: str
 ) -> None:
     codes = [Exit.OK, Exit.VIOLATED, Exit.UNKNOWN]
-    monkeypatch.setattr(verify, "_verify", lambda loaded, request: codes.pop())
+    monkeypatch.setattr(verify, "_verify", lambda loaded, request, told: codes.pop())
     assert frame.main(["verify", program, program, program]) == Exit.VIOLATED
     assert codes == []
 
@@ -159,3 +161,98 @@ def test_a_lost_update_is_shown_in_the_text_and_replays(
     assert "add.krd:4:8\n  4 |   eff: n = n + 1\n    |        ^^^^^^^^^" in out
     assert frame.main(["replay", "t.json"]) == Exit.OK
     assert "  it loses an update of n, as it says\n" in capsys.readouterr().out
+
+
+# --- reports --------------------------------------------------------------------------------------
+
+RACE = """\
+allwrite:
+    int x = 0
+local:
+    int y = 0
+Up:
+    pre: x < 3
+    eff: x = x + 1
+Never:
+    pre: x < 0
+    eff: y = 1
+assume: numAgents > 0
+invariant Signed: x >= 0
+invariant Vain: forall i: y@i == 1 implies x < 0
+invariant Short: x < 2
+"""
+
+SCHEMA = Path(frame.__file__).parent / "schemas" / "verdicts.schema.json"
+
+
+@pytest.fixture
+def race(tmp_path: Path) -> str:
+    path = tmp_path / "race.krd"
+    path.write_text(RACE, encoding="utf-8")
+    return str(path)
+
+
+def valid(text: str) -> list[dict[str, object]]:
+    schema = json.loads(SCHEMA.read_text(encoding="utf-8"))
+    Draft202012Validator.check_schema(schema)
+    found = json.loads(text)
+    Draft202012Validator(schema).validate(found)
+    reports: list[dict[str, object]] = found["reports"]
+    return reports
+
+
+def test_the_schema_describes_every_report(
+    capsys: pytest.CaptureFixture[str], race: str, program: str
+) -> None:
+    assert frame.main(["verify", "--json", "--rounds", "3", race, program]) == Exit.VIOLATED
+    first, second = valid(capsys.readouterr().out)
+    assert (first["program"], first["outcome"]) == (race, "violated")
+    assert second["program"] == program
+    told = {v["subject"]: v["certain"] for v in first["vacuities"]}  # type: ignore[attr-defined]
+    assert told == {"Never": True, "Vain": True}
+
+
+def test_a_sweep_is_a_row_for_each_number_of_robots(
+    capsys: pytest.CaptureFixture[str], race: str
+) -> None:
+    words = ["verify", race, "--robots", "1..3", "--rounds", "3"]
+    assert frame.main(words) == Exit.VIOLATED
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()[3:]]
+    assert [row[:5] for row in rows] == [
+        ["1", "violated", "in", "round", "2"],
+        ["2", "violated", "in", "round", "1"],
+        ["3", "violated", "in", "round", "1"],
+    ]
+    assert frame.main([*words, "--json"]) == Exit.VIOLATED
+    reports = valid(capsys.readouterr().out)
+    assert [report["robots"] for report in reports] == [1, 2, 3]
+
+
+@pytest.mark.parametrize("kind", ["svg", "png", "pdf"])
+def test_a_sweep_is_drawn(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, race: str, kind: str
+) -> None:
+    pytest.importorskip("matplotlib")
+    path = tmp_path / f"times.{kind}"
+    words = ["verify", race, "--robots", "1..2", "--rounds", "1", "--plot", str(path)]
+    assert frame.main(words) == Exit.VIOLATED
+    starts = {"svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}
+    assert path.read_bytes().startswith(starts[kind])
+    assert "violated in round 1" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--robots", "3..2"], "'3..2' has no number of robots; write 2..3"),
+        (["--robots", "1..2", "--trace", "t.json"], "--trace takes one number of robots at a time"),
+        (["--plot", "t.svg"], "--plot takes one program and a sweep"),
+        (["--robots", "1..2", "--plot", "t.doc"], "'t.doc' is no picture"),
+        (["--robots", "1..2", "--plot", "/none/t.svg"], "there is no folder /none"),
+    ],
+)
+def test_sweeps_that_cannot_be(
+    capsys: pytest.CaptureFixture[str], race: str, words: list[str], told: str
+) -> None:
+    assert frame.main(["verify", race, *words]) == Exit.BAD_INPUT
+    assert told in capsys.readouterr().err

@@ -1,0 +1,83 @@
+"""``--robots 2..10``: a verdict for each number of robots, as a table and as a picture."""
+
+from __future__ import annotations
+
+import io
+from argparse import ArgumentTypeError
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from koord.cli.files import write_atomically
+from koord.cli.terminal import Paint, Style
+from koord.cli.verdicts import PAINT, outcome_of
+from koord.semantics.configurations import System
+from koord.verify.verdicts import Engine, Outcome, Report
+
+_MARKERS = {Outcome.HOLDS: "o", Outcome.VIOLATED: "X", Outcome.UNKNOWN: "s"}
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """What was found for one number of robots."""
+
+    system: System
+    report: Report
+
+
+def heading(name: str, style: Style) -> list[str]:
+    """What stands above the table."""
+    return [
+        style.paint(name, Paint.BOLD),
+        "",
+        f"  {'robots':>6}  {'outcome':<26}  {'engines':<20}  {'time':>9}",
+    ]
+
+
+def row(point: Point, style: Style) -> str:
+    """One line of the table, to be printed as soon as it is known."""
+    report = point.report
+    shown = style.paint(outcome_of(report).ljust(26), PAINT[report.outcome])
+    used = dict.fromkeys(v.engine for v in report.verdicts if v.engine is not Engine.NONE)
+    engines = ", ".join(engine.value for engine in used)
+    time = f"{report.seconds:.2f} s"
+    return f"  {point.system.robots:>6}  {shown}  {engines:<20}  {time:>9}"
+
+
+def check_drawable(path: str) -> None:
+    """Raises ArgumentTypeError before any work is done if no picture can come of it."""
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+    except ImportError:
+        raise ArgumentTypeError("--plot needs matplotlib: pip install 'koord[plot]'") from None
+    known = FigureCanvasAgg.get_supported_filetypes()
+    if Path(path).suffix.removeprefix(".").lower() not in known:
+        raise ArgumentTypeError(f"--plot: {path!r} is no picture; write times.svg or times.png")
+
+
+def draw(path: str, name: str, points: Sequence[Point]) -> None:
+    """Time against the number of robots, as a picture. Raises KoordError."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
+
+    figure = Figure(figsize=(6, 4), layout="constrained")
+    axes = figure.add_subplot()
+    seconds = {point.system.robots: point.report.seconds for point in points}
+    axes.plot(list(seconds), list(seconds.values()), color="0.7", zorder=1)
+    for outcome, marker in _MARKERS.items():
+        robots = [p.system.robots for p in points if p.report.outcome is outcome]
+        if robots:
+            times = [seconds[n] for n in robots]
+            axes.scatter(robots, times, marker=marker, label=outcome.value, zorder=2)
+    axes.set(xlabel="robots", ylabel="time in s", title=Path(name).name)
+    axes.set_ylim(bottom=0)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.grid(visible=True, alpha=0.3)
+    axes.legend()
+    picture = io.BytesIO()
+    figure.savefig(picture, format=Path(path).suffix.removeprefix("."), metadata=_UNDATED)
+    write_atomically(path, picture.getvalue())
+
+
+#: So that equal results give equal files.
+_UNDATED = {"Date": None}
