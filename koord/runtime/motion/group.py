@@ -36,8 +36,15 @@ class Group:
     """Motion automata of ``count`` robots with one body, one planner and one world."""
 
     def __init__(
-        self, count: int, body: Body, world: World, planner: Planner, visit: Visit, seed: int = 0
+        self,
+        count: int,
+        body: Body,
+        world: World,
+        planner: Planner,
+        visit: Visit,
+        seeds: Sequence[int] | None = None,
     ) -> None:
+        """``seeds`` are the planners', one for each robot."""
         self.body, self.world, self.planner, self.visit = body, world, planner, visit
         self.count = count
         self.automata = automaton.initial(count)
@@ -47,7 +54,7 @@ class Group:
         self.targets: dict[int, Point] = {}  #: for which there is no path yet
         self._orders = automaton.no_orders(count)
         self._field = field(world, flat=isinstance(body, Car))
-        self._seed = seed
+        self._seeds = [0] * count if seeds is None else list(seeds)
         self._plans = np.zeros(count, np.int64)
 
     # --- orders ---------------------------------------------------------------------------------
@@ -146,7 +153,7 @@ class Group:
     def _plan_one(self, robot: int, psn: Floats, heading_rad: float) -> None:
         x, y, z = psn[robot].tolist()
         self._plans[robot] += 1
-        source = np.random.SeedSequence((self._seed, robot, int(self._plans[robot])))
+        source = np.random.SeedSequence((self._seeds[robot], int(self._plans[robot])))
         seed = int(source.generate_state(1)[0])
         target = self.targets.pop(robot)
         path = self.planner.plan(Pose((x, y, z), heading_rad), target, seed)

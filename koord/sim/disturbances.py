@@ -1,0 +1,132 @@
+"""What makes simulated robots less than perfect: noise, slow positioning, delay, wind. All seeded.
+
+Each robot has a generator of its own, spawned from one seed, so what happens to a robot does not
+depend on how many others there are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Floats
+
+#: Random numbers are drawn for so many steps at a time.
+_BLOCK = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Positioning:
+    """How well robots know where they are: the standard deviations, and how often they are told.
+
+    The defaults are those of motion capture: exact, and new at every step of control.
+    """
+
+    noise_m: float = 0.0
+    heading_noise_rad: float = 0.0
+    rate_hz: float | None = None  #: None: whenever a controller asks
+
+
+@dataclass(frozen=True, slots=True)
+class Wind:
+    """Wind as drones feel it: a mean, and gusts that come and go (an Ornstein–Uhlenbeck process).
+
+    Gusts have the standard deviation ``gust_mps`` along each axis and die down with ``calm_s``.
+    """
+
+    mean_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gust_mps: float = 0.0
+    calm_s: float = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbances:
+    """All of them, as a configuration gives them for a kind of robot."""
+
+    positioning: Positioning = Positioning()
+    actuation_delay_s: float = 0.0
+    wind: Wind = Wind()
+
+
+class Normals:
+    """Standard normal numbers for ``len(seeds)`` robots, ``width`` at each step."""
+
+    def __init__(self, seeds: list[np.random.SeedSequence], width: int) -> None:
+        self._sources = [np.random.default_rng(seed) for seed in seeds]
+        self._block: Floats = np.empty((len(seeds), _BLOCK, width))
+        self._next = _BLOCK
+
+    def draw(self) -> Floats:
+        """The next numbers, shape ``(n, width)``."""
+        if self._next == _BLOCK:
+            for source, block in zip(self._sources, self._block, strict=True):
+                source.standard_normal(out=block)
+            self._next = 0
+        drawn: Floats = self._block[:, self._next].copy()
+        self._next += 1
+        return drawn
+
+
+class Gusts:
+    """The wind at ``n`` robots."""
+
+    def __init__(self, wind: Wind, seeds: list[np.random.SeedSequence]) -> None:
+        self.wind = wind
+        self._mean = np.array(wind.mean_mps)
+        self._gust: Floats = np.zeros((len(seeds), 3))
+        self._normals = Normals(seeds, 3) if wind.gust_mps > 0 else None
+
+    def blow(self, dt_s: float) -> Floats:
+        """The wind for the next step, shape ``(n, 3)``."""
+        if self._normals is not None:
+            fade = math.exp(-dt_s / self.wind.calm_s)
+            fresh = self.wind.gust_mps * math.sqrt(1 - fade * fade)
+            self._gust = fade * self._gust + fresh * self._normals.draw()
+        return self._mean + self._gust
+
+
+class Fixes:
+    """The positions and headings that robots are told."""
+
+    def __init__(
+        self,
+        positioning: Positioning,
+        seeds: list[np.random.SeedSequence],
+        flat: bool,
+    ) -> None:
+        noisy = positioning.noise_m > 0 or positioning.heading_noise_rad > 0
+        self._normals = Normals(seeds, 4) if noisy else None
+        self._spread = np.array([*[positioning.noise_m] * 2, 0.0 if flat else positioning.noise_m])
+        self._turn = positioning.heading_noise_rad
+        self._period = 1.0 / positioning.rate_hz if positioning.rate_hz else 0.0
+        self._due_s = 0.0
+        self._last: tuple[Floats, Floats] | None = None
+
+    def read(self, position: Floats, heading_rad: Floats, now_s: float) -> tuple[Floats, Floats]:
+        """What robots are told at a time: a new fix if one is due, else the last one again."""
+        if self._last is not None and now_s < self._due_s - 1e-9:
+            return self._last
+        while self._period and self._due_s <= now_s + 1e-9:
+            self._due_s += self._period
+        if self._normals is not None:
+            drawn = self._normals.draw()
+            position = position + self._spread * drawn[:, :3]
+            heading_rad = heading_rad + self._turn * drawn[:, 3]
+        self._last = position.copy(), heading_rad.copy()
+        return self._last
+
+
+class Delay:
+    """A line in which commands wait for ``steps`` steps of control."""
+
+    def __init__(self, steps: int, at_first: Floats) -> None:
+        self._line = [at_first.copy() for _ in range(steps)]
+
+    def pass_on(self, command: Floats) -> Floats:
+        """Put a command in, take the one out that is due."""
+        if not self._line:
+            return command
+        self._line.append(command.copy())
+        return self._line.pop(0)

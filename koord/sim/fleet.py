@@ -1,0 +1,155 @@
+"""The fleet: all simulated robots of a run, and the time that passes for them.
+
+Time is counted in ticks of control and moves on when it is told to: nothing here waits, and nothing
+reads a clock. Equal seeds and equal orders give equal runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.automaton import State
+from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.geometry import as_path
+from koord.runtime.motion.planning import PlannerName
+from koord.runtime.motion.world import Point, World
+from koord.sim.kinds import Kind
+from koord.sim.squads import STEP_S, STEPS, Squad, squad
+
+#: A tick of control.
+TICK_S = STEP_S * STEPS
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A robot at the start of a run."""
+
+    kind: Kind
+    start: Point
+    heading_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Sensed:
+    """The motion sensors of a robot: what its program reads."""
+
+    psn: Point
+    heading_rad: float
+    reached: bool
+    planner: PlannerName
+    state: State
+
+
+class Fleet:
+    """Robots in a world; those of one kind run together. Robots are numbered as they are given."""
+
+    def __init__(self, world: World, robots: Sequence[Placed], seed: int = 0) -> None:
+        self.world, self.robots, self.ticks = world, tuple(robots), 0
+        seeds = np.random.SeedSequence(seed).spawn(len(robots))
+        self._squads: list[tuple[Squad, Floats]] = []
+        self._where: list[tuple[int, int]] = [(0, 0)] * len(robots)
+        for kind in dict.fromkeys(robot.kind for robot in robots):
+            members = [k for k, robot in enumerate(robots) if robot.kind == kind]
+            for row, member in enumerate(members):
+                self._where[member] = len(self._squads), row
+            start = np.array([robots[k].start for k in members], dtype=np.float64)
+            if isinstance(kind.body, Car):
+                start[:, 2] = world.ground
+            heading = np.array([robots[k].heading_rad for k in members], dtype=np.float64)
+            made = squad(kind, world, start, heading, [seeds[k] for k in members])
+            self._squads.append((made, np.array(members)))
+
+    # --- time -----------------------------------------------------------------------------------
+
+    @property
+    def now_s(self) -> float:
+        return self.ticks * TICK_S
+
+    def advance_to(self, time_s: float, watch: Callable[[Fleet], None] | None = None) -> None:
+        """Let time pass in whole ticks, up to a time; ``watch`` is called after every tick."""
+        while self.ticks < round(time_s / TICK_S - 0.5 + 1e-6):
+            for members, _ in self._squads:
+                members.tick(self.now_s)
+            self.ticks += 1
+            if watch is not None:
+                watch(self)
+
+    # --- orders ---------------------------------------------------------------------------------
+
+    def follow(self, robot: int, path: Sequence[Point]) -> None:
+        """Have a robot follow a path; one without points is no order."""
+        members, row = self._at(robot)
+        _, heading = members.fixes(self.now_s)
+        members.group.follow(row, as_path(path), float(heading[row]))
+
+    def go_to(self, robot: int, target: Point) -> None:
+        """Have a robot find a path to a target and follow it."""
+        members, row = self._at(robot)
+        members.group.go_to(row, target)
+
+    def hold(self, robot: int) -> None:
+        """Have a robot stay where it is until it is released."""
+        members, row = self._at(robot)
+        members.group.hold(row)
+
+    def release(self, robot: int) -> None:
+        """Have a robot go on with what it was doing when it was told to hold."""
+        members, row = self._at(robot)
+        members.group.release(row)
+
+    def stop(self, robot: int) -> None:
+        """Have a robot stop for good."""
+        members, row = self._at(robot)
+        members.group.stop(row)
+
+    # --- what is seen ---------------------------------------------------------------------------
+
+    def sensed(self) -> tuple[Sensed, ...]:
+        """The motion sensors of all robots now."""
+        found: list[Sensed | None] = [None] * len(self.robots)
+        for members, numbers in self._squads:
+            position, heading = members.fixes(self.now_s)
+            automata = members.group.automata
+            rows = zip(
+                numbers.tolist(),
+                position.tolist(),
+                heading.tolist(),
+                automata.reached.tolist(),
+                automata.state.tolist(),
+                strict=True,
+            )
+            for number, (x, y, z), angle, reached, state in rows:
+                planner = self.robots[number].kind.planner
+                found[number] = Sensed((x, y, z), angle, reached, planner, State(state))
+        return tuple(sensed for sensed in found if sensed is not None)
+
+    def positions(self) -> Floats:
+        """Where the robots are, shape ``(n, 3)``."""
+        return self._gathered(lambda members: members.truth()[0], 3)
+
+    def headings(self) -> Floats:
+        """Where the robots point, shape ``(n,)``."""
+        return self._gathered(lambda members: members.truth()[1][:, None], 1)[:, 0]
+
+    def attitudes(self) -> Floats:
+        """Their attitudes as unit quaternions, w first, shape ``(n, 4)``."""
+        return self._gathered(lambda members: members.attitude(), 4)
+
+    def path(self, robot: int) -> Floats:
+        """The path that a robot follows, shape ``(k, 3)``."""
+        members, row = self._at(robot)
+        return members.group.path(row)
+
+    def _at(self, robot: int) -> tuple[Squad, int]:
+        index, row = self._where[robot]
+        return self._squads[index][0], row
+
+    def _gathered(self, read: Callable[[Squad], Floats], width: int) -> Floats:
+        found = np.empty((len(self.robots), width))
+        for members, numbers in self._squads:
+            found[numbers] = read(members)
+        return found

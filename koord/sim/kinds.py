@@ -1,0 +1,33 @@
+"""Kinds of simulated robots, as configurations describe them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from koord.runtime.motion.automaton import Visit
+from koord.runtime.motion.bodies import Body
+from koord.runtime.motion.driving import Steering
+from koord.runtime.motion.planning import Effort, PlannerName
+from koord.sim.disturbances import Disturbances
+
+
+class Level(Enum):
+    """How much of a vehicle is modelled. (paper, IV-A)"""
+
+    SIMPLE = "simple"  #: a bicycle that meets nothing; a drone without attitude
+    FULL = "full"  #: cars push and block each other; drones are rigid bodies
+    FAST = "fast"  #: as ``full``, drones compiled by numba
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A device as a configuration describes it: robots of one kind make a squad."""
+
+    body: Body
+    planner: PlannerName
+    level: Level = Level.FULL
+    steering: Steering = Steering.PREDICTIVE
+    visit: Visit = field(default_factory=Visit)
+    disturbances: Disturbances = field(default_factory=Disturbances)
+    effort: Effort = field(default_factory=Effort)
