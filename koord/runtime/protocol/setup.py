@@ -26,12 +26,12 @@ class Timing:
 
     @staticmethod
     def of(delta_s: float, robots: int) -> Timing:
-        """What suits rounds of this length."""
+        """What suits rounds of this length. Many robots on one machine answer one after another."""
         unit = max(delta_s, 0.02)
         return Timing(
             delta_s=delta_s,
-            patience_s=unit / 2,
-            resend_s=unit / 4,
+            patience_s=0.7 * unit,
+            resend_s=max(unit / 10, 0.005, 0.0005 * robots),
             silence_s=3 * unit,
             slot_s=min(unit / 4, 4 * unit / robots),
             hold_s=2 * unit,

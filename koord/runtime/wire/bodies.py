@@ -1,0 +1,205 @@
+"""The bodies of messages: one kind and one type for each, checked by msgspec while it reads."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from functools import cache
+from typing import Any, assert_never
+
+import msgspec
+
+from koord.runtime.encoding import (
+    FlatDecision,
+    FlatProposal,
+    NotPlainError,
+    big_int,
+    decision_of,
+    encode,
+    flat_decision,
+    flat_proposal,
+    proposal_of,
+)
+from koord.runtime.protocol.entries import Admission, Entry, Position, Ran
+from koord.runtime.protocol.messages import (
+    Acknowledge,
+    Ask,
+    Candidacy,
+    Canvass,
+    Committed,
+    Decide,
+    Hello,
+    History,
+    Message,
+    Open,
+    Overruled,
+    Propose,
+    Snapshot,
+    Support,
+    Vote,
+)
+
+
+class Kind(IntEnum):
+    """The kind of a message, as the frame names it. Numbers are never used again."""
+
+    PROPOSE = 1
+    DECIDE = 2
+    ACKNOWLEDGE = 3
+    COMMITTED = 4
+    OPEN = 5
+    ASK = 6
+    HISTORY = 7
+    SNAPSHOT = 8
+    CANVASS = 9
+    SUPPORT = 10
+    CANDIDACY = 11
+    VOTE = 12
+    OVERRULED = 13
+    HELLO = 14
+
+
+FlatEntry = tuple[FlatDecision, bytes, tuple[tuple[int, int], ...], tuple[int, ...]]
+FlatRan = tuple[int, int | None]
+
+_TYPES: dict[Kind, Any] = {
+    Kind.PROPOSE: FlatProposal,
+    Kind.DECIDE: tuple[int, FlatEntry],
+    Kind.ACKNOWLEDGE: tuple[int, int, bytes, bool],
+    Kind.COMMITTED: tuple[int, int, bytes, float],
+    Kind.OPEN: tuple[int, int, bytes],
+    Kind.ASK: tuple[int],
+    Kind.HISTORY: tuple[int, FlatEntry, bool],
+    Kind.SNAPSHOT: tuple[int, int, bytes, tuple[int, ...], tuple[FlatRan | None, ...], bytes],
+    Kind.CANVASS: tuple[int, int, int],
+    Kind.SUPPORT: tuple[int],
+    Kind.CANDIDACY: tuple[int, int, int],
+    Kind.VOTE: tuple[int],
+    Kind.OVERRULED: tuple[int],
+    Kind.HELLO: tuple[bool],
+}
+
+
+@cache
+def _decoder(kind: Kind) -> msgspec.msgpack.Decoder[Any]:
+    return msgspec.msgpack.Decoder(_TYPES[kind], ext_hook=big_int)
+
+
+def kind_and_body(message: Message) -> tuple[Kind, bytes]:
+    """What goes into frames."""
+    kind, flat = _flat(message)
+    return kind, encode(flat)
+
+
+def message_of(kind: int, body: bytes, robots: int) -> Message | None:
+    """The message of a body that was put together; None if it is none."""
+    try:
+        known = Kind(kind)
+        message = _message(known, _decoder(known).decode(body))
+    except (msgspec.MsgspecError, NotPlainError, ValueError, RecursionError):
+        return None
+    return message if _fits(message, robots) else None
+
+
+def _flat(message: Message) -> tuple[Kind, tuple[Any, ...]]:
+    match message:
+        case Propose(proposal=proposal):
+            return Kind.PROPOSE, flat_proposal(proposal)
+        case Decide(epoch=epoch, entry=entry):
+            return Kind.DECIDE, (epoch, _flat_entry(entry))
+        case Acknowledge(epoch=epoch, round=round_, digest=digest, again=again):
+            return Kind.ACKNOWLEDGE, (epoch, round_, digest, again)
+        case Committed(epoch=epoch, round=round_, digest=digest, pause_s=pause_s):
+            return Kind.COMMITTED, (epoch, round_, digest, float(pause_s))
+        case Open(epoch=epoch, round=round_, chain=chain):
+            return Kind.OPEN, (epoch, round_, chain)
+        case Ask(round=round_):
+            return Kind.ASK, (round_,)
+        case History(epoch=epoch, entry=entry, last=last):
+            return Kind.HISTORY, (epoch, _flat_entry(entry), last)
+        case Snapshot():
+            last_ran = tuple(r if r is None else (r.round, r.event) for r in message.last_ran)
+            return Kind.SNAPSHOT, (
+                message.epoch,
+                message.round,
+                message.chain,
+                message.roster,
+                last_ran,
+                message.store,
+            )
+        case Canvass(epoch=epoch, position=at):
+            return Kind.CANVASS, (epoch, at.round, at.epoch)
+        case Candidacy(epoch=epoch, position=at):
+            return Kind.CANDIDACY, (epoch, at.round, at.epoch)
+        case Support(epoch=epoch):
+            return Kind.SUPPORT, (epoch,)
+        case Vote(epoch=epoch):
+            return Kind.VOTE, (epoch,)
+        case Overruled(epoch=epoch):
+            return Kind.OVERRULED, (epoch,)
+        case Hello(empty=empty):
+            return Kind.HELLO, (empty,)
+        case _:
+            assert_never(message)
+
+
+def _message(kind: Kind, flat: Any) -> Message:
+    match kind:
+        case Kind.PROPOSE:
+            return Propose(proposal_of(flat))
+        case Kind.DECIDE:
+            return Decide(flat[0], _entry(flat[1]))
+        case Kind.ACKNOWLEDGE:
+            return Acknowledge(*flat)
+        case Kind.COMMITTED:
+            return Committed(*flat)
+        case Kind.OPEN:
+            return Open(*flat)
+        case Kind.ASK:
+            return Ask(*flat)
+        case Kind.HISTORY:
+            return History(flat[0], _entry(flat[1]), flat[2])
+        case Kind.SNAPSHOT:
+            epoch, round_, chain, roster, last_ran, store = flat
+            ran = tuple(None if one is None else Ran(*one) for one in last_ran)
+            return Snapshot(epoch, round_, chain, roster, ran, store)
+        case Kind.CANVASS:
+            return Canvass(flat[0], Position(flat[1], flat[2]))
+        case Kind.CANDIDACY:
+            return Candidacy(flat[0], Position(flat[1], flat[2]))
+        case Kind.SUPPORT:
+            return Support(*flat)
+        case Kind.VOTE:
+            return Vote(*flat)
+        case Kind.OVERRULED:
+            return Overruled(*flat)
+        case Kind.HELLO:
+            return Hello(*flat)
+        case _:
+            assert_never(kind)
+
+
+def _flat_entry(entry: Entry) -> FlatEntry:
+    admitted = tuple((a.robot, a.incarnation) for a in entry.admitted)
+    return flat_decision(entry.decision), entry.previous, admitted, entry.late
+
+
+def _entry(flat: FlatEntry) -> Entry:
+    decision, previous, admitted, late = flat
+    return Entry(decision_of(decision), previous, tuple(Admission(*a) for a in admitted), late)
+
+
+def _fits(message: Message, robots: int) -> bool:
+    """Whether the robots that a message names exist, so that nobody looks them up in vain."""
+    match message:
+        case Decide(entry=entry) | History(entry=entry):
+            named = [taken.robot for taken in entry.decision.ran]
+            named += [admission.robot for admission in entry.admitted]
+            return all(0 <= robot < robots for robot in named)
+        case Propose(proposal=proposal):
+            return 0 <= proposal.robot < robots
+        case Snapshot(roster=roster, last_ran=last_ran):
+            return len(roster) == len(last_ran) == robots
+        case Committed(pause_s=pause_s):
+            return 0.0 <= pause_s < 1e6
+        case _:
+            return True

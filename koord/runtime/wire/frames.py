@@ -1,0 +1,107 @@
+"""The frame around a piece of a message: who sent it, which piece it is, and the proof.
+
+    name 1 | version 1 | kind 1 | sender 2 | incarnation 8 | number 8 | round 4 | piece 2 | pieces 2
+    … | proof 16
+
+The proof is BLAKE2b, keyed with a key that is made of the run's id and the pre-shared key, over all
+that comes before it: so it covers the run, the round, and the number that keeps replays out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from hashlib import blake2b
+from hmac import compare_digest
+from struct import Struct
+
+from koord.runtime.wire.drops import Drop
+
+#: The first bytes of every datagram: a name and a version.
+NAME, VERSION = 0x4B, 1
+
+#: The longest datagram, so that no network on the way cuts it in pieces.
+LONGEST = 1400
+
+PROOF_BYTES = 16
+
+_HEADER = Struct("!BBBHQQiHH")
+HEADER_BYTES = _HEADER.size
+ROOM = LONGEST - HEADER_BYTES - PROOF_BYTES  #: for the body
+_SHORTEST = HEADER_BYTES + PROOF_BYTES
+
+MOST_ROBOTS = 1 << 16
+LEAST_ROUND, MOST_ROUND = -(2**31), 2**31 - 1
+
+
+@dataclass(slots=True)
+class Frame:
+    """A piece of a message. ``number`` counts the datagrams of the sender."""
+
+    kind: int
+    sender: int
+    incarnation: int
+    number: int
+    round: int
+    piece: int
+    pieces: int
+    body: bytes
+
+
+def session_key(shared_key: bytes, run: str) -> bytes:
+    """The key of one run: datagrams of another run are as good as forged."""
+    longest = blake2b.MAX_KEY_SIZE
+    if len(shared_key) > longest:
+        shared_key = blake2b(shared_key).digest()
+    digest = blake2b(run.encode(), key=shared_key, digest_size=32, person=b"koord run")
+    return digest.digest()
+
+
+class Seal:
+    """Frames to datagrams and back, for one run."""
+
+    __slots__ = ("_keyed",)
+
+    def __init__(self, key: bytes) -> None:
+        self._keyed = blake2b(digest_size=PROOF_BYTES, key=key)
+
+    def put_on(self, frame: Frame) -> bytes:
+        """The datagram of a frame."""
+        plain = (
+            _HEADER.pack(
+                NAME,
+                VERSION,
+                frame.kind,
+                frame.sender,
+                frame.incarnation,
+                frame.number,
+                frame.round,
+                frame.piece,
+                frame.pieces,
+            )
+            + frame.body
+        )
+        proof = self._keyed.copy()
+        proof.update(plain)
+        return plain + proof.digest()
+
+    def take_off(self, datagram: bytes, robots: int, me: int) -> Frame | Drop:
+        """The frame of a datagram, or why it is none. The cheapest questions come first."""
+        size = len(datagram)
+        if not _SHORTEST <= size <= LONGEST:
+            return Drop.SIZE
+        if datagram[0] != NAME:
+            return Drop.NOT_KOORD
+        if datagram[1] != VERSION:
+            return Drop.VERSION
+        _, _, kind, sender, incarnation, number, round_, piece, pieces = _HEADER.unpack_from(
+            datagram
+        )
+        if sender >= robots or sender == me:
+            return Drop.STRANGER
+        end = size - PROOF_BYTES
+        proof = self._keyed.copy()
+        proof.update(datagram[:end])
+        if not compare_digest(proof.digest(), datagram[end:]):
+            return Drop.FORGED
+        body = datagram[HEADER_BYTES:end]
+        return Frame(kind, sender, incarnation, number, round_, piece, pieces, body)

@@ -1,0 +1,79 @@
+"""Messages that do not fit in one datagram: cut up, and put together in bounded memory."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+
+from koord.runtime.wire.drops import Drop
+from koord.runtime.wire.frames import ROOM, Frame
+
+#: The longest message has so many pieces; a snapshot of a megabyte fits.
+MOST_PIECES = 4096
+
+#: What all unfinished messages together may take up.
+MOST_BYTES = 16 << 20
+
+
+def cut(body: bytes) -> list[bytes]:
+    """A message's body in pieces that fit. Raises ValueError if it is too long for any number."""
+    pieces = [body[at : at + ROOM] for at in range(0, len(body), ROOM)] or [b""]
+    if len(pieces) > MOST_PIECES:
+        raise ValueError(f"a message of {len(body)} bytes is too long to be sent")
+    return pieces
+
+
+#: Sender, incarnation, number of the first piece, kind, pieces: equal for the pieces of a message.
+Key = tuple[int, int, int, int, int]
+
+
+@dataclass(slots=True)
+class Unfinished:
+    """A message of which some pieces are missing."""
+
+    pieces: dict[int, bytes] = field(default_factory=dict)
+    size: int = 0
+
+
+class Assembly:
+    """All unfinished messages of all senders; the oldest give way."""
+
+    __slots__ = ("_size", "_unfinished", "dropped", "most_bytes")
+
+    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        self.most_bytes = most_bytes
+        self.dropped = 0  #: pieces of messages that gave way
+        self._unfinished: OrderedDict[Key, Unfinished] = OrderedDict()
+        self._size = 0
+
+    @property
+    def size(self) -> int:
+        """The bytes held."""
+        return self._size
+
+    def add(self, frame: Frame) -> bytes | Drop | None:
+        """The whole body if this was the last piece that was missing; None if some still are."""
+        pieces, piece = frame.pieces, frame.piece
+        if not piece < pieces <= MOST_PIECES or frame.number < piece:
+            return Drop.FRAGMENT
+        if pieces == 1:
+            return frame.body
+        if len(frame.body) != ROOM and piece + 1 < pieces:
+            return Drop.FRAGMENT
+        key = (frame.sender, frame.incarnation, frame.number - piece, frame.kind, pieces)
+        message = self._unfinished.setdefault(key, Unfinished())
+        if piece not in message.pieces:
+            message.pieces[piece] = frame.body
+            message.size += len(frame.body)
+            self._size += len(frame.body)
+        if len(message.pieces) == pieces:
+            self._forget(key)
+            return b"".join(message.pieces[k] for k in range(pieces))
+        while self._size > self.most_bytes:
+            self.dropped += len(self._forget(next(iter(self._unfinished))).pieces)
+        return None
+
+    def _forget(self, key: Key) -> Unfinished:
+        message = self._unfinished.pop(key)
+        self._size -= message.size
+        return message
