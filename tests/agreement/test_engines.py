@@ -7,14 +7,14 @@ from random import Random
 
 import pytest
 
+from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
+from koord.refinement.generating.programs import system
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.search.engine import survey
 from koord.semantics.search.findings import OutOfBounds, Subject
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
 from koord.verify.claims import ClaimKind, claims_of
-from tests.generators.profiles import FINITE, SYMMETRIC, Profile
-from tests.generators.programs import system
 from tests.verify.asking import bounded
 
 ROUNDS = 2

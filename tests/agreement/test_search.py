@@ -11,6 +11,8 @@ from random import Random
 
 import pytest
 
+from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
+from koord.refinement.generating.programs import system
 from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import RecordedInputs, execute
@@ -20,8 +22,6 @@ from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
 from koord.semantics.search.symmetry import Symmetry, symmetry_of
 from koord.semantics.turns import holds_in
-from tests.generators.profiles import FINITE, SYMMETRIC, Profile
-from tests.generators.programs import system
 from tests.semantics.plain_search import PlainSearch, TooMuchError
 
 ROUNDS = 3

@@ -7,6 +7,7 @@ from random import Random
 
 import pytest
 
+from koord.refinement.generating.palette import Path, Way, end, palette, paths
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.masks import joined, marked, written
 from koord.semantics.storage import (
@@ -35,7 +36,6 @@ from tests.agreement.flattening import (
 )
 from tests.agreement.symbols import Symbols
 from tests.generators.configurations import Concrete, storage, value
-from tests.generators.palette import Path, Way, end, palette, paths
 
 ROBOTS = 2
 BLOCK = 500

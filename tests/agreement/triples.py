@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from random import Random
 
+from koord.refinement.generating.profiles import GENERAL, WILD
+from koord.refinement.generating.programs import system
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import EXACT, Constant, Domain
 from koord.semantics.execution import RecordedInputs
 from koord.semantics.rounds import Stepped, evolved, run_event, run_skip
 from koord.semantics.traces.recording import Round
 from tests.generators.configurations import configuration
-from tests.generators.profiles import GENERAL, WILD
-from tests.generators.programs import system
 from tests.generators.runs import Player
 
 

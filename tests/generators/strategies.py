@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
+from koord.refinement.generating.profiles import GENERAL, Profile
+from koord.refinement.generating.programs import system
 from koord.semantics.configurations import System
-from tests.generators.profiles import GENERAL, Profile
-from tests.generators.programs import system
 
 
 def systems(profile: Profile = GENERAL) -> st.SearchStrategy[System]:

@@ -13,14 +13,14 @@ from typing import get_args
 import pytest
 from hypothesis import given, settings
 
+from koord.refinement.generating.profiles import FINITE, GENERAL, Profile
+from koord.refinement.generating.programs import system
 from koord.semantics.configurations import System, Turn
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import execute
 from koord.syntax import core, types
 from koord.syntax.types import BOOL, INT
 from tests.generators.configurations import configuration
-from tests.generators.profiles import FINITE, GENERAL, Profile
-from tests.generators.programs import system
 from tests.generators.runs import recording
 from tests.generators.strategies import systems
 from tests.generators.wellformed import complaints

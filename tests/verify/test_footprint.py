@@ -6,6 +6,8 @@ from random import Random
 
 import pytest
 
+from koord.refinement.generating.profiles import FINITE, GENERAL
+from koord.refinement.generating.programs import system
 from koord.semantics.configurations import Robot, Status
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import execute
@@ -15,8 +17,6 @@ from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import BOOL, INT, ArrayType, ListType, MapType, QueueType, RecordType
 from koord.verify.footprint import Footprint, Written, footprint, statuses, stops_show
-from tests.generators.profiles import FINITE, GENERAL
-from tests.generators.programs import system
 from tests.generators.runs import recording
 from tests.semantics.building import (
     PID,

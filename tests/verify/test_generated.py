@@ -13,6 +13,8 @@ from random import Random
 
 import pytest
 
+from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.programs import system
 from koord.semantics.configurations import System
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.search.engine import survey
@@ -21,8 +23,6 @@ from koord.semantics.search.findings import Exhausted, Subject
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
 from koord.verify.claims import ClaimKind, claims_of
-from tests.generators.profiles import FINITE
-from tests.generators.programs import system
 from tests.verify.asking import Checked, bounded, inductive
 from tests.verify.reference import Explored, Explorer, TooManyError
 

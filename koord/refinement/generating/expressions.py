@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 
+from koord.refinement.generating import places
+from koord.refinement.generating.drafts import Context
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, ListOp, UnaryOp
 from koord.syntax.types import (
@@ -26,8 +28,6 @@ from koord.syntax.types import (
     StringType,
     Type,
 )
-from tests.generators import places
-from tests.generators.drafts import Context
 
 Maker = Callable[[], core.Expr | None]
 

@@ -8,12 +8,12 @@ from enum import IntEnum
 from random import Random
 from typing import TypeVar
 
+from koord.refinement.generating.palette import Palette
+from koord.refinement.generating.profiles import Profile
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.types import Type
-from tests.generators.palette import Palette
-from tests.generators.profiles import Profile
 
 T = TypeVar("T")
 

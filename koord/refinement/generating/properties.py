@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from koord.refinement.generating.drafts import Context, Draft, Reach, Slots
+from koord.refinement.generating.expressions import expression
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind, QuantifierKind
 from koord.syntax.types import BOOL, INT, ArrayType, ListType, Type
-from tests.generators.drafts import Context, Draft, Reach, Slots
-from tests.generators.expressions import expression
 
 
 def about_configurations(

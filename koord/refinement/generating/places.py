@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from koord.refinement.generating import expressions
+from koord.refinement.generating.drafts import Context
+from koord.refinement.generating.palette import Path, Stage, Way, end, paths
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home
 from koord.syntax.types import INT, ArrayType, ListType, QueueType, Robots, Type
-from tests.generators import expressions
-from tests.generators.drafts import Context
-from tests.generators.palette import Path, Stage, Way, end, paths
 
 
 @lru_cache(maxsize=4096)

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from random import Random
 
+from koord.refinement.generating.drafts import Context, Draft, Reach, Slots
+from koord.refinement.generating.expressions import expression
+from koord.refinement.generating.palette import palette
+from koord.refinement.generating.profiles import GENERAL, Profile
+from koord.refinement.generating.properties import assumption, contract, property_
+from koord.refinement.generating.statements import Signature, block, function
 from koord.semantics.configurations import System
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, ExternalKind, Home, PropertyKind, Start
@@ -20,12 +26,6 @@ from koord.syntax.types import (
     Robots,
     Type,
 )
-from tests.generators.drafts import Context, Draft, Reach, Slots
-from tests.generators.expressions import expression
-from tests.generators.palette import palette
-from tests.generators.profiles import GENERAL, Profile
-from tests.generators.properties import assumption, contract, property_
-from tests.generators.statements import Signature, block, function
 
 
 def system(random: Random, profile: Profile = GENERAL) -> System:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from koord.refinement.generating import places
+from koord.refinement.generating.drafts import Context
+from koord.refinement.generating.expressions import expression, key, literal
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp
 from koord.syntax.types import (
@@ -17,9 +20,6 @@ from koord.syntax.types import (
     Robots,
     Type,
 )
-from tests.generators import places
-from tests.generators.drafts import Context
-from tests.generators.expressions import expression, key, literal
 
 Maker = Callable[[], core.Stmt | None]
 
