@@ -1,0 +1,1 @@
+"""Random typed core programs that use every construct of the language."""
