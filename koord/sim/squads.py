@@ -96,7 +96,7 @@ class CarSquad:
         self.vehicles = _cars(kind.level, car, start, heading_rad, group.world)
         predictive = kind.steering is Steering.PREDICTIVE
         self._every = _PREDICTIVE_TICKS if predictive else 1
-        self.driving = Driving(group, kind.steering, Horizon(10, self._every * STEPS * STEP_S))
+        self.driving = Driving(group, kind.steering, Horizon(step_s=self._every * STEPS * STEP_S))
         noise, _ = _children(seeds)
         self._fixes = Fixes(kind.disturbances.positioning, noise, flat=True)
         self._delay = _delay(kind.disturbances, np.zeros((len(start), 2)))

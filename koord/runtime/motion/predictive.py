@@ -49,7 +49,7 @@ class Weights:
 class Horizon:
     """How far a controller looks: so many steps of so long."""
 
-    steps: int = 10
+    steps: int = 8
     step_s: float = 0.1
 
 
@@ -114,7 +114,9 @@ class Predictive:
         fastest = np.tile(self._fastest, self.horizon.steps)
         lower = np.concatenate([low - flat, -fastest - change], axis=1)
         upper = np.concatenate([high - flat, fastest - change], axis=1)
-        packed = quadratic[:, self._upper[1], self._upper[0]]
+        # OSQP reads memory as it lies, and such a selection may lie by columns.
+        packed = np.ascontiguousarray(quadratic[:, self._upper[1], self._upper[0]])
+        linear, lower, upper = (np.ascontiguousarray(a) for a in (linear, lower, upper))
         answer = np.empty((len(cars), 2))
         for row, car in enumerate(cars.tolist()):
             answer[row] = self._solve(car, packed[row], linear[row], lower[row], upper[row])
@@ -182,11 +184,15 @@ class Predictive:
                 max_iter=100,
                 check_termination=5,
                 polishing=False,
+                scaling=0,
             )
-            self.solvers[car] = solver
+            # The extension itself: what Python wraps around it costs more than the solution.
+            solver = self.solvers[car] = solver._solver
         else:
-            solver.update(Px=packed, q=linear, l=lower, u=upper)
-        answer: Floats = solver.solve(raise_error=False).x[:2]
+            solver.update_data_vec(q=linear, l=lower, u=upper)
+            solver.update_data_mat(P_x=packed, P_i=None, A_x=None, A_i=None)
+        solver.solve()
+        answer: Floats = solver.solution.x[:2]
         return answer
 
 
