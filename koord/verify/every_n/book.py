@@ -11,7 +11,7 @@ from name to name: what makes a statement fail of a robot, say.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import product
@@ -41,8 +41,10 @@ class Scheme:
     facts: list[Term] = field(default_factory=list)
     brings_up: list[Term] = field(default_factory=list)
     inner: list[Scheme] = field(default_factory=list)
+    atom: str = ""  #: the Boolean that the scheme is about, if it is about one
     doubt: Term = True
     witness: Term | None = None
+    active: bool = False
     contexts: list[tuple[Names, int]] = field(default_factory=list)
     doubted: int = 0
     said: set[tuple[object, ...]] = field(default_factory=set)
@@ -59,6 +61,10 @@ class Book:
     _schemes: list[Scheme] = field(default_factory=list)
     _frames: list[Scheme] = field(default_factory=list)
     _now: int = 0
+    _wanted: set[tuple[str, bool]] = field(default_factory=set)
+    _seen: set[tuple[int, int]] = field(default_factory=set)
+    _looked: int = 0
+    _kept: list[Term] = field(default_factory=list)
 
     # --- writing --------------------------------------------------------------------------------
 
@@ -102,7 +108,7 @@ class Book:
         inside = self.between(low, blank, high)
         frame.facts.append(self.implied(d.binary(BinaryOp.AND, holds, inside), holds_of))
         fails = d.binary(BinaryOp.AND, inside, d.unary(UnaryOp.NOT, holds_of))
-        frame.witness = witness
+        frame.atom, frame.witness = d.symbol(holds), witness
         frame.doubt = d.binary(BinaryOp.OR, holds, d.put(fails, [(blank, witness)]))
         self._keep(frame)
         return holds
@@ -172,21 +178,50 @@ class Book:
 
     # --- unfolding ------------------------------------------------------------------------------
 
+    def ask(self, goal: Sequence[Term]) -> None:
+        """Note that something is about to be asked."""
+        for term in goal:
+            self._want(term)
+
+    def _want(self, term: Term, without: str = "") -> None:
+        """Note which Booleans a formula may need to hold, or not to hold.
+
+        Where nothing needs a statement to hold, nothing need be said that follows from it; where
+        nothing needs it to fail, there need not be anything that it fails of.
+        """
+        self._kept.append(term)
+        for name, leaning in self.unknowns.terms.leanings(term, self._seen):
+            if name != without:
+                self._wanted.add((name, leaning))
+
     def settle(self, limit: int) -> None:
         """Say everything of every name, as far as both are of the first generations."""
         seen = -1
         while seen < self.instances < MOST_INSTANCES:
             seen = self.instances
+            for fact in self.facts[self._looked :]:
+                self._want(fact)
+            self._looked = len(self.facts)
             for scheme in list(self._schemes):
                 self._unfold(scheme, limit)
         self._now = 0
 
     def _unfold(self, scheme: Scheme, limit: int) -> None:
         names = [(term, born) for term, born in self._names.values() if born <= limit]
+        needed = not scheme.atom or (scheme.atom, True) in self._wanted
+        doubted = bool(scheme.atom) and (scheme.atom, False) in self._wanted
+        if (needed or doubted) and not scheme.active:
+            scheme.active = True
+            for fact in scheme.facts:
+                self._want(fact, scheme.atom)
+            self._want(scheme.doubt, scheme.atom)
         for context, born in list(scheme.contexts):
             if born > limit:
                 continue
-            self._raise_doubt(scheme, context, born)
+            if doubted:
+                self._raise_doubt(scheme, context, born)
+            if not needed:
+                continue
             for chosen in product(names, repeat=len(scheme.own)):
                 here = (*context, *(term for term, _ in chosen))
                 key = tuple(self.unknowns.terms.key(term) for term in here)
@@ -203,9 +238,15 @@ class Book:
             return
         scheme.said.add(key)
         pairs = list(zip(scheme.outer, context, strict=True))
+        witness = self.unknowns.terms.put(scheme.witness, pairs)
         self.instances += 1
-        self.facts.append(self.unknowns.terms.put(scheme.doubt, pairs))
-        self._put(self.unknowns.terms.put(scheme.witness, pairs), born + 1)
+        self._add(self.unknowns.terms.put(scheme.doubt, pairs))
+        self._put(witness, born + 1)
+        here = (*context, witness)
+        key = tuple(self.unknowns.terms.key(term) for term in here)
+        if key not in scheme.said:
+            scheme.said.add(key)
+            self._say(scheme, here, born + 1)
 
     def _say(self, scheme: Scheme, names: Names, born: int) -> None:
         """All that a scheme says of some names."""
@@ -213,11 +254,17 @@ class Book:
         pairs = list(zip((*scheme.outer, *scheme.own), names, strict=True))
         self.instances += 1
         for fact in scheme.facts:
-            self.facts.append(d.put(fact, pairs))
+            self._add(d.put(fact, pairs))
         for index in scheme.brings_up:
             self._put(d.put(index, pairs), born + 1)
         for inner in scheme.inner:
             inner.contexts.append((names, born))
+
+    def _add(self, fact: Term) -> None:
+        """One more fact, of which it is known already what it wants."""
+        assert self._looked == len(self.facts)
+        self.facts.append(fact)
+        self._looked += 1
 
     # --- formulas -------------------------------------------------------------------------------
 

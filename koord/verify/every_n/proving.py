@@ -117,6 +117,8 @@ class _Asking:
     def failing(self, goals: Sequence[tuple[Claim, list[Term]]]) -> dict[Claim, str]:
         """The claims whose goals (each a conjunction) the book does not refute."""
         pending = list(goals)
+        for _, goal in goals:
+            self.world.book.ask(goal)
         failed: dict[Claim, str] = {}
         for limit in range(max(self._limit, 0), GENERATIONS):
             if limit > self._limit:
