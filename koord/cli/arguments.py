@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 MOST_ROBOTS = 10_000
 MOST_ROUNDS = 1_000_000_000
+MOST_VIOLATIONS = 1_000
 DEEPEST_LIST = 20
 
 _NAME = re.compile(r"[^\W\d]\w*\Z")
@@ -74,6 +75,10 @@ def fleets(text: str) -> tuple[Fleet, ...]:
 def rounds(text: str) -> int:
     """A number of rounds; 0 means the first configuration only."""
     return _whole(text, "rounds", 0, MOST_ROUNDS)
+
+
+def violations(text: str) -> int:
+    return _whole(text, "violations", 1, MOST_VIOLATIONS)
 
 
 def seed(text: str) -> int:

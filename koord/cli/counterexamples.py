@@ -25,10 +25,25 @@ _KINDS = {
 
 
 def lines(loaded: LoadedProgram, system: System, verdict: Verdict, style: Style) -> Iterator[str]:
-    """The run that breaks a claim: a heading, its rounds, and the place in the text."""
-    found = verdict.counterexample
-    assert found is not None
-    yield style.paint(f"{verdict.claim.name}: {_headline(found)}", Paint.ERROR)
+    """The runs that break a claim: a heading, the rounds, and the place in the text."""
+    assert verdict.counterexample is not None
+    shown = [verdict.counterexample, *verdict.others]
+    for number, found in enumerate(shown, start=1):
+        count = f", {number} of {len(shown)} ways" if len(shown) > 1 else ""
+        if number > 1:
+            yield ""
+        yield from _lines(loaded, system, verdict, found, count, style)
+
+
+def _lines(
+    loaded: LoadedProgram,
+    system: System,
+    verdict: Verdict,
+    found: Counterexample,
+    count: str,
+    style: Style,
+) -> Iterator[str]:
+    yield style.paint(f"{verdict.claim.name}: {_headline(found)}{count}", Paint.ERROR)
     yield ""
     yield from _rounds(system, found, Table(Names(system), style))
     yield ""

@@ -9,6 +9,7 @@ from koord.cli.terminal import Paint, Style
 from koord.semantics.configurations import System
 from koord.verify.verdicts import (
     Bounds,
+    Counterexample,
     Emptiness,
     Engine,
     Outcome,
@@ -165,13 +166,16 @@ def _verdict_json(verdict: Verdict) -> dict[str, object]:
         "through_round": verdict.rounds,
         "seconds": round(verdict.seconds, 3),
         "reason": verdict.reason or None,
-        "violated": None
-        if found is None
-        else {
-            "round": found.round,
-            "phase": found.phase.value,
-            "robot": found.robot,
-            "detail": found.detail,
-            "place": None if found.span is None else str(found.span),
-        },
+        "violated": None if found is None else _violation_json(found),
+        "others": [_violation_json(other) for other in verdict.others],
+    }
+
+
+def _violation_json(found: Counterexample) -> dict[str, object]:
+    return {
+        "round": found.round,
+        "phase": found.phase.value,
+        "robot": found.robot,
+        "detail": found.detail,
+        "place": None if found.span is None else str(found.span),
     }

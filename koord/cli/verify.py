@@ -20,6 +20,7 @@ from koord.cli.arguments import (
     add_trace,
     check_files,
     seconds,
+    violations,
 )
 from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit, gravest
@@ -60,6 +61,7 @@ class Request:
     engine: Engine
     properties: tuple[str, ...]  #: their names; none means all
     timeout_s: float | None
+    violations: int  #: how many different ones of each claim
     seed: int
     trace: str | None  #: the file for the trace of a violation
     plot: str | None  #: the file for a picture of a sweep
@@ -91,6 +93,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--explain",
         action="store_true",
         help="show why claims that stay unknown could not be proved by induction",
+    )
+    parser.add_argument(
+        "--max-violations",
+        dest="violations",
+        metavar="K",
+        type=violations,
+        default=1,
+        help="look for K different ways to break each claim that is violated (1)",
     )
     add_settings(parser)
     add_trace(parser, "the trace of a violation")
@@ -142,6 +152,7 @@ def _request(arguments: argparse.Namespace) -> Request:
         engine=Engine(arguments.engine),
         properties=tuple(arguments.names),
         timeout_s=arguments.timeout,
+        violations=arguments.violations,
         seed=arguments.seed,
         trace=arguments.trace,
         plot=arguments.plot,
@@ -220,7 +231,7 @@ def _asked(system: System, request: Request) -> tuple[Bounds, Verification]:
 
     known = [claim.name for claim in claims_of(system)] + [p.name for p in liveness_of(system)]
     _check_names(request.properties, known)
-    bounds = Bounds(request.rounds, request.timeout_s)
+    bounds = Bounds(request.rounds, request.timeout_s, request.violations)
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
         report = verify(
             system,

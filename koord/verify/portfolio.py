@@ -7,9 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
+from itertools import islice
 from typing import assert_never
 
 from koord.semantics.configurations import System
+from koord.semantics.domain import NumberTooLongError
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.patience import OutOfPatienceError, Patience
 from koord.semantics.search.limits import Limits
@@ -22,6 +24,7 @@ from koord.verify.exhaustive import FEW_STATES
 from koord.verify.ledger import Ledger, Subject, Works
 from koord.verify.solving import Deadline
 from koord.verify.vacuity import vacuities
+from koord.verify.varieties import others
 from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Report, Vacuity, Verdict
 from koord.verify.witness import replayed, simplified
 
@@ -138,9 +141,12 @@ def _ask(
         for engine in engines(choice, unrolling):
             if ledger.open():
                 engine.work(ledger)
+        _find_others(ledger)
         empty = vacuities(ledger)
     except NotFiniteError as error:
         ledger.stopped = str(error)
+    except NumberTooLongError as error:
+        ledger.stopped = error.diagnostics[0].message
     except OutOfPatienceError:
         ledger.stopped = "timeout"
     except KeyboardInterrupt:
@@ -149,6 +155,16 @@ def _ask(
     spurious = unrolling.bounded is not None and bool(unrolling.bounded.unreplayed)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
     return _Asked(verdicts, empty, interrupted, spurious)
+
+
+def _find_others(ledger: Ledger) -> None:
+    """As many different counterexamples as were asked for."""
+    wanted = ledger.bounds.violations - 1
+    for claim, verdict in list(ledger.verdicts.items()):
+        if wanted > 0 and verdict.counterexample is not None:
+            ledger.progress(f"other ways to break {claim.name}")
+            found = tuple(islice(others(ledger, claim, verdict.counterexample), wanted))
+            ledger.settle({claim: replace(verdict, others=found)})
 
 
 def engines(choice: Choice, unrolling: ByUnrolling) -> list[Works]:

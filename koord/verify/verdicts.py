@@ -31,10 +31,14 @@ class Engine(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """How far to look: rounds, and seconds for everything (None: no limit)."""
+    """How far to look: rounds, and seconds for everything (None: no limit).
+
+    ``violations`` is how many different counterexamples to look for where a claim is violated.
+    """
 
     rounds: int = 20
     timeout_s: float | None = None
+    violations: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +88,7 @@ class Verdict:
     counterexample: Counterexample | None = None
     reason: str = ""
     depth: int = 1  #: of an inductive proof
+    others: tuple[Counterexample, ...] = ()  #: different ones, if more were asked for
     step: BrokenStep | None = None  #: why a claim that is *unknown* is not inductive
 
 

@@ -35,7 +35,7 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
     monkeypatch.setattr(verify, "_verify", engine)
     words = ["verify", program, "--robots", "Car=2,Drone=1", "--rounds", "5", "--delta", "1/3"]
     words += ["--engine", "bmc", "--property", "Small", "--timeout", "2.5", "--seed", "9"]
-    words += ["--explain", "--trace", f"{program}.json", "--json"]
+    words += ["--max-violations", "4", "--explain", "--trace", f"{program}.json", "--json"]
     assert frame.main(words) == Exit.UNKNOWN
     assert seen == [
         (
@@ -47,6 +47,7 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
                 engine=verify.Engine.BMC,
                 properties=("Small",),
                 timeout_s=2.5,
+                violations=4,
                 seed=9,
                 trace=f"{program}.json",
                 plot=None,

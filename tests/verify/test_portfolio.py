@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
+from itertools import permutations
 
 import pytest
 
 from koord.semantics.configurations import dealt
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import execute
+from koord.semantics.traces.recording import Recording
 from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT, ListType
 from koord.verify import portfolio
@@ -24,6 +26,7 @@ from tests.semantics.building import (
     Build,
     E,
     I,
+    J,
     bound,
     contract,
     e,
@@ -126,6 +129,38 @@ def test_what_shows_a_lost_update_keeps_the_update() -> None:
             assert shown is not None
             assert shown.recording.rounds[-1].events[updater] == 1
             assert sum(e is not None for e in shown.recording.rounds[-1].events) == 2
+
+
+def test_different_violations_differ_in_what_they_need() -> None:
+    """Each leaves out something that every other one needs, and each is a run of its own."""
+    b = Build("pairs")
+    x = b.local("x", INT, 0)
+    b.event("Go", x < 2, x.set(x + 1))
+    b.invariant("Few", forall(I, forall(J, (I.ne(J) & x.at(I).eq(1)) >> x.at(J).eq(0))))
+    system = dealt(b.program(), 3)
+    for choice in (Choice.BMC, Choice.SEARCH):
+        report = verify(system, Bounds(2, violations=9), choice)
+        (verdict,) = [v for v in report.verdicts if v.claim.name == "Few"]
+        assert verdict.counterexample is not None
+        shown = [verdict.counterexample, *verdict.others]
+        needed = [needs(c.recording) for c in shown]
+        assert not any(a <= b for a, b in permutations(needed, 2))
+        # Any two of three robots, in the first round.
+        in_round_1 = {frozenset({(0, 0), (0, 1)}), frozenset({(0, 0), (0, 2)})}
+        assert in_round_1 | {frozenset({(0, 1), (0, 2)})} <= set(needed)
+        for found in shown:
+            last = list(execute(EXACT, system, found.recording))[-1].configuration
+            assert last.round <= 2
+
+
+def needs(recording: Recording) -> frozenset[tuple[int, int]]:
+    """Who runs something in which round."""
+    rounds = enumerate(recording.rounds)
+    return frozenset((n, i) for n, r in rounds for i, e in enumerate(r.events) if e is not None)
+
+
+def test_one_violation_is_enough_if_no_more_are_asked_for() -> None:
+    assert all(v.others == () for v in ask(late(2)))
 
 
 def test_the_outcome_of_a_report_is_its_worst() -> None:
