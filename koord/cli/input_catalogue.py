@@ -138,5 +138,13 @@ INPUT_CATALOGUE = dict(
             "every round may grow by some digits each time, until a round takes minutes.\n\n"
             "Run for fewer rounds, or with `--numbers double`, which rounds as robots do.",
         ),
+        _entry(
+            "K924",
+            "a list has grown too long",
+            "What one variable holds may have 100,000 parts in lists, those of lists within lists "
+            "counted too. A program that appends in every round reaches any length in time; one "
+            "that appends to the list it goes through doubles it in every round.\n\n"
+            "Run for fewer rounds, or take out of lists what is no more needed.",
+        ),
     ]
 )

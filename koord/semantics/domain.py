@@ -12,11 +12,26 @@ from fractions import Fraction
 from typing import Protocol, TypeVar, assert_never
 
 from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.source import Span
 from koord.syntax.types import BOOL, FloatType, Type
 
 V = TypeVar("V")
 
 Constant = int | Fraction | float | bool | str
+
+#: Python would take minutes to reduce a fraction of numbers much longer than this.
+LONGEST_NUMBER_BITS = 100_000
+
+
+class NumberTooLongError(KoordError):
+    """Exact numbers may grow without end: work on them stops before the machine does."""
+
+    def __init__(self) -> None:
+        message = f"an exact number has grown to more than {LONGEST_NUMBER_BITS} bits"
+        hint = "take fewer rounds; a run can use --numbers double"
+        place = Span("koord", 0, 0, 0, 0)
+        super().__init__((Diagnostic("K923", Severity.ERROR, place, message, hint),))
 
 
 class Domain(Protocol[V]):
@@ -141,13 +156,13 @@ def binary_of_numbers(op: BinaryOp, left: Constant, right: Constant) -> Constant
     assert not isinstance(right, str)
     match op:
         case BinaryOp.ADD:
-            return left + right
+            return _handy(left + right)
         case BinaryOp.SUB:
-            return left - right
+            return _handy(left - right)
         case BinaryOp.MUL:
-            return left * right
+            return _handy(left * right)
         case BinaryOp.DIV:
-            return _quotient(left, right)
+            return _handy(_quotient(left, right))
         case BinaryOp.MOD:
             return left % right if right else 0
         case BinaryOp.LT:
@@ -161,7 +176,22 @@ def binary_of_numbers(op: BinaryOp, left: Constant, right: Constant) -> Constant
     assert_never(op)
 
 
-def _quotient(left: int | Fraction | float, right: int | Fraction | float) -> Constant:
+def _handy(number: int | Fraction | float) -> Constant:
+    """The number, unless it is too long to go on with. Raises NumberTooLongError."""
+    if isinstance(number, int):
+        bits = number.bit_length()
+    elif isinstance(number, Fraction):
+        bits = max(number.numerator.bit_length(), number.denominator.bit_length())
+    else:
+        return number
+    if bits > LONGEST_NUMBER_BITS:
+        raise NumberTooLongError
+    return number
+
+
+def _quotient(
+    left: int | Fraction | float, right: int | Fraction | float
+) -> int | Fraction | float:
     """Of ints rounded down; of floats as it is; zero for a zero divisor. [E-ARITH]"""
     if not right:
         return left - left

@@ -1,20 +1,22 @@
-"""Exact numbers that grow without end: a run stops before the machine does."""
+"""Values that grow without end: a run stops before the machine does."""
 
 from __future__ import annotations
 
-from fractions import Fraction
+from dataclasses import dataclass, field
 
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.traces.codec_values import LONGEST_NUMBER_BITS
 from koord.semantics.traces.json_reader import refusal
 from koord.semantics.traces.recording import Concrete
 from koord.semantics.values import Rec, Seq, Table
 
+#: What one variable holds has at most so many parts. Fixed arrays have a limit of their own.
+MOST_LISTED = 100_000
+
 
 def check_lengths(before: Configuration[Constant], after: Configuration[Constant]) -> None:
-    """Raise KoordError if a step made a number that is too long to go on with."""
+    """Raise KoordError if a step made a list that is too long to go on with."""
     for old, new in zip(before.robots, after.robots, strict=True):
         if old is not new:
             _check_all(old.locals, new.locals)
@@ -24,32 +26,42 @@ def check_lengths(before: Configuration[Constant], after: Configuration[Constant
 
 
 def _check_all(before: tuple[Storage[Constant], ...], after: tuple[Storage[Constant], ...]) -> None:
+    scale = _Scale()
     for old, new in zip(before, after, strict=True):
-        if old is not new and _bits(new) > LONGEST_NUMBER_BITS:
+        if old is not new and scale.listed(new) > MOST_LISTED:
             raise refusal(
                 "koord run",
-                "K923",
-                f"an exact number has grown to more than {LONGEST_NUMBER_BITS} bits",
-                "run with --numbers double, or for fewer rounds",
+                "K924",
+                f"a list has grown to more than {MOST_LISTED} parts",
+                "run for fewer rounds, or take out of lists what is no more needed",
             )
 
 
-def _bits(part: Storage[Constant] | Concrete) -> int:
-    """The length of the longest number in storage or a value."""
-    match part:
-        case int():
-            return part.bit_length()
-        case Fraction():
-            return max(part.numerator.bit_length(), part.denominator.bit_length())
-        case Cell(value=value):
-            return _bits(value)
-        case Tree(parts=parts):
-            return max(map(_bits, parts), default=0)
-        case Rec(fields=parts):
-            return max(map(_bits, parts), default=0)
-        case Seq(items=items):
-            return max(map(_bits, items), default=0)
-        case Table(entries=entries):
-            return max((max(_bits(k), _bits(v)) for k, v in entries), default=0)
-        case _:
-            return 0
+@dataclass(slots=True)
+class _Scale:
+    """Counts the parts of lists, those of lists within lists too.
+
+    A list may hold one and the same list many times over, and that one another: each is counted
+    once, and the counts are added up.
+    """
+
+    _known: dict[int, int] = field(default_factory=dict)
+
+    def listed(self, part: Storage[Constant] | Concrete) -> int:
+        """How many parts the lists in storage or a value have; other parts count nothing."""
+        match part:
+            case Cell(value=value):
+                return self.listed(value)
+            case Tree(parts=parts):
+                return sum(map(self.listed, parts))
+            case Rec(fields=fields):
+                return sum(map(self.listed, fields))
+            case Seq(items=items):
+                if id(part) not in self._known:
+                    self._known[id(part)] = len(items) + sum(map(self.listed, items))
+                return self._known[id(part)]
+            case Table(entries=entries):
+                inside = sum(self.listed(k) + self.listed(v) for k, v in entries)
+                return 2 * len(entries) + inside
+            case _:
+                return 0

@@ -28,6 +28,14 @@ from koord.syntax.types import (
 #: Entries of a cache, beyond which it is emptied.
 CACHE_LIMIT = 400_000
 
+#: A variable whose content has more scalars is too large to be told apart from others.
+MOST_SCALARS = 100_000
+
+
+class TooLargeError(Exception):
+    """A variable holds more than a search can go on with."""
+
+
 H = TypeVar("H", bound=Hashable)
 V = TypeVar("V")
 
@@ -134,7 +142,13 @@ class Cells:
         Set flags and lengths must be known; what scalars are does not matter.
         """
         scalars: list[tuple[Any, Type]] = []
-        form = _form(storage, self._type, lambda value, type_: scalars.append((value, type_)))
+
+        def found(value: Any, type_: Type) -> None:
+            if len(scalars) == MOST_SCALARS:
+                raise TooLargeError
+            scalars.append((value, type_))
+
+        form = _form(storage, self._type, found)
         number = self._forms.number(form)
         if number == len(self._types):
             self._types.append(tuple(type_ for _, type_ in scalars))

@@ -17,6 +17,7 @@ from itertools import product
 from koord.semantics.configurations import System
 from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.search.canonical import State, Vault
+from koord.semantics.search.cells import MOST_SCALARS, TooLargeError
 from koord.semantics.search.checking import Check, asks_who_ran, check, sees_the_environment
 from koord.semantics.search.commits import Commits
 from koord.semantics.search.exploring import UnboundedError
@@ -182,6 +183,9 @@ class _Search:
             self.end = OutOfBounds(str(limit), len(self._seen), self._depth)
         except OutOfPatienceError:
             self.end = OutOfBounds(OUT_OF_TIME, len(self._seen), self._depth)
+        except TooLargeError:
+            reached = f"more than {MOST_SCALARS} values in one variable"
+            self.end = OutOfBounds(reached, len(self._seen), self._depth)
         except UnboundedError as reason:
             self.end = NotFinite(str(reason), NOWHERE)
         else:

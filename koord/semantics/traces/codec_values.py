@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from fractions import Fraction
 from typing import TypeAlias, assert_never
 
-from koord.semantics.domain import Constant
+from koord.semantics.domain import LONGEST_NUMBER_BITS, Constant
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.traces.json_reader import Reader, shortened
 from koord.semantics.traces.trace import Numbers, part_types
@@ -50,9 +50,6 @@ UNSET: Json = {"#unset": None}
 
 #: Integers from here on are written in hexadecimal: JSON's readers may take numbers for doubles.
 _LARGE = 2**53
-
-#: Python would take minutes to reduce a fraction of numbers much longer than this.
-LONGEST_NUMBER_BITS = 100_000
 
 _INTEGER = re.compile(rf"-?(0x[0-9a-f]{{1,{LONGEST_NUMBER_BITS // 4 + 1}}}|[0-9]{{1,4000}})\Z")
 _NOT_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
