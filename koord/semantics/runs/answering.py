@@ -174,8 +174,8 @@ class SampledInputs:
                     self.functions[question] = candidate
                 return candidate
             # What was found out about other functions hung on this candidate.
-            for late in list(self.functions)[known:]:
-                del self.functions[late]
+            while len(self.functions) > known:
+                self.functions.popitem()
         raise _no_answer(function, arguments)
 
     def _candidates(

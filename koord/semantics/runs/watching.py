@@ -7,24 +7,38 @@ still; so of a thousand parts a step has a few looked at.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.execution import Step
-from koord.semantics.expressions import slot_in, statement
+from koord.semantics.expressions import statement
 from koord.semantics.machine import machine
 from koord.semantics.oracle import Inputs, Phase
-from koord.semantics.storage import Tree, held
+from koord.semantics.runs.parts import Part, Place, changed, parts_of
+from koord.semantics.storage import held
 from koord.semantics.traces.trace import Violation, ViolationKind
 from koord.semantics.turns import holds_in
 from koord.syntax import core
-from koord.syntax.core import BinaryOp, Home, PropertyKind, QuantifierKind
-from koord.syntax.walk import nodes
+from koord.syntax.core import PropertyKind
 
-#: A property of more parts is looked at as a whole.
-_MOST_PARTS = 10_000
+
+@dataclass(slots=True)
+class _Watched:
+    """A property in parts. ``stale`` are those not known to hold: all others hold still."""
+
+    parts: list[Part]
+    stale: set[int]
+    readers: dict[Place, list[int]]
+
+    @classmethod
+    def of(cls, system: System, stated: core.Property) -> _Watched:
+        parts = parts_of(system, stated.condition)
+        readers: dict[Place, list[int]] = {}
+        for number, part in enumerate(parts):
+            for place in part.places:
+                readers.setdefault(place, []).append(number)
+        return cls(parts, set(range(len(parts))), readers)
 
 
 @dataclass
@@ -34,7 +48,8 @@ class Watch:
     d: Domain[Constant]
     system: System
     inputs: Inputs[Constant]
-    _parts: dict[str, list[_Part]] = field(default_factory=dict)
+    _watched: dict[str, _Watched] = field(default_factory=dict)
+    _seen: Configuration[Constant] | None = None
 
     def after(self, step: Step) -> Violation | None:
         """What the step broke: the first contract or property that does not hold.
@@ -56,10 +71,15 @@ class Watch:
 
     def holds(self, stated: core.Property, configuration: Configuration[Constant]) -> bool:
         """Whether a property holds in a configuration."""
-        parts = self._parts.get(stated.name)
-        if parts is None:
-            parts = self._parts[stated.name] = _parts_of(self.system, stated.condition)
-        if all(self._part_holds(part, stated.bound, configuration) for part in parts):
+        self._look_at(configuration)
+        watched = self._watched.get(stated.name)
+        if watched is None:
+            watched = self._watched[stated.name] = _Watched.of(self.system, stated)
+        for number in sorted(watched.stale):
+            if not self._part_holds(watched.parts[number], stated.bound, configuration):
+                break
+            watched.stale.discard(number)
+        else:
             return True
         # The property as a whole has the word, and asks its questions under its own keys.
         holds, _ = holds_in(
@@ -67,156 +87,19 @@ class Watch:
         )
         return holds is True
 
-    def _part_holds(self, part: _Part, bound: int, configuration: Configuration[Constant]) -> bool:
-        seen = list(part.reads(configuration))
-        if part.held is not None and all(
-            a is b or a == b for a, b in zip(part.held, seen, strict=True)
-        ):
-            return True
+    def _look_at(self, configuration: Configuration[Constant]) -> None:
+        """Nothing is known any more of the parts that read what has changed."""
+        before, self._seen = self._seen, configuration
+        if before is None or before is configuration:
+            return
+        for place in changed(before, configuration):
+            for watched in self._watched.values():
+                watched.stale.update(watched.readers.get(place, ()))
+
+    def _part_holds(self, part: Part, bound: int, configuration: Configuration[Constant]) -> bool:
         oracle = self.inputs.oracle(Phase.CHECK, 0)
         m = machine(self.d, self.system, oracle, bound=bound, view=configuration)
         m.trail.extend(part.trail)
         for slot, robot in part.robots.items():
             m.memory.bound[slot] = held(self.d, robot)
-        holds = statement(m, part.condition) is True
-        part.held = seen if holds else None
-        return holds
-
-
-@dataclass(slots=True)
-class _Part:
-    """A part of a property: what it says, of which robots, and where it looks.
-
-    ``held`` is what it read when it was last seen to hold. Of places that are not known beforehand,
-    such as ``x[y@i]``, every one that they may be is read.
-    """
-
-    condition: core.Expr
-    robots: dict[int, int]  #: bound slot to robot
-    trail: tuple[int, ...]
-    allread: tuple[tuple[int, int | None], ...]  #: slot, entry or all
-    allwrite: tuple[int, ...]
-    locals: tuple[tuple[int, int], ...]  #: robot, slot
-    ports: tuple[tuple[int, int], ...]
-    turns: tuple[int, ...]  #: robots whose status and last event it speaks of
-    held: list[object] | None = None
-
-    def reads(self, configuration: Configuration[Constant]) -> Iterator[object]:
-        store, robots = configuration.store, configuration.robots
-        for slot, entry in self.allread:
-            storage = store.allread[slot]
-            assert isinstance(storage, Tree)
-            yield storage if entry is None else storage.parts[entry]
-        for slot in self.allwrite:
-            yield store.allwrite[slot]
-        for robot, slot in self.locals:
-            yield robots[robot].locals[slot]
-        for robot, slot in self.ports:
-            yield robots[robot].ports[slot]
-        for robot in self.turns:
-            yield robots[robot].status
-            yield robots[robot].ran
-
-
-def _parts_of(system: System, condition: core.Expr) -> list[_Part]:
-    """The parts of a property; itself alone where they are more than one can keep."""
-    if _count(system, condition) > _MOST_PARTS:
-        return [_part(system, condition, {}, ())]
-    return list(_split(system, condition, {}, ()))
-
-
-def _count(system: System, e: core.Expr) -> int:
-    match e:
-        case core.Binary(op=BinaryOp.AND, left=left, right=right):
-            return _count(system, left) + _count(system, right)
-        case core.Quantified(quantifier=QuantifierKind.FORALL, domain=core.RobotRange()):
-            return system.robots * _count(system, e.body)
-        case _:
-            return 1
-
-
-def _split(
-    system: System, e: core.Expr, robots: dict[int, int], trail: tuple[int, ...]
-) -> Iterator[_Part]:
-    """The parts of a statement: it holds if and only if all of them do. [E-SHORT] [E-QUANT]"""
-    match e:
-        case core.Binary(op=BinaryOp.AND, left=left, right=right):
-            yield from _split(system, left, robots, trail)
-            yield from _split(system, right, robots, trail)
-        case core.Quantified(quantifier=QuantifierKind.FORALL, domain=core.RobotRange(agent=agent)):
-            for robot, kind in enumerate(system.kinds):
-                if agent is None or kind == agent:
-                    bound = {**robots, e.variable.slot: robot}
-                    yield from _split(system, e.body, bound, (*trail, robot))
-        case _:
-            yield _part(system, e, robots, trail)
-
-
-def _part(system: System, e: core.Expr, robots: dict[int, int], trail: tuple[int, ...]) -> _Part:
-    allread: dict[tuple[int, int | None], None] = {}
-    allwrite: dict[int, None] = {}
-    local: dict[tuple[int, int], None] = {}
-    ports: dict[tuple[int, int], None] = {}
-    turns: dict[int, None] = {}
-    every = range(system.robots)
-    # In functions, summaries and under other quantifiers a slot may stand for something else.
-    inner = {node.variable.slot for node in nodes(e) if isinstance(node, core.Quantified)}
-    fixed = {slot: robot for slot, robot in robots.items() if slot not in inner}
-
-    def named(index: core.Expr | None, fixed: dict[int, int]) -> int | None:
-        """The robot that an index is, as far as one can tell beforehand."""
-        match index:
-            case core.Const(value=int(value)) if value in every:
-                return value
-            case core.Read(place=core.Place(variable=variable, steps=())) if (
-                variable.home is Home.BOUND
-            ):
-                return fixed.get(variable.slot)
-            case _:
-                return None
-
-    own = [(node, fixed) for node in nodes(e)]
-    called = [(node, dict[int, int]()) for node in _called(system, e)]
-    for node, known in own + called:
-        match node:
-            case core.Place(variable=variable, steps=steps):
-                match variable.home:
-                    case Home.ALLREAD:
-                        first = steps[0] if steps else None
-                        index = first.index if isinstance(first, core.IndexStep) else None
-                        entry = named(index, known)
-                        allread[variable.slot, entry] = None
-                    case Home.ALLWRITE:
-                        allwrite[variable.slot] = None
-                    case Home.LOCAL | Home.PORT:
-                        into = local if variable.home is Home.LOCAL else ports
-                        which = named(node.robot, known)
-                        for robot in every if which is None else (which,):
-                            slot = slot_in(system.agent(robot), variable)
-                            if slot is not None:
-                                into[robot, slot] = None
-                    case Home.BOUND:
-                        pass
-            case core.Ran(robot=index) | core.Stopped(robot=index):
-                which = named(index, known)
-                turns.update(dict.fromkeys(every if which is None else (which,)))
-            case _:
-                pass
-    return _Part(
-        e, robots, trail, tuple(allread), tuple(allwrite), tuple(local), tuple(ports), tuple(turns)
-    )
-
-
-def _called(system: System, part: object) -> Iterator[object]:
-    """The nodes of the functions and summaries that a part of a program calls."""
-    for node in nodes(part):
-        match node:
-            case core.Call(function=name):
-                body = system.program.function(name).body
-                yield from nodes(body)
-                yield from _called(system, body)
-            case core.ExternalCall(function=name):
-                external = system.program.external(name)
-                yield from nodes((external.requires, external.ensures))
-            case _:
-                pass
+        return statement(m, part.condition) is True
