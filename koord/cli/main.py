@@ -56,7 +56,7 @@ class Entry:
     summary: str
 
     def load(self) -> Command:
-        return cast(Command, import_module(f"koord.cli.{self.name}"))
+        return cast(Command, import_module(f"koord.cli.{self.name.replace('-', '_')}"))
 
 
 COMMANDS = (
@@ -66,6 +66,8 @@ COMMANDS = (
     Entry("verify", "verify the properties of programs, or find a violation"),
     Entry("run", "run a program by the rules and show each round"),
     Entry("replay", "check a trace rule by rule against its program"),
+    Entry("compile", "compile a program to Python that robots run"),
+    Entry("check-refinement", "check that compiled programs do what the rules allow"),
 )
 
 

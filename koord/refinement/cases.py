@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from random import Random
 
-from koord.refinement.generating.profiles import GENERAL, WILD, Profile
+from koord.refinement.generating.profiles import CALM, GENERAL, WILD, Profile
 from koord.refinement.generating.programs import system as generated_system
 from koord.refinement.judging import Judged, judge
 from koord.refinement.running import Ran, Target, run, target
@@ -35,12 +35,13 @@ class Policy(Enum):
 class Sort(Enum):
     """The sorts of programs that are generated."""
 
+    CALM = "calm"  #: little goes wrong
     GENERAL = "general"
     WILD = "wild"  #: longer bodies, in which more goes wrong
 
     @property
     def profile(self) -> Profile:
-        return GENERAL if self is Sort.GENERAL else WILD
+        return {Sort.CALM: CALM, Sort.GENERAL: GENERAL, Sort.WILD: WILD}[self]
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +98,7 @@ def of_program(
 def generated(seed: int, rounds: int) -> Case:
     """The case of a generated program; everything about it hangs on the seed."""
     rng = Random(seed)
-    sort = rng.choice((Sort.GENERAL, Sort.GENERAL, Sort.WILD))
+    sort = rng.choice((Sort.CALM, Sort.CALM, Sort.GENERAL, Sort.WILD))
     system = generated_system(rng, sort.profile)
     policy = rng.choice((Policy.RANDOM, Policy.RANDOM, Policy.DEPLOYED))
     return Case(system, Sources(Source("generated", "")), policy, rounds, seed)

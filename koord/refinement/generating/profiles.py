@@ -51,6 +51,9 @@ GENERAL = Profile(
     arbitrary=0.1,
 )
 
+#: As ``GENERAL``, with little that goes wrong: runs come to their last round.
+CALM = replace(GENERAL, faulty=0.01, unset=0.01)
+
 #: As ``GENERAL``, with longer bodies in which more goes wrong, or nearly.
 WILD = replace(GENERAL, statements=(2, 5), faulty=0.3, unset=0.1, urgent=0.4)
 

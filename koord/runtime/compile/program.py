@@ -48,8 +48,11 @@ class _Module:
         )
         typing = [n for n in ("Any", "NamedTuple") if re.search(rf"\b{n}\b", text)]
         file = _one_line(self.names.file)
+        told = f'"""{file}, compiled: `koord compile` writes this file anew.'
+        given = [f"{name} = {_one_line(str(v))}" for name, v in self.program.parameters]
+        params = ["", f"Its params: {', '.join(given)}."] if given else []
         return [
-            f'"""{file}, compiled: `koord compile` writes this file anew."""',
+            *([told, *params, '"""'] if params else [f'{told}"""']),
             "",
             "from __future__ import annotations",
             "",

@@ -1,0 +1,253 @@
+"""``koord check-refinement [FILE…]``: does what runs do what the rules allow?"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import cycle, islice
+from pathlib import Path
+from random import Random
+
+from koord.cli.arguments import add_json, add_settings, check_files, delta, rounds, seed
+from koord.cli.diagnostics import Report
+from koord.cli.exits import Exit
+from koord.cli.files import write_atomically
+from koord.cli.inputs import LoadedProgram, Reading, load_programs
+from koord.cli.progress import Interruption
+from koord.cli.tables import fleet
+from koord.cli.terminal import Paint, style_of, visible
+from koord.cli.traces import sources_of
+from koord.refinement.cases import Case, Tried, all_generated, of_program, tried
+from koord.refinement.running import Target, target
+from koord.refinement.shrinking import shrunk
+from koord.runtime.compile import compiled
+from koord.semantics.configurations import System, dealt
+from koord.semantics.traces.codec import encode
+
+#: So many robots, in turn.
+_ROBOTS = (1, 2, 3, 4)
+
+#: Of a run that is refused, so many of the locations that differ are shown.
+_SHOWN = 8
+
+
+@dataclass
+class Totals:
+    """What a campaign did. Runs that gave up found no values that the program allows."""
+
+    runs: int = 0
+    rounds: int = 0
+    steps: int = 0
+    faults: int = 0
+    gave_up: int = 0
+    failures: list[Tried] = field(default_factory=list)
+
+    def add(self, one: Tried) -> None:
+        self.runs += 1
+        if one.judged is not None and one.ran is not None:
+            self.rounds += len(one.ran.trace.recording.rounds)
+            self.steps += one.judged.steps
+            self.faults += one.ran.fault_place is not None
+            self.gave_up += one.ran.gave_up is not None
+        if one.failed:
+            self.failures.append(one)
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "files",
+        metavar="FILE",
+        nargs="*",
+        help="a program (.krd); - is standard input. Without any, programs are generated",
+    )
+    parser.add_argument("--runs", metavar="K", type=_runs, default=100, help="how many runs (100)")
+    parser.add_argument(
+        "--rounds", metavar="R", type=rounds, default=8, help="how many rounds a run (8)"
+    )
+    parser.add_argument(
+        "--delta", metavar="SECONDS", type=delta, default=delta("0.1"), help="of a round (0.1)"
+    )
+    parser.add_argument(
+        "--faults",
+        choices=["none"],
+        default="none",
+        help="what happens to messages: in one process, nothing (none)",
+    )
+    parser.add_argument(
+        "--seed", metavar="S", type=seed, default=0, help="what every random choice hangs on (0)"
+    )
+    parser.add_argument(
+        "--save",
+        metavar="FOLDER",
+        default=".",
+        help="where the files of a run that is refused go (.)",
+    )
+    add_settings(parser)
+    add_json(parser, "what was found")
+    parser.epilog = (
+        "exit codes: 0 every run is one of the rules, 1 one is not, 2 errors in the input"
+    )
+
+
+def _runs(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not 1 <= len(text) <= 9 or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"--runs is a number from 1 on, not {text!r}")
+    return int(text)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    check_files([*arguments.files, *arguments.properties])
+    report = Report()
+    programs = load_programs(arguments.files, Reading.of(arguments), report)
+    if report.errors and arguments.json:
+        report.print(sys.stdout, as_json=True)
+    else:
+        report.print(sys.stderr, as_json=False)
+    if report.errors:
+        return Exit.BAD_INPUT
+    totals = Totals()
+    with Interruption() as interruption:
+        for one in _all(arguments, programs):
+            totals.add(one)
+            if one.failed or interruption.requested:
+                break
+    saved = [_saved(arguments.save, one) for one in totals.failures]
+    if arguments.json:
+        sys.stdout.write(json.dumps(_document(totals, saved), indent=2) + "\n")
+    else:
+        _show(totals, saved)
+    if interruption.requested:
+        return Exit.INTERRUPTED
+    return Exit.VIOLATED if totals.failures else Exit.OK
+
+
+# --- runs ---------------------------------------------------------------------------------------
+
+
+def _all(arguments: argparse.Namespace, programs: tuple[LoadedProgram, ...]) -> Iterator[Tried]:
+    """Every run; one that fails is replaced by a smaller one that fails as well."""
+    if not programs:
+        for case in islice(all_generated(Random(arguments.seed), arguments.rounds), arguments.runs):
+            yield _smallest(tried(case), None)
+        return
+    for loaded in programs:
+        made = target(loaded.program)
+        systems = (dealt(loaded.program, n, arguments.delta) for n in cycle(_ROBOTS))
+        cases = of_program(sources_of(loaded), systems, arguments.rounds, Random(arguments.seed))
+        for case in islice(cases, arguments.runs):
+            yield _smallest(tried(case, made), made)
+
+
+def _smallest(outcome: Tried, made: Target | None) -> Tried:
+    """Of a program that was compiled once for all runs, the program stays as it is."""
+    if not outcome.failed:
+        return outcome
+    return shrunk(outcome, lambda case: tried(case, made), programs=made is None)
+
+
+# --- what is told -------------------------------------------------------------------------------
+
+
+def _saved(folder: str, one: Tried) -> str:
+    """Keep a failing run: the trace, or, of a generated program, what was made of it."""
+    stem = Path(folder) / f"refinement-{one.case.seed}"
+    if one.judged is not None and one.case.sources.program.text:
+        path = f"{stem}.json"
+        write_atomically(path, encode(one.judged.trace))
+        return path
+    path = f"{stem}.txt"
+    write_atomically(path, _story(one).encode("utf-8"))
+    return path
+
+
+def _story(one: Tried) -> str:
+    """A failing case in full: program, what it was compiled to, schedule, first wrong step."""
+    program = one.case.system.program
+    parts = [
+        f"seed {one.case.seed}, {_robots(one.case.system)}, {one.case.rounds} rounds, "
+        f"{one.case.policy.value}",
+        *_told(one),
+        "",
+        "# compiled",
+        _text(one.case),
+        "# the core program",
+        repr(program),
+    ]
+    if one.judged is not None:
+        parts += ["", "# the recording", repr(one.judged.trace.recording)]
+    return "\n".join(parts) + "\n"
+
+
+def _text(case: Case) -> str:
+    try:
+        return compiled(case.system.program)
+    except Exception as error:
+        return f"it cannot be compiled: {error!r}"
+
+
+def _robots(system: System) -> str:
+    return fleet(system)
+
+
+def _told(one: Tried) -> Iterator[str]:
+    """The first step that the rules do not allow."""
+    refused = one.refused
+    if refused is None:
+        yield "the compiled program fell over:"
+        yield from one.crash.splitlines()
+        return
+    step = refused.step
+    who = "" if step.robot is None else f", robot {step.robot}"
+    what = "" if step.event is None else f", {step.event}"
+    when = "INIT" if step.round < 0 else f"round {step.round + 1}"
+    yield f"[{refused.rule}] {when}{who}{what}: {refused.reason}"
+    for change in refused.differences[:_SHOWN]:
+        whose = "" if change.robot is None else f" of robot {change.robot}"
+        yield f"  {change.name}{whose}: by the rules {change.old}, recorded {change.new}"
+    if one.judged is not None:
+        for number, round_ in enumerate(one.judged.trace.recording.rounds, start=1):
+            events = ", ".join("skip" if e is None else str(e) for e in round_.events)
+            yield f"  round {number}: order {list(round_.order)}, events [{events}]"
+
+
+def _document(totals: Totals, saved: list[str]) -> dict[str, object]:
+    return {
+        "runs": totals.runs,
+        "rounds": totals.rounds,
+        "steps": totals.steps,
+        "faults": totals.faults,
+        "gaveUp": totals.gave_up,
+        "failures": [
+            {
+                "program": one.case.sources.program.name,
+                "seed": one.case.seed,
+                "robots": one.case.system.robots,
+                "rounds": one.case.rounds,
+                "policy": one.case.policy.value,
+                "rule": None if one.refused is None else one.refused.rule,
+                "reason": one.crash if one.refused is None else one.refused.reason,
+                "saved": path,
+            }
+            for one, path in zip(totals.failures, saved, strict=True)
+        ],
+    }
+
+
+def _show(totals: Totals, saved: list[str]) -> None:
+    style = style_of(sys.stdout)
+    for one, path in zip(totals.failures, saved, strict=True):
+        said = style.paint("refused", Paint.ERROR)
+        name = visible(one.case.sources.program.name)
+        print(f"{said}: {name}, {_robots(one.case.system)}, seed {one.case.seed}")
+        for line in _told(one):
+            print(f"  {visible(line)}")
+        print(f"  saved as {visible(path)}")
+    counted = f"{totals.runs} runs, {totals.rounds} rounds, {totals.steps} steps"
+    ends = f"{totals.faults} ended in a fault"
+    if totals.gave_up:
+        ends += f", {totals.gave_up} for want of values that the program allows"
+    verdict = f"{len(totals.failures)} violations" if totals.failures else "no violation"
+    print(f"{counted}: {verdict} ({ends})")

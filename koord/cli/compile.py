@@ -1,0 +1,43 @@
+"""``koord compile FILE``: a program as Python, for robots to run."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from koord.cli.arguments import add_files, add_settings, check_files
+from koord.cli.diagnostics import Report
+from koord.cli.exits import Exit
+from koord.cli.files import DASH, check_writable, write_atomically
+from koord.cli.inputs import Reading, load_programs
+from koord.runtime.compile import compiled
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    add_files(parser, several=False)
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        default=DASH,
+        help="where the Python goes; - is standard output (-)",
+    )
+    add_settings(parser)
+    parser.epilog = "exit codes: 0 done, 2 errors in the input"
+
+
+def main(arguments: argparse.Namespace) -> int:
+    check_files([arguments.file, *arguments.properties])
+    if arguments.output != DASH:
+        check_writable(arguments.output)
+    report = Report()
+    programs = load_programs([arguments.file], Reading.of(arguments), report)
+    report.print(sys.stderr, as_json=False)
+    if report.errors:
+        return Exit.BAD_INPUT
+    text = compiled(programs[0].program)
+    if arguments.output == DASH:
+        sys.stdout.write(text)
+    else:
+        write_atomically(arguments.output, text.encode("utf-8"))
+    return Exit.OK
