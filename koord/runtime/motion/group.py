@@ -15,6 +15,7 @@ from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.automaton import State, Visit
 from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.clearance import leads_nowhere
 from koord.runtime.motion.field import field
 from koord.runtime.motion.planning import Planner, Pose, suits
 from koord.runtime.motion.routes import Pace, Routes
@@ -60,10 +61,15 @@ class Group:
     # --- orders ---------------------------------------------------------------------------------
 
     def follow(self, robot: int, path: Floats, heading_rad: float = 0.0) -> None:
-        """Follow a path, shape ``(k, 3)``; one without points is no order."""
+        """Follow a path, shape ``(k, 3)``; one without points is no order, one that stands for
+        none leaves the robot where it is.
+        """
         if not len(path):
             return
         self.targets.pop(robot, None)
+        if leads_nowhere(path, self.world.ground):
+            self._orders.failed[robot], self._orders.routed[robot] = True, False
+            return
         velocity = self._velocity(np.array([robot]))[0]
         self.routes.put(robot, path, heading_rad)
         self.s[robot] = 0.0

@@ -55,3 +55,14 @@ def flat_paths_within(one: Floats, other: Floats, reach_m: float) -> bool:
 
 def _line(path: Floats) -> shapely.Geometry:
     return shapely.Point(path[0]) if len(path) == 1 else shapely.LineString(path)
+
+
+def overlaps(where: Footprint, centre: tuple[float, float], side_m: float) -> bool:
+    """Whether a footprint covers some of a square, and not only its edge."""
+    shape, around = where
+    half = side_m / 2 - 1e-9
+    (x, y) = centre
+    square = shapely.box(x - half, y - half, x + half, y + half)
+    return bool(shapely.distance(square, shape) <= around) and (
+        around > 0 or bool(shapely.intersection(square, shape).area > 0)
+    )

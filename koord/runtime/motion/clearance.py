@@ -1,0 +1,129 @@
+"""When paths are clear of each other: ``pathsClear``, ``onPath``, ``apart`` on real geometry.
+
+A robot that follows a path is within ``tracking_m`` of it, one that stays at a point within
+``resting_m`` of that. Two paths are clear if robots so near to them are still more than
+``safety_m`` apart (d_s of the paper, II-A)::
+
+    pathsClear(a, b)   ⇔   dist(a, b) > safety + reach(a) + reach(b)
+    onPath(p, a)       ⇔   dist(p, a) ≤ reach(a) − resting (+ slack)
+
+with reach(a) = tracking if a leads anywhere, else resting. So a robot on its path that stops there
+and is known by its position from then on is clear of all that its path was clear of, which is what
+the summaries of *Task* and *Delivery* say. Where a robot really is may be off by ``resting_m`` more
+than that: whoever watches contracts on the physical trace gives that as the slack.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+
+from koord.runtime.motion import shapes
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Body
+from koord.runtime.motion.geometry import path_distance, point_path
+from koord.runtime.motion.world import Point
+
+Path: TypeAlias = tuple[Point, ...]
+
+#: What rounding may take a point off its path.
+_ROUNDING_M = 1e-9
+
+#: A path that goes so far below the ground is no path: no way was found.
+_ABYSS_M = 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """The distances that count."""
+
+    safety_m: float = 0.6
+    tracking_m: float = 0.2
+    resting_m: float = 0.1
+    ground_m: float = 0.0
+
+    def paths_clear(self, one: Path, other: Path) -> bool:
+        """Whether robots that follow two paths keep apart; a path of no points is clear of any."""
+        if not one or not other:
+            return True
+        # The order of the two must not show in the last bit of the answer.
+        first, second = (
+            (_known(one), _known(other)) if one <= other else (_known(other), _known(one))
+        )
+        lowest = self.ground_m - _ABYSS_M / 2
+        if first.low[2] < lowest or second.low[2] < lowest:
+            return False
+        reach = self.safety_m + self._reach(first) + self._reach(second)
+        gap = 0.0
+        for a, b, c, d in zip(first.low, first.high, second.low, second.high, strict=True):
+            apart = max(a - d, c - b, 0.0)
+            gap += apart * apart
+        if gap > reach * reach * (1 + 1e-12):
+            return True
+        if first.level and second.level:
+            rise = abs(first.low[2] - second.low[2])
+            if rise > reach:
+                return True
+            flat = math.sqrt(reach * reach - rise * rise)
+            return not shapes.flat_paths_within(first.points[:, :2], second.points[:, :2], flat)
+        return path_distance(first.points, second.points) > reach
+
+    def path_is_clear(self, routes: Sequence[Path], path: Path, me: int) -> bool:
+        """Whether a path of robot ``me`` is clear of the routes of all others."""
+        return all(self.paths_clear(route, path) for j, route in enumerate(routes) if j != me)
+
+    def on_path(self, p: Point, path: Path, slack_m: float = 0.0) -> bool:
+        """Whether a robot at a point is on a path."""
+        if not path:
+            return False
+        known = _known(path)
+        reach = self._reach(known) - self.resting_m
+        return point_path(np.array(p), known.points) <= reach + slack_m + _ROUNDING_M
+
+    def apart(self, p: Point, q: Point) -> bool:
+        """Whether two robots are at a safe distance."""
+        return math.dist(p, q) > self.safety_m
+
+    def no_way(self, start: Point, goal: Point) -> Path:
+        """What stands for a path where there is none: it begins and ends as it should, and is clear
+        of no path, because it leads through the earth; no robot follows it.
+        """
+        return start, (start[0], start[1], self.ground_m - _ABYSS_M), goal
+
+    def _reach(self, known: _Known) -> float:
+        return self.tracking_m if known.leads else self.resting_m
+
+
+def clearance_of(bodies: Sequence[Body], tracking_m: float, ground_m: float = 0.0) -> Clearance:
+    """The clearance at which no two bodies touch, whichever way they point."""
+    largest = sorted((body.radius_m for body in bodies), reverse=True)[:2]
+    return Clearance(sum(largest), tracking_m, min(0.1, tracking_m), ground_m)
+
+
+def leads_nowhere(path: Floats, ground_m: float) -> bool:
+    """Whether a path is one that stands for none (:meth:`Clearance.no_way`)."""
+    return bool(path[:, 2].min() < ground_m - _ABYSS_M / 2)
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """What is asked again and again of a path."""
+
+    points: Floats
+    low: Point
+    high: Point
+    leads: bool  #: to another point than it begins at
+    level: bool  #: all at one height
+
+
+@lru_cache(maxsize=8192)
+def _known(path: Path) -> _Known:
+    points = np.array(path, dtype=np.float64)
+    points.flags.writeable = False
+    (a, b, c), (d, e, f) = points.min(0).tolist(), points.max(0).tolist()
+    return _Known(points, (a, b, c), (d, e, f), (a, b, c) != (d, e, f), c == f)

@@ -1,0 +1,151 @@
+"""The library's functions of paths and maps, on real geometry. (prelude.krd)
+
+One :class:`Library` serves the robots that it is told of: all of them in the simulator, one on a
+deployed robot. Positions are triples of floats, paths tuples of positions, maps dictionaries. Every
+answer meets the summary that the prelude gives of its function, which is what verification relies
+on. Where no way is found, the answer is :meth:`.clearance.Clearance.no_way`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from koord.runtime.motion import mapping
+from koord.runtime.motion.clearance import Clearance, Path
+from koord.runtime.motion.planning import Planner, Pose
+from koord.runtime.motion.world import Grid, Point
+
+#: A path planned from so near to where a robot is now may be used again.
+_SAME_PLACE_M = 0.03
+
+_SAME_HEADING_RAD = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """How maps are drawn: their cells, and how far the scanners reach that they are drawn from."""
+
+    grid: Grid
+    range_m: float = 4.0
+
+
+@dataclass(slots=True)
+class _Robot:
+    planner: Planner
+    seed: int
+    plans: int = 0  #: so many were made in all
+    left: int = 0  #: so many may still be made in this round
+    kept: dict[Point, tuple[Pose, Path | None]] = field(default_factory=dict)
+
+
+class Library:
+    """The functions, for robots with these planners.
+
+    ``pose`` says where a robot is and points now. A robot may plan ``plans_per_round`` times a
+    round; when it has, it gets the path again that it last got for the same start and goal, or
+    learns that there is none.
+    """
+
+    def __init__(
+        self,
+        planners: Mapping[int, Planner],
+        pose: Callable[[int], Pose],
+        clearance: Clearance,
+        chart: Chart,
+        seed: int = 0,
+        plans_per_round: int = 4,
+    ) -> None:
+        self.pose, self.clearance, self.chart = pose, clearance, chart
+        self.plans_per_round = plans_per_round
+        self._robots = {
+            robot: _Robot(made, int(np.random.SeedSequence((seed, robot)).generate_state(1)[0]))
+            for robot, made in planners.items()
+        }
+        self._draw = {
+            robot: np.random.default_rng(np.random.SeedSequence((seed, robot, 1)))
+            for robot in planners
+        }
+        self.begin_round()
+
+    def begin_round(self) -> None:
+        """Let every robot plan again."""
+        for robot in self._robots.values():
+            robot.left = self.plans_per_round
+
+    # --- paths ----------------------------------------------------------------------------------
+
+    def find_path(self, robot: int, start: Point, goal: Point) -> Path:
+        """``findPath(start, goal)``: from start to goal, around what stands in the world."""
+        return self._planned(robot, start, goal) or self.clearance.no_way(start, goal)
+
+    def find_path_around(
+        self, robot: int, start: Point, goal: Point, obstacles: Sequence[Point]
+    ) -> Path:
+        """``findPath(start, goal, obstacles)``: around the points as well. If no way is found the
+        path ends where it begins.
+        """
+        if not obstacles:
+            return self._planned(robot, start, goal) or (start,)
+        made = self._plan(self._robots[robot], self._pose_at(robot, start), goal, obstacles)
+        return made or (start,)
+
+    def path_from_task(self, robot: int, target: Point) -> Path:
+        """``getPathFromTask(task)``: from where the robot is to the task."""
+        return self.find_path(robot, self.pose(robot).position, target)
+
+    def path_clear(self, one: Path, other: Path) -> bool:
+        """``pathsClear(a, b)``."""
+        return self.clearance.paths_clear(one, other)
+
+    def will_collide(self, robot: int, target: Point) -> bool:
+        """``willCollide(task)``: whether the robot finds no way to a task."""
+        return self._planned(robot, self.pose(robot).position, target) is None
+
+    # --- maps -----------------------------------------------------------------------------------
+
+    def scan_to_map(self, scan: Sequence[Point]) -> dict[int, bool]:
+        """``scanToMap(scan)``: the cells that a scan saw."""
+        return mapping.scan_to_map(self.chart.grid, scan, self.chart.range_m)
+
+    def pick_frontier(self, robot: int, known: Mapping[int, bool], near: Point) -> Point:
+        """``pickFrontierPos(known, near)``."""
+        return mapping.frontier(self.chart.grid, known, near, self._draw[robot])
+
+    def find_obstacles(self, known: Mapping[int, bool]) -> tuple[Point, ...]:
+        """``findObs(known)``: a point in each occupied cell."""
+        return mapping.obstacles(self.chart.grid, known, self.clearance.ground_m)
+
+    # --- inside ---------------------------------------------------------------------------------
+
+    def _pose_at(self, robot: int, start: Point) -> Pose:
+        return Pose(start, self.pose(robot).heading_rad)
+
+    def _planned(self, robot: int, start: Point, goal: Point) -> Path | None:
+        known, pose = self._robots[robot], self._pose_at(robot, start)
+        if known.left > 0:
+            made = self._plan(known, pose, goal, ())
+            known.kept[goal] = pose, made
+            return made
+        before = known.kept.get(goal)
+        if before is None or not _alike(before[0], pose) or before[1] is None:
+            return None
+        return start, *before[1][1:]
+
+    def _plan(self, known: _Robot, pose: Pose, goal: Point, avoid: Sequence[Point]) -> Path | None:
+        known.left -= 1
+        known.plans += 1
+        source = np.random.SeedSequence((known.seed, known.plans))
+        seed = int(source.generate_state(1)[0])
+        made = known.planner.plan(pose, goal, seed, avoid)
+        if made is None:
+            return None
+        return tuple((x, y, z) for x, y, z in made.tolist())
+
+
+def _alike(one: Pose, other: Pose) -> bool:
+    gap = float(np.linalg.norm(np.subtract(one.position, other.position)))
+    turn = abs(one.heading_rad - other.heading_rad)
+    return gap <= _SAME_PLACE_M and min(turn, 2 * np.pi - turn) <= _SAME_HEADING_RAD
