@@ -1,0 +1,86 @@
+"""The protocol on simulated networks, by seeds: every invariant in all runs, and then progress."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
+from koord.runtime.chaos.storm import Course, Weathered, weather
+from koord.runtime.protocol.setup import Setup, Timing
+
+KILLING = Faults(
+    most_delay_s=0.005, coordinator_dies_every_s=1.0, least_outage_s=0.3, most_outage_s=0.6
+)
+
+
+def storm(
+    robots: int, faults: Faults, seed: int, *, owing: int = 0, course: Course | None = None
+) -> Weathered:
+    setup = Setup(robots, Timing.of(0.1, robots), owing=frozenset(range(owing)))
+    return weather(setup, faults, seed, course if course is not None else Course(storm_s=3.0))
+
+
+@pytest.mark.parametrize("robots", [1, 2, 3, 8])
+def test_on_a_calm_network_nobody_is_late(robots: int) -> None:
+    weathered = storm(robots, CALM, seed=1)
+    assert weathered.broken is None
+    assert weathered.skips_late == 0
+    assert weathered.epochs == 1
+    assert weathered.rounds_in_storm >= 27
+    if robots > 1:
+        assert weathered.datagrams <= (2 * robots + 2) * (weathered.rounds + 2)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_in_chaos_every_invariant_holds_and_it_goes_on_afterwards(seed: int) -> None:
+    """(I-AGREE) (I-VALID) (I-ONE-WINNER) (I-ACT) (I-LASTING) (I-ONE-ENTRY)"""
+    assert storm(3 + seed % 3, CHAOS, seed).broken is None
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_with_urgent_events_nobody_is_ever_late(seed: int) -> None:
+    """(R-OWED)"""
+    weathered = storm(4, CHAOS, 1_000 + seed, owing=4)
+    assert weathered.broken is None
+    assert weathered.skips_late == 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_with_a_third_lost_most_rounds_still_happen(seed: int) -> None:
+    weathered = storm(8, LOSS, seed)
+    assert weathered.broken is None
+    assert weathered.rounds_in_storm >= 15
+    assert weathered.skips_late < weathered.rounds * 8 / 2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_killed_coordinators_are_succeeded(seed: int) -> None:
+    weathered = storm(5, KILLING, seed, course=Course(storm_s=5.0))
+    assert weathered.broken is None
+    assert weathered.epochs >= 3
+    assert weathered.rounds_in_storm >= 25
+
+
+def test_a_run_is_a_function_of_its_seed() -> None:
+    assert storm(4, CHAOS, 7) == storm(4, CHAOS, 7)
+    assert storm(4, CHAOS, 7) != storm(4, CHAOS, 8)
+
+
+def test_without_a_majority_nothing_is_committed() -> None:
+    dead = replace(CALM, loss=1.0)
+    setup = Setup(3, Timing.of(0.1, 3))
+    weathered = weather(setup, dead, 1, Course(storm_s=2.0, calm_s=20.0))
+    assert weathered.rounds_in_storm == -1
+    assert weathered.broken is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robots", [2, 3, 4, 5, 7])
+@pytest.mark.parametrize("part", range(8))
+def test_chaos_at_length(robots: int, part: int) -> None:
+    for seed in range(part * 100, part * 100 + 100):
+        owing = robots if seed % 4 == 0 else 0
+        weathered = storm(robots, CHAOS, seed, owing=owing, course=Course(storm_s=5.0))
+        assert weathered.broken is None, weathered
