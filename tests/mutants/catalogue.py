@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tests.mutants.mutant import Mutant
+from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
 
 ROUNDS = "tests/verify/test_rounds.py"
 BMC = "tests/verify/test_bmc.py"
@@ -565,4 +566,4 @@ VERIFY = (
     ),
 )
 
-MUTANTS = SEMANTICS + VERIFY
+MUTANTS = SEMANTICS + VERIFY + PROTOCOL + WIRE_MISTAKES

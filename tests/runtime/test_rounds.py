@@ -6,7 +6,6 @@ import pytest
 
 from koord.runtime.exploration.world import proposal_of
 from koord.runtime.proposals import Attempt, Fault, FaultKind, Proposal, Write
-from koord.runtime.protocol.deciding import decide, ranked
 from koord.runtime.protocol.entries import GENESIS, Entry, digest
 from koord.runtime.protocol.events import Begin, Commit, End, Hold, Reason, Resume, Timer
 from koord.runtime.protocol.messages import (
@@ -19,6 +18,7 @@ from koord.runtime.protocol.messages import (
     Propose,
 )
 from koord.runtime.protocol.setup import Timing
+from koord.runtime.protocol.setup import decided as decide
 from koord.runtime.protocol.state import Coordinator
 from tests.runtime.fleet import Fleet, Parcel, begun, fleet
 
@@ -39,13 +39,14 @@ def through(round_: int, *attempts: tuple[Attempt, ...] | None) -> dict[int, int
 
 def test_the_order_rotates_so_that_everyone_is_first_once() -> None:
     """(R-DECIDE)"""
-    assert [ranked(r, 3) for r in range(3)] == [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
-    assert ranked(3, 3) == ranked(0, 3) == ranked(-1, 3)
+    one = (attempt(0),)
+    firsts = [next(iter(through(r, one, one, one))) for r in range(-1, 6)]
+    assert firsts == [0, 0, 1, 2, 0, 1, 2]
 
 
 def test_one_robot_is_let_through_per_lock_class() -> None:
     """[ATOMIC] (I-ONE-WINNER)"""
-    both = ((attempt(0),), (attempt(0),), (attempt(1),))
+    both = (attempt(0),), (attempt(0),), (attempt(1),)
     assert through(0, *both) == {0: 0, 2: 0}
     assert through(1, *both) == {1: 0, 2: 0}
 
@@ -70,8 +71,8 @@ def test_a_missing_proposal_is_a_skip_and_takes_no_lock() -> None:
 
 
 def test_in_init_nobody_is_excluded() -> None:
-    """[INIT]"""
-    assert through(-1, (attempt(0),), (attempt(0),)) == {0: 0, 1: 0}
+    """[INIT]: robots propose it without locks."""
+    assert through(-1, (attempt(),), (attempt(),)) == {0: 0, 1: 0}
 
 
 def test_writes_are_in_the_order_of_the_robots() -> None:
@@ -80,11 +81,11 @@ def test_writes_are_in_the_order_of_the_robots() -> None:
     assert [write.value for write in decide(1, proposals).writes] == [1, 2, 0]
 
 
-def test_a_fault_ends_the_round_whoever_gets_locks() -> None:
+def test_a_fault_ends_the_round() -> None:
     """[FAULT]"""
     fault = Fault(FaultKind.DIVISION, "a.krd:1:1")
-    faulty = Proposal(1, 0, (Attempt(4, (), (0,), fault=fault),))
-    decision = decide(0, [Proposal(0, 0, (attempt(0),)), faulty])
+    faulty = Proposal(1, 1, (Attempt(4, fault=fault),))
+    decision = decide(1, [Proposal(0, 1, (attempt(0),)), faulty])
     assert decision.fault is not None
     assert (decision.fault.robot, decision.fault.event) == (1, 4)
     assert decision.ran == ()

@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from koord.runtime.deciding import decide, rotating
 from koord.runtime.proposals import Decision, Proposal
-from koord.runtime.protocol.deciding import decide
 
 #: From the proposals of a round (None: not there) to what becomes of it. A host whose store can say
 #: its digest puts in a function that fills that in.
 Decide = Callable[[int, Sequence[Proposal | None]], Decision]
+
+
+def decided(round_: int, proposals: Sequence[Proposal | None]) -> Decision:
+    """The decision of a round, in the order of its ranks. (R-DECIDE)"""
+    there = {robot: p for robot, p in enumerate(proposals) if p is not None}
+    return decide(round_, there, rotating(max(round_, 0), len(proposals)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +59,7 @@ class Setup:
     rounds: int | None = None  #: the run ends after so many rounds besides INIT
     first: int = 0  #: the coordinator of epoch 0
     kept: int = 64  #: so many committed entries are kept for those who ask (R-ASK)
-    decide: Decide = field(default=decide)
+    decide: Decide = field(default=decided)
 
     @property
     def majority(self) -> int:
