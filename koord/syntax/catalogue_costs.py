@@ -63,9 +63,10 @@ ENTRIES = {
             "K249",
             "this is too deep, with all that it calls",
             """A call counts as if the function's body stood in its place. Expressions and blocks
-            then stand inside each other at most 160 deep, and records and lists are made of each
-            other at most 40 deep. No program that a person wrote comes near that; one that a
-            program wrote can let functions call fewer others one inside the other.""",
+            then stand inside each other at most 160 deep, where a loop or a quantifier counts
+            twice; and records and lists are made of each other at most 40 deep. No program that a
+            person wrote comes near that; one that a program wrote can let functions call fewer
+            others one inside the other.""",
             "\n".join(
                 [
                     "def fun f0(int a) -> int:\n  return a + 1",

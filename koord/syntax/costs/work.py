@@ -20,8 +20,8 @@ from koord.syntax.source import Span
 #: Steps of one event, or of one statement about a configuration.
 MOST_STEPS = 10_000_000
 
-#: Expressions, blocks and calls stand inside each other at most so deep, calls followed. A body
-#: alone does not reach this: what is written so deep is refused before.
+#: Expressions, blocks and calls stand inside each other at most so deep, calls followed; a loop and
+#: a quantifier count twice.
 MOST_DEEP = 160
 
 #: Places of a program that are looked at before it counts as too large to be looked through.
@@ -225,7 +225,8 @@ class Ledger:
 
     def _often(self, node: core.Node, count: int, once: Work, body: Work) -> Work:
         steps = 1 + once.steps + count * (1 + body.steps)
-        return self._noted(node, Work(steps, 1 + max(once.deep, body.deep)))
+        # A loop takes the room of two other statements on the stack of whoever evaluates it.
+        return self._noted(node, Work(steps, 2 + max(once.deep, body.deep)))
 
     def _noted(self, node: core.Node, work: Work) -> Work:
         """Note the innermost place at which a body becomes too much."""
