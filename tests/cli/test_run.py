@@ -217,6 +217,17 @@ def test_assumptions_that_nothing_meets_end_in_an_error(koord: Koord, write: Pat
     assert out.count("\n") == 1
 
 
+def test_an_assumption_that_is_false_beforehand_is_told_at_once(koord: Koord, write: Path) -> None:
+    """[PROP-ASSUME]: of so many robots; nothing is tried."""
+    assumed = "assume: forall i: Rail.x@i >= 0 and numAgents > 4\n"
+    (write / "few.krd").write_text(FREE + assumed, encoding="utf-8")
+    code, _ = koord("run", "few.krd", "--robots", "4")
+    assert code == Exit.BAD_INPUT
+    assert "this assumption is false of 4 robots, whatever the variables start with" in koord.err
+    assert "few.krd:12:37" in koord.err
+    assert koord("run", "few.krd", "--robots", "5", "--rounds", "1")[0] == Exit.OK
+
+
 def test_kinds_of_robots(koord: Koord) -> None:
     """[CONFIG]"""
     code, out = koord("run", "kinds.krd", "--robots", "Car=1,Drone=2", "--rounds", "1")

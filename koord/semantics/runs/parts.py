@@ -152,8 +152,8 @@ class _Splitting:
 
     def _read_by(self, e: core.Expr) -> Iterator[_Read]:
         own = ((node, False) for node in nodes(e))
-        called = ((node, True) for node in _called(self.system, e))
-        for node, is_called in (*own, *called):
+        below = ((node, True) for node in called(self.system, e))
+        for node, is_called in (*own, *below):
             match node:
                 case core.Place(variable=core.Variable(home=Home.ALLREAD) as variable, steps=steps):
                     first = steps[0] if steps else None
@@ -200,14 +200,14 @@ class _Splitting:
                 return None
 
 
-def _called(system: System, part: object) -> Iterator[object]:
+def called(system: System, part: object) -> Iterator[object]:
     """The nodes of the functions and summaries that a part of a program calls."""
     for node in nodes(part):
         match node:
             case core.Call(function=name):
                 body = system.program.function(name).body
                 yield from nodes(body)
-                yield from _called(system, body)
+                yield from called(system, body)
             case core.ExternalCall(function=name):
                 external = system.program.external(name)
                 yield from nodes((external.requires, external.ensures))

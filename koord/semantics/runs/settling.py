@@ -12,6 +12,7 @@ from koord.semantics.machine import Legality, Machine, machine
 from koord.semantics.oracle import Phase
 from koord.semantics.rounds import Stepped, initialised
 from koord.semantics.runs.answering import SampledInputs
+from koord.semantics.runs.fixed import false_beforehand
 from koord.semantics.runs.repairing import placed, repairs
 from koord.semantics.runs.standing_in import driven
 from koord.semantics.storage import contents, held, stored
@@ -43,6 +44,14 @@ def settled_start(
     """
     stepped = initialised(d, system, inputs, order)
     best, waiting = _broken(d, system, stepped.configuration, inputs), 0
+    false = false_beforehand(d, system, stepped.configuration) if best else None
+    if false is not None:
+        raise _refusal(
+            "K920",
+            false.span,
+            f"this assumption is false of {_fleet(system)}, whatever the variables start with",
+            "choose other `--robots` or `--set`, or mend the assumption",
+        )
     for _ in range(START_TRIES):
         if not best:
             return stepped
@@ -175,6 +184,10 @@ def _no_start(
         "give the variables initial values that meet it, or see with `koord verify` whether the "
         "assumptions are contradictory",
     )
+
+
+def _fleet(system: System) -> str:
+    return f"{system.robots} robot{'' if system.robots == 1 else 's'}"
 
 
 # --- sensors ------------------------------------------------------------------------------------
