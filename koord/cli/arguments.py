@@ -36,10 +36,14 @@ _LIST_TOKEN = re.compile(r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*")
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """How many robots: a number of them, or a number of each kind (``Car=2,Drone=1``)."""
+    """How many robots: a number of them, or a number of each kind (``Car=2,Drone=1``).
+
+    ``any_number`` stands for every number of them: ``total`` is then no more than an example.
+    """
 
     total: int
     kinds: tuple[tuple[str, int], ...] = ()
+    any_number: bool = False
 
 
 def fleet(text: str) -> Fleet:
@@ -61,7 +65,12 @@ def fleet(text: str) -> Fleet:
 
 
 def fleets(text: str) -> tuple[Fleet, ...]:
-    """``2..10``: one fleet of each size. Otherwise the one fleet that :func:`fleet` reads."""
+    """``2..10``: one fleet of each size; ``any``: every number of robots at once.
+
+    Otherwise the one fleet that :func:`fleet` reads.
+    """
+    if text == "any":
+        return (Fleet(2, any_number=True),)
     low, dots, high = text.partition("..")
     if not dots:
         return (fleet(text),)

@@ -27,7 +27,8 @@ def system_of(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
 
 def _robots(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
     if not fleet.kinds:
-        return dealt(program, fleet.total, delta_s)
+        least = len(program.agents) if fleet.any_number else 1
+        return dealt(program, max(fleet.total, least), delta_s)
     names = [agent.name for agent in program.agents]
     kinds: list[int] = []
     for name, count in fleet.kinds:

@@ -23,7 +23,9 @@ PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKN
 
 def lines(name: str, system: System, report: Report, style: Style) -> Iterator[str]:
     """The report as a table, then what makes it say less, then one line that sums it up."""
-    yield style.paint(f"{name}: {_fleet(system)}, δ = {float(system.delta_s):g} s", Paint.BOLD)
+    yield style.paint(
+        f"{name}: {_robots(system, report)}, δ = {float(system.delta_s):g} s", Paint.BOLD
+    )
     yield ""
     rows = [(v.claim.name, said(v), _by(v), f"{v.seconds:.2f} s") for v in report.verdicts]
     widths = [max((len(row[k]) for row in rows), default=0) for k in range(4)]
@@ -57,13 +59,13 @@ def summary(system: System, bounds: Bounds, report: Report, style: Style) -> str
         case Outcome.HOLDS:
             reach = "every number of rounds" if _everywhere(report) else f"{bounds.rounds} rounds"
             vacuously = ", but vacuously" if report.is_vacuous else ""
-            text = f"{outcome}{vacuously}: {_claims(report)}, {_fleet(system)}, {reach}"
+            text = f"{outcome}{vacuously}: {_claims(report)}, {_robots(system, report)}, {reach}"
         case Outcome.VIOLATED:
             count = sum(v.outcome is Outcome.VIOLATED for v in report.verdicts)
-            text = f"{outcome}: {count} of {_claims(report)}, {_fleet(system)}"
+            text = f"{outcome}: {count} of {_claims(report)}, {_robots(system, report)}"
         case Outcome.UNKNOWN:
             count = sum(v.outcome is Outcome.UNKNOWN for v in report.verdicts)
-            text = f"{outcome}: {count} of {_claims(report)}, {_fleet(system)}"
+            text = f"{outcome}: {count} of {_claims(report)}, {_robots(system, report)}"
         case _:
             assert_never(report.outcome)
     return f"{text}; {stopped}{report.seconds:.2f} s"
@@ -90,6 +92,8 @@ def outcome_of(report: Report) -> str:
 def said(verdict: Verdict) -> str:
     """The verdict in words, with how far it reaches."""
     match verdict.outcome:
+        case Outcome.HOLDS if verdict.engine is Engine.EVERY_N:
+            return "holds for every number of robots and every number of rounds"
         case Outcome.HOLDS if verdict.rounds is None:
             return "holds in every round"
         case Outcome.HOLDS:
@@ -119,6 +123,10 @@ def _claims(report: Report) -> str:
     return f"{count} claim{'s' if count != 1 else ''}"
 
 
+def _robots(system: System, report: Report) -> str:
+    return "every number of robots" if report.every_n else _fleet(system)
+
+
 def _fleet(system: System) -> str:
     count = system.robots
     if len(system.program.agents) == 1:
@@ -132,7 +140,7 @@ def as_json(name: str, system: System, bounds: Bounds, report: Report) -> dict[s
     """The report as the object that ``--json`` prints."""
     return {
         "program": name,
-        "robots": system.robots,
+        "robots": None if report.every_n else system.robots,
         "delta_s": float(system.delta_s),
         "rounds": bounds.rounds,
         "outcome": report.outcome.value,
@@ -162,6 +170,7 @@ def _verdict_json(verdict: Verdict) -> dict[str, object]:
         "kind": verdict.claim.kind.value,
         "outcome": verdict.outcome.value,
         "engine": verdict.engine.value,
+        "every_number_of_robots": verdict.engine is Engine.EVERY_N,
         "all_rounds": verdict.outcome is Outcome.HOLDS and verdict.rounds is None,
         "through_round": verdict.rounds,
         "seconds": round(verdict.seconds, 3),

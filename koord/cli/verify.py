@@ -124,6 +124,10 @@ def main(arguments: argparse.Namespace) -> int:
         check_writable(request.trace)
     if request.plot is not None:
         _check_plot(arguments.files, request)
+    if request.fleets[0].any_number and request.engine is not Engine.AUTO:
+        raise argparse.ArgumentTypeError(
+            "--robots any has an engine of its own: leave --engine out"
+        )
     report = Report()
     programs = load_programs(arguments.files, Reading.of(arguments), report)
     if report.errors and request.as_json:
@@ -177,7 +181,7 @@ def _verify(program: LoadedProgram, request: Request, told: list[dict[str, objec
 
     (fleet,) = request.fleets
     system = system_of(program.program, fleet, request.delta_s)
-    bounds, report = _asked(system, request)
+    bounds, report = _asked(system, request, every_n=fleet.any_number)
     if request.as_json:
         told.append(verdicts.as_json(program.source.name, system, bounds, report))
     else:
@@ -223,8 +227,13 @@ def _sweep(program: LoadedProgram, request: Request, told: list[dict[str, object
     return gravest(_exit(point.report) for point in points)
 
 
-def _asked(system: System, request: Request) -> tuple[Bounds, Verification]:
-    """The verdicts on one system, with a live line while they are looked for."""
+def _asked(
+    system: System, request: Request, *, every_n: bool = False
+) -> tuple[Bounds, Verification]:
+    """The verdicts on one system, with a live line while they are looked for.
+
+    With ``every_n`` they are for every number of robots, and the system is an example of them.
+    """
     from koord.verify.claims import claims_of, liveness_of
     from koord.verify.portfolio import Choice, verify
     from koord.verify.verdicts import Bounds
@@ -236,7 +245,7 @@ def _asked(system: System, request: Request) -> tuple[Bounds, Verification]:
         report = verify(
             system,
             bounds,
-            Choice(request.engine.value),
+            Choice.EVERY_N if every_n else Choice(request.engine.value),
             names=request.properties,
             seed=request.seed,
             progress=line.show,

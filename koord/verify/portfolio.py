@@ -20,6 +20,8 @@ from koord.verify.abstraction import abstracted
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
 from koord.verify.engines import ByInduction, BySearch, ByUnrolling
+from koord.verify.every_n.engine import ByEveryN
+from koord.verify.every_n.proving import SPARING
 from koord.verify.exhaustive import FEW_STATES
 from koord.verify.ledger import Ledger, Subject, Works
 from koord.verify.solving import Deadline
@@ -36,6 +38,7 @@ class Choice(Enum):
     BMC = "bmc"
     SEARCH = "search"
     INDUCTION = "induction"
+    EVERY_N = "every N"
 
 
 def verify(
@@ -85,7 +88,8 @@ def verify(
         if not names or p.name in names
     )
     seconds = time.monotonic() - started
-    return Report(verdicts + live, vacuities, seconds, cut)
+    every_n = choice is Choice.EVERY_N
+    return Report(verdicts + live, vacuities, seconds, cut, every_n=every_n)
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +176,11 @@ def engines(choice: Choice, unrolling: ByUnrolling) -> list[Works]:
     induction = ByInduction(unrolling)
     match choice:
         case Choice.AUTO:
-            return [induction, BySearch(Limits(states=FEW_STATES)), unrolling]
+            # A proof for every number of robots is one for this number.
+            every_n = ByEveryN(SPARING)
+            return [every_n, induction, BySearch(Limits(states=FEW_STATES)), unrolling]
+        case Choice.EVERY_N:
+            return [ByEveryN()]
         case Choice.INDUCTION:
             return [induction]
         case Choice.SEARCH:

@@ -23,6 +23,7 @@ class Outcome(Enum):
 class Engine(Enum):
     """What gave a verdict."""
 
+    EVERY_N = "every N"  #: for every number of robots at once
     INDUCTION = "induction"
     SEARCH = "search"
     BMC = "bmc"
@@ -120,13 +121,14 @@ class Vacuity:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """All verdicts on one system."""
+    """All verdicts on one system; on systems of every size if ``every_n``."""
 
     verdicts: tuple[Verdict, ...]
     vacuities: tuple[Vacuity, ...]
     seconds: float
     interrupted: bool = False
     notes: tuple[str, ...] = field(default=())
+    every_n: bool = False
 
     @property
     def is_vacuous(self) -> bool:

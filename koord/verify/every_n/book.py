@@ -22,9 +22,6 @@ from koord.syntax.types import BOOL, INT
 from koord.verify.every_n.functions import Functions
 from koord.verify.terms import Term
 
-#: So many statements are made at most: a proof that needs more is not found.
-MOST_INSTANCES = 20_000
-
 Names = tuple[Term, ...]
 
 
@@ -52,9 +49,13 @@ class Scheme:
 
 @dataclass(slots=True)
 class Book:
-    """Facts, names, and the schemes by which the one gives the other. ``facts`` only grows."""
+    """Facts, names, and the schemes by which the one gives the other. ``facts`` only grows.
+
+    So many things are said of names at ``most``: a proof that needs more is not found.
+    """
 
     unknowns: Functions
+    most: int = 20_000
     facts: list[Term] = field(default_factory=list)
     instances: int = 0
     _names: dict[object, tuple[Term, int]] = field(default_factory=dict)
@@ -197,7 +198,7 @@ class Book:
     def settle(self, limit: int) -> None:
         """Say everything of every name, as far as both are of the first generations."""
         seen = -1
-        while seen < self.instances < MOST_INSTANCES:
+        while seen < self.instances < self.most:
             seen = self.instances
             for fact in self.facts[self._looked :]:
                 self._want(fact)
@@ -225,7 +226,7 @@ class Book:
             for chosen in product(names, repeat=len(scheme.own)):
                 here = (*context, *(term for term, _ in chosen))
                 key = tuple(self.unknowns.terms.key(term) for term in here)
-                if key not in scheme.said and self.instances < MOST_INSTANCES:
+                if key not in scheme.said and self.instances < self.most:
                     scheme.said.add(key)
                     self._say(scheme, here, max([born, *(b for _, b in chosen)]))
         for inner in scheme.inner:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import conjunction
@@ -96,22 +95,22 @@ class Everyone:
 class World:
     """One program with a crowd, and what is said of it."""
 
-    program: core.Program
-    delta_s: Fraction
+    system: System
     book: Book
     unknowns: Functions
     crowd: Everyone
 
     @staticmethod
-    def of(program: core.Program, delta_s: Fraction) -> World:
-        d = FunctionTerms()
+    def of(system: System) -> World:
+        """The system, but with any number of robots."""
+        d, program = FunctionTerms(), system.program
         unknowns = Functions(d, program, 0)
         book = Book(unknowns)
         count = d.fresh("N", INT)
         book.note(d.binary(BinaryOp.LE, 1, count))
         crowd = Everyone(book, unknowns, program, count)
         unknowns.crowd = crowd
-        return World(program, delta_s, book, unknowns, crowd)
+        return World(replace(system, kinds=(), crowd=crowd), book, unknowns, crowd)
 
     @property
     def d(self) -> FunctionTerms:
@@ -120,7 +119,7 @@ class World:
     @property
     def everywhere(self) -> System:
         """The system as properties see it: no robot runs."""
-        return System(self.program, (), self.delta_s, self.crowd)
+        return self.system
 
     @property
     def last(self) -> Term:
@@ -129,7 +128,11 @@ class World:
 
     def seat(self, kind: int, robot: Term) -> System:
         """The system as one robot of a kind sees it, which is robot 0 of ``kinds``."""
-        return System(self.program, (kind,), self.delta_s, replace(self.crowd, seated=robot))
+        return replace(self.system, kinds=(kind,), crowd=replace(self.crowd, seated=robot))
+
+    @property
+    def program(self) -> core.Program:
+        return self.system.program
 
     def cases(self, index: Term) -> list[tuple[int, Term]]:
         """The kinds that a number may be of, each with the condition that a robot has it."""

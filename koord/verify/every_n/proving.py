@@ -7,15 +7,13 @@ whatever was said of whom; what is not proved is *unknown*, never violated.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
 
-from koord.semantics.configurations import Configuration
+from koord.semantics.configurations import Configuration, System
 from koord.semantics.crowds import NotFiniteError
 from koord.syntax import core
-from koord.syntax.core import Home, UnaryOp
+from koord.syntax.core import Home
 from koord.syntax.types import BOOL, INT, ArrayType, Robots
 from koord.syntax.walk import nodes
 from koord.verify.claims import Claim, ClaimKind, Phase
@@ -27,11 +25,24 @@ from koord.verify.footprint import footprint, stops_show
 from koord.verify.solving import Answer, Deadline, Effort, Solver
 from koord.verify.terms import Term
 
-#: How many generations of names are tried, the fewest first.
-GENERATIONS = 3
 
-#: What one question may cost, in the solver's own units: about half a second.
-AT_MOST = 5_000_000
+@dataclass(frozen=True, slots=True)
+class Thrift:
+    """What may be spent: so many generations of names, so many things said of them, about so many
+    seconds of a solver in all, and so many units of its work on one question.
+    """
+
+    generations: int
+    instances: int
+    seconds: float
+    question: int
+
+
+#: Where there is nobody else to ask.
+GENEROUS = Thrift(generations=3, instances=20_000, seconds=60.0, question=5_000_000)
+
+#: Where others are asked afterwards.
+SPARING = Thrift(generations=2, instances=4_000, seconds=3.0, question=1_000_000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,22 +54,26 @@ class Proof:
 
 
 def prove(
-    program: core.Program,
-    delta_s: Fraction,
+    system: System,
     claims: Sequence[Claim],
     deadline: Deadline,
     effort: Effort,
+    thrift: Thrift = GENEROUS,
     seed: int = 0,
 ) -> Proof:
-    """The largest set of the claims that is inductive for every number of robots."""
-    why = _beyond(program)
+    """The largest set of the claims that is inductive for every number of robots.
+
+    How many robots the system has plays no part.
+    """
+    means = _Means(deadline, effort, thrift, seed)
+    why = _beyond(system.program)
     if why:
         return Proof((), dict.fromkeys(claims, why))
     reasons: dict[Claim, str] = {}
     try:
-        start = _Start(program, delta_s, deadline, effort, seed)
+        start = _Start(system, means)
         reasons |= start.failing(claims)
-        step = _Step(program, delta_s, deadline, effort, seed)
+        step = _Step(system, means)
         candidates = [claim for claim in claims if claim not in reasons]
         while candidates:
             failed = step.failing(candidates)
@@ -97,21 +112,30 @@ def _arrays(type_: object) -> Iterator[ArrayType]:
 # --- questions ----------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True)
+class _Means:
+    """What questions may cost."""
+
+    deadline: Deadline
+    effort: Effort
+    thrift: Thrift
+    seed: int
+
+
 @dataclass(slots=True)
 class _Asking:
     """A world and a solver that knows what its book says."""
 
     world: World
-    deadline: Deadline
-    effort: Effort
-    seed: int
+    means: _Means
     solver: Solver = field(init=False)
     robots: tuple[Term, ...] = field(init=False)
     _given: int = 0
     _limit: int = -1
 
     def __post_init__(self) -> None:
-        self.solver = Solver(self.world.d, self.world.unknowns, self.seed)
+        self.solver = Solver(self.world.d, self.world.unknowns, self.means.seed)
+        self.world.book.most = self.means.thrift.instances
         self.robots = tuple(self.world.d.fresh(f"y{k}", INT) for k in range(4))
 
     def failing(self, goals: Sequence[tuple[Claim, list[Term]]]) -> dict[Claim, str]:
@@ -120,7 +144,7 @@ class _Asking:
         for _, goal in goals:
             self.world.book.ask(goal)
         failed: dict[Claim, str] = {}
-        for limit in range(max(self._limit, 0), GENERATIONS):
+        for limit in range(max(self._limit, 0), self.means.thrift.generations):
             if limit > self._limit:
                 self.world.book.settle(limit)
                 self._limit = limit
@@ -142,12 +166,15 @@ class _Asking:
         book = self.world.book
         self.solver.add(book.facts[self._given :])
         self._given = len(book.facts)
-        answer = self.solver.check(goal, self.deadline, self.effort, at_most=AT_MOST)
+        means = self.means
+        answer = self.solver.check(
+            goal, means.deadline, means.effort, at_most=means.thrift.question
+        )
         if answer is Answer.UNSAT:
             return ""
         if answer is Answer.SAT:
             return "not inductive for every number of robots"
-        return "timeout" if self.deadline.is_near() else "too much for the solver"
+        return "timeout" if means.deadline.is_near() else "too much for the solver"
 
     @property
     def limits(self) -> list[str]:
@@ -162,17 +189,11 @@ def _universal(claim: Claim) -> Universal:
 class _Start:
     """What holds after INIT."""
 
-    def __init__(
-        self,
-        program: core.Program,
-        delta_s: Fraction,
-        deadline: Deadline,
-        effort: Effort,
-        seed: int,
-    ) -> None:
-        self._world = World.of(program, delta_s)
+    def __init__(self, system: System, means: _Means) -> None:
+        program = system.program
+        self._world = World.of(system)
         self._opening = Opening(self._world)
-        self._asking = _Asking(self._world, deadline, effort, seed)
+        self._asking = _Asking(self._world, means)
         self._world.book.expect(*self._asking.robots[:2])
         self._world.book.expect(0, self._world.last, generation=1)
         for assumption in program.assumptions:
@@ -204,19 +225,12 @@ class _Start:
 class _Step:
     """One round from any configuration in which the claims hold."""
 
-    def __init__(
-        self,
-        program: core.Program,
-        delta_s: Fraction,
-        deadline: Deadline,
-        effort: Effort,
-        seed: int,
-    ) -> None:
-        self._program = program
-        world = self._world = World.of(program, delta_s)
+    def __init__(self, system: System, means: _Means) -> None:
+        program = self._program = system.program
+        world = self._world = World.of(system)
         self._opening = Opening(world)
         self._start = Anywhere(world, self._opening)
-        self._asking = _Asking(world, deadline, effort, seed)
+        self._asking = _Asking(world, means)
         world.book.expect(*self._asking.robots[:2])
         world.book.expect(0, world.last, generation=1)
         world.book.note(self._opening.calm)
@@ -304,8 +318,3 @@ def _lasting(program: core.Program) -> list[core.Assumption]:
         )
 
     return [assumption for assumption in program.assumptions if lasts(assumption)]
-
-
-__all__ = ["Proof", "prove"]
-
-_ = (Callable, UnaryOp, time)
