@@ -111,7 +111,8 @@ PROTOCOL = (
     Mutant(
         "a new coordinator forgets what was being decided",
         "runtime/protocol/coordinating.py",
-        "    if state.tentative is not None:\n        _put_forward(turn, state.tentative.entry)\n        return\n",
+        "    if state.tentative is not None:\n        _put_forward(turn, state.tentative.entry)\n"
+        "        return\n",
         "    turn.change(tentative=None)\n",
         (ELECTIONS, EXPLORATION, CHAOS),
         quick=True,
@@ -151,8 +152,8 @@ PROTOCOL = (
     Mutant(
         "who is not admitted acknowledges",
         "runtime/protocol/following.py",
-        "    if state.is_voter:\n        turn.send(sender, Acknowledge(message.epoch, entry.round, mark))\n"
-        "    turn.await_answer()",
+        "    if state.is_voter:\n        turn.send(sender, Acknowledge(message.epoch, entry.round, "
+        "mark))\n    turn.await_answer()",
         "    turn.send(sender, Acknowledge(message.epoch, entry.round, mark))\n"
         "    turn.await_answer()",
         (ELECTIONS,),
@@ -181,8 +182,8 @@ PROTOCOL = (
     Mutant(
         "a vote is given to whoever asks",
         "runtime/protocol/electing.py",
-        "    if message.position < state.position:\n        teach(turn, sender, message.position.round + 1)\n"
-        "        return\n    if not state.is_voter",
+        "    if message.position < state.position:\n        teach(turn, sender, "
+        "message.position.round + 1)\n        return\n    if not state.is_voter",
         "    if not state.is_voter",
         (ELECTIONS, EXPLORATION),
         quick=True,
@@ -268,7 +269,7 @@ WIRE_MISTAKES = (
         "the header is not covered by the proof",
         "runtime/wire/frames.py",
         "        proof.update(datagram[:end])\n        if not",
-        "        proof.update(datagram[:end] if end < 0 else datagram[HEADER_BYTES:end])\n        if not",
+        "        proof.update(datagram[HEADER_BYTES:end])\n        if not",
         (WIRE,),
     ),
     Mutant(
