@@ -24,12 +24,13 @@ from koord.cli.arguments import (
 )
 from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit, gravest
-from koord.cli.files import check_writable
+from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.systems import system_of
 from koord.cli.terminal import style_of
 from koord.cli.traces import write_trace
+from koord.cli.watching import watched
 from koord.semantics.configurations import System
 from koord.syntax.diagnostics import KoordError
 
@@ -107,6 +108,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--plot", metavar="FILE", help="draw time against robots, for --robots 2..10 (.svg, .png)"
     )
+    parser.add_argument(
+        "--watch", action="store_true", help="verify again each time a file is saved"
+    )
     add_json(parser, "the verdict")
     parser.epilog = (
         "exit codes: 0 holds, 1 violated, 2 errors in the input, 3 unknown, 4 holds, but vacuously"
@@ -128,6 +132,16 @@ def main(arguments: argparse.Namespace) -> int:
         raise argparse.ArgumentTypeError(
             "--robots any has an engine of its own: leave --engine out"
         )
+    if not arguments.watch:
+        return _once(arguments, request)
+    paths = [*arguments.files, *arguments.properties]
+    if DASH in paths:
+        raise argparse.ArgumentTypeError("--watch needs files; standard input cannot change")
+    return watched(paths, lambda: _once(arguments, request))
+
+
+def _once(arguments: argparse.Namespace, request: Request) -> int:
+    """Read the programs and verify them."""
     report = Report()
     programs = load_programs(arguments.files, Reading.of(arguments), report)
     if report.errors and request.as_json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from koord.cli import main as frame
-from koord.cli import run, verify
+from koord.cli import run, verify, watching
 from koord.cli.arguments import Fleet
 from koord.cli.exits import Exit
 from koord.cli.inputs import LoadedProgram
@@ -257,3 +258,40 @@ def test_sweeps_that_cannot_be(
 ) -> None:
     assert frame.main(["verify", race, *words]) == Exit.BAD_INPUT
     assert told in capsys.readouterr().err
+
+
+# --- watching -------------------------------------------------------------------------------------
+
+
+def test_a_program_is_verified_again_when_it_is_saved(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, race: str
+) -> None:
+    """Also if it was wrong or gone in between, as while an editor saves it."""
+    mended = RACE.replace("invariant Short: x < 2\n", "").replace("eff: x =", "eff: atomic: x =")
+    texts = iter([RACE + "invariant Wrong: z\n", None, mended])
+
+    def edit(seconds: float) -> None:
+        text = next(texts, "")
+        if text == "":
+            raise KeyboardInterrupt
+        path = Path(race)
+        if text is None:
+            path.unlink()
+        else:
+            path.write_text(text, encoding="utf-8")
+
+    def watched(paths: Sequence[str], work: Callable[[], int]) -> int:
+        return watching.watched(paths, work, pause=edit)
+
+    monkeypatch.setattr(verify, "watched", watched)
+    assert frame.main(["verify", race, "--rounds", "3", "--watch"]) == Exit.VACUOUS
+    streams = capsys.readouterr()
+    outcomes = [line.split(":")[0] for line in streams.out.splitlines() if " claims, " in line]
+    assert outcomes == ["violated", "holds, but vacuously"]
+    assert "error K2" in streams.err
+    assert streams.err.count("watching; Ctrl-C ends it") == 3
+
+
+def test_standard_input_cannot_be_watched(capsys: pytest.CaptureFixture[str]) -> None:
+    assert frame.main(["verify", "-", "--watch"]) == Exit.BAD_INPUT
+    assert "--watch needs files" in capsys.readouterr().err
