@@ -34,20 +34,21 @@ def _laid_out(line: str) -> list[str]:
         return [line]
     indent = line[: len(line) - len(bare)]
     opens = bare.endswith(":")
-    word = "if" if bare.startswith("elif ") else ""
-    source = f"{word}{bare[4:]}" if word else bare
+    word = "elif " if bare.startswith("elif ") else "if "
+    source = bare.removeprefix("el")
     statement = ast.parse(f"{source} pass" if opens else source).body[0]
-    lines = list(_Layout(source).statement(statement, indent))
-    if word:
-        lines[0] = f"{indent}el{lines[0].lstrip()}"
-    return lines
+    return list(_Layout(source, word).statement(statement, indent))
 
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """Breaks one logical line; ``source`` is the line without its indentation."""
+    """Breaks one logical line; ``source`` is the line without its indentation.
+
+    It holds ``if`` where the line has another ``word``.
+    """
 
     source: str
+    word: str
 
     # --- statements -----------------------------------------------------------------------------
 
@@ -61,7 +62,7 @@ class _Layout:
             case ast.Return(value=ast.expr() as value):
                 yield from self.right_side(value, indent, "return ", "")
             case ast.If(test=test):
-                yield from self.right_side(test, indent, "if ", ":")
+                yield from self.right_side(test, indent, self.word, ":")
             case ast.For(target=target, iter=over):
                 yield from self.right_side(over, indent, self.head_of_for(target), ":")
             case ast.Expr(value=value):
@@ -95,10 +96,21 @@ class _Layout:
             inline = self.inline(e, indent, prefix, suffix)
             if inline is not None:
                 return inline
-            deeper = indent + _STEP
-            inner = self.broken(e, deeper, "", "")
-            return [f"{indent}{prefix}(", *inner, f"{indent}){suffix}"]
+            inner = self.broken(e, indent + _STEP, "", "")
+            # Formatters would break inside of several operands, which nobody can read.
+            kept = "  # fmt: skip" if self.may_be_inline(e) else ""
+            return [f"{indent}{prefix}(", *inner, f"{indent}){suffix}{kept}"]
         return self.broken(e, indent, prefix, suffix)
+
+    def may_be_inline(self, e: ast.expr) -> bool:
+        """Whether formatters do without brackets around the whole."""
+        if isinstance(e, ast.UnaryOp):
+            return self.may_be_inline(e.operand)
+        if not isinstance(e, ast.BoolOp | ast.BinOp | ast.Compare):
+            return self.has_brackets(e)
+        parts = list(self.operands(e))
+        first, last = parts[0][1], parts[-1][1]
+        return len(parts) == 2 and (self.has_brackets(last) or self.begins_with_bracket(first))
 
     def inline(
         self, e: ast.expr, indent: str, prefix: str, suffix: str, *, nested: bool = False
@@ -141,7 +153,10 @@ class _Layout:
         return lines if len(lines) > 1 else None
 
     def begins_with_bracket(self, e: ast.expr) -> bool:
-        return self.bracketed(e) or (isinstance(e, ast.Tuple) and bool(e.elts))
+        if isinstance(e, ast.BoolOp | ast.BinOp | ast.Compare) and not self.bracketed(e):
+            return self.begins_with_bracket(next(self.operands(e))[1])
+        displayed = isinstance(e, ast.Tuple | ast.Dict) and self.has_brackets(e)
+        return displayed or self.bracketed(e)
 
     def has_brackets(self, e: ast.expr) -> bool:
         """Whether an operand ends in brackets that hold something, or stands in some."""
@@ -152,6 +167,8 @@ class _Layout:
                 return bool(arguments or keywords)
             case ast.Tuple(elts=elements):
                 return bool(elements)
+            case ast.Dict(keys=keys):
+                return bool(keys)
             case ast.UnaryOp(operand=operand):
                 return self.has_brackets(operand)
             case ast.BoolOp() | ast.BinOp() | ast.Compare():
@@ -179,6 +196,8 @@ class _Layout:
                     head = f"{keyword.arg}="
                     items += self.broken(keyword.value, indent + _STEP, head, ",")
                 return self.around(f"{self.text(func)}(", items, indent, prefix, f"){suffix}")
+            case ast.Call(func=ast.Attribute(value=value, attr=attribute)):
+                return self.operand(value, indent, prefix, f".{attribute}(){suffix}")
             case ast.Tuple(elts=elements) if elements:
                 items = self.items(elements, indent + _STEP)
                 return self.around("(", items, indent, prefix, f"){suffix}")
@@ -190,7 +209,7 @@ class _Layout:
                 return self.around("{", items, indent, prefix, f"}}{suffix}")
             case ast.Attribute(value=value, attr=attribute):
                 return self.operand(value, indent, prefix, f".{attribute}{suffix}")
-            case ast.Subscript(value=ast.Call() as value, slice=index):
+            case ast.Subscript(value=ast.Call() | ast.Subscript() as value, slice=index):
                 return self.operand(value, indent, prefix, f"[{self.text(index)}]{suffix}")
             case ast.Starred(value=value):
                 return self.operand(value, indent, f"{prefix}*", suffix)
@@ -243,8 +262,15 @@ class _Layout:
     def operands(self, e: ast.expr) -> Iterator[tuple[str, ast.expr]]:
         match e:
             case ast.BoolOp(values=values):
-                word = "and" if isinstance(e.op, ast.And) else "or"
-                yield from ((word, value) for value in values)
+                # Formatters break `and` and `or` alike.
+                own = "and" if isinstance(e.op, ast.And) else "or"
+                for value in values:
+                    if isinstance(value, ast.BoolOp) and not self.bracketed(value):
+                        inner = list(self.operands(value))
+                        yield own, inner[0][1]
+                        yield from inner[1:]
+                    else:
+                        yield own, value
             case ast.BinOp(left=left, right=right):
                 same = isinstance(left, ast.BinOp) and not self.bracketed(left)
                 if same and _level(left) == _level(e):
