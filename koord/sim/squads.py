@@ -142,7 +142,9 @@ class DroneSquad:
         noise, wind = _children(seeds)
         self._fixes = Fixes(kind.disturbances.positioning, noise, flat=False)
         self._gusts = Gusts(kind.disturbances.wind, wind)
-        self._delay = _delay(kind.disturbances, np.concatenate([start, 0 * start], axis=1))
+        self._delay = _delay(
+            kind.disturbances, np.concatenate([start, 0 * start, 0 * start], axis=1)
+        )
         self._heading = np.zeros_like(heading_rad)  # drones keep their noses along x
 
     def tick(self, now_s: float) -> None:
@@ -150,12 +152,14 @@ class DroneSquad:
         self.group.plan(position, heading, _PLAN_MOST)
         self.group.update(position, now_s)
         reference = self.flying.command(position, STEPS * STEP_S)
-        sent = np.concatenate([reference.position, reference.velocity], axis=1)
+        sent = np.concatenate(
+            [reference.position, reference.velocity, reference.acceleration], axis=1
+        )
         due = self._delay.pass_on(sent)
         # What the drone is told may be off or late: its controller aims beside by as much.
         aim = due[:, :3] - (position - self.truth()[0])
         wind = self._gusts.blow(STEPS * STEP_S)
-        self.vehicles.advance(Reference(aim, due[:, 3:]), wind, STEP_S, STEPS)
+        self.vehicles.advance(Reference(aim, due[:, 3:6], due[:, 6:]), wind, STEP_S, STEPS)
 
     def fixes(self, now_s: float) -> tuple[Floats, Floats]:
         return self._fixes.read(self.vehicles.state.position.T, self._heading, now_s)

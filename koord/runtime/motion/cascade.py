@@ -22,22 +22,23 @@ GRAVITY = 9.81
 class Gains:
     """Gains of the loops, from outside to inside; each is several times quicker than the last."""
 
-    position: float = 4.0  #: per s²
-    velocity: float = 3.6  #: per s
+    position: float = 6.25  #: per s²
+    velocity: float = 4.5  #: per s
     attitude: float = 10.0  #: rate per angle, per s
     rate: float = 25.0  #: angular acceleration per rate, per s
-    integral: float = 0.6  #: per s³, against steady wind
+    integral: float = 0.3  #: per s³, against steady wind
     windup_mps2: float = 2.0  #: the most that the integral may ask for
 
 
 def acceleration(
-    gains: Gains, gap: Floats, speed_gap: Floats, steady: Floats, drone: Drone
+    gains: Gains, gap: Floats, speed_gap: Floats, ahead: Floats, drone: Drone
 ) -> Floats:
     """The acceleration that the position controller asks for, limited; without gravity.
 
-    ``gap`` and ``speed_gap`` are reference minus measured, ``steady`` the integral part.
+    ``gap`` and ``speed_gap`` are reference minus measured, ``ahead`` what is asked for apart from
+    them: the acceleration of the reference, and the integral part.
     """
-    wanted = gains.position * gap + gains.velocity * speed_gap + steady
+    wanted = gains.position * gap + gains.velocity * speed_gap + ahead
     size = np.sqrt(np.einsum("in,in->n", wanted, wanted))
     wanted *= np.minimum(1.0, drone.accel_mps2 / np.maximum(size, 1e-9))
     return wanted

@@ -20,10 +20,11 @@ _LAG_M = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """Where robots are to be now, and how fast to move: shape ``(n, 3)`` each."""
+    """Where robots are to be, how fast to move and to change that: shape ``(n, 3)`` each."""
 
     position: Floats
     velocity: Floats
+    acceleration: Floats
 
 
 class Flying:
@@ -49,9 +50,11 @@ class Flying:
             speed = speed * np.clip(2.0 - 2.0 * lag / _LAG_M, 0.0, 1.0)
         speed = np.where(on, speed, np.maximum(group.speed - accel * dt_s, 0.0))
         speed = np.where(routed & (group.s < routes.length), speed, 0.0)
+        gain = (speed - group.speed) / dt_s
         group.speed = speed
         group.s = np.minimum(group.s + speed * dt_s, routes.length)
         spot = routes.at(self._all, group.s)
         at = np.where(routed[:, None], spot.position, self.rest)
         self.rest = at
-        return Reference(at, np.where(routed[:, None], speed[:, None] * spot.tangent, 0.0))
+        tangent = np.where(routed[:, None], spot.tangent, 0.0)
+        return Reference(at, speed[:, None] * tangent, gain[:, None] * tangent)

@@ -167,7 +167,7 @@ class Routes:
             limit = np.minimum(limit, self.pace.lateral_mps2 / bent)
         else:
             # At a corner the velocity turns in a time that the acceleration needs for it.
-            slow = self.pace.lateral_mps2 * 0.25 / np.maximum(2 * np.sin(turn / 2), 1e-9)
+            slow = self.pace.lateral_mps2 * 0.1 / np.maximum(2 * np.sin(turn / 2), 1e-9)
             limit[1:-1] = np.minimum(limit[1:-1], slow**2)
         limit[1:-1][about] = 0.0
         limit[-1] = 0.0

@@ -43,6 +43,9 @@ _HEADINGS = 12
 #: The points of a car's path are this far apart at most.
 _SPACING_M = 0.15
 
+#: A goal so near is where the robot is.
+_HERE_M = 0.01
+
 #: So near to the start a robot may be closer to obstacles, if it is no closer than it stands.
 _LEAVING_M = 0.5
 
@@ -107,6 +110,8 @@ class CurvePlanner:
         world = self.ground.world
         if not suits(self.car, world, goal):
             return None
+        if math.dist(start.position, goal) < _HERE_M:
+            return np.array([start.position, goal])
         free = self.ground.field(avoid)
         util.RNG.setSeed(seed % 2**31 + 1)
         space = base.ReedsSheppStateSpace(self.car.turning_m * _WIDER)

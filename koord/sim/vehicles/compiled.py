@@ -39,6 +39,7 @@ class CompiledQuadrotors(Quadrotors):
             s.steady,
             reference.position,
             reference.velocity,
+            reference.acceleration,
             wind,
             _constants(self.drone, self.gains),
             self.ground_m,
@@ -77,6 +78,7 @@ def _kernel(
     steady: Any,
     goal: Any,
     pace: Any,
+    push: Any,
     wind: Any,
     constants: Any,
     ground: float,
@@ -105,9 +107,9 @@ def _kernel(
             ix = min(max(ix + (ki * dt) * dx, -windup), windup)
             iy = min(max(iy + (ki * dt) * dy, -windup), windup)
             iz = min(max(iz + (ki * dt) * dz, -windup), windup)
-            ax = kp * dx + kv * (pace[n, 0] - vx) + ix
-            ay = kp * dy + kv * (pace[n, 1] - vy) + iy
-            az = kp * dz + kv * (pace[n, 2] - vz) + iz
+            ax = kp * dx + kv * (pace[n, 0] - vx) + (ix + push[n, 0])
+            ay = kp * dy + kv * (pace[n, 1] - vy) + (iy + push[n, 1])
+            az = kp * dz + kv * (pace[n, 2] - vz) + (iz + push[n, 2])
             size = math.sqrt(ax * ax + ay * ay + az * az)
             share = min(1.0, most_accel / max(size, 1e-9))
             ax, ay, az = ax * share, ay * share, az * share

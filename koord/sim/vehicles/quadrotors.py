@@ -65,15 +65,16 @@ class Quadrotors:
         """Fly for some steps. The reference moves on at its velocity; ``wind`` is ``(n, 3)``."""
         position = np.ascontiguousarray(reference.position.T)
         velocity, air = np.ascontiguousarray(reference.velocity.T), np.ascontiguousarray(wind.T)
+        gain = np.ascontiguousarray(reference.acceleration.T)
         # The reference is for the end of these steps.
         position -= velocity * (dt_s * steps)
         for _ in range(steps):
             position += velocity * dt_s
-            self._step(position, velocity, air, dt_s)
+            self._step(position, velocity, gain, air, dt_s)
 
-    def _step(self, goal: Floats, pace: Floats, air: Floats, dt_s: float) -> None:
+    def _step(self, goal: Floats, pace: Floats, gain: Floats, air: Floats, dt_s: float) -> None:
         s, drone, gains = self.state, self.drone, self.gains
-        wanted = position_control(gains, s, goal, pace, drone, dt_s)
+        wanted = position_control(gains, s, goal, pace, gain, drone, dt_s)
         axis, thrust = cascade.axis_and_thrust(wanted, drone)
         asked = cascade.body_rates(gains, axis, s.attitude)
         inertia, torque = np.array(drone.inertia_kgm2), np.array(drone.torque_nm)
@@ -98,20 +99,26 @@ class Quadrotors:
 class PointDrones(Quadrotors):
     """Drones without attitude: the level ``simple``."""
 
-    def _step(self, goal: Floats, pace: Floats, air: Floats, dt_s: float) -> None:
+    def _step(self, goal: Floats, pace: Floats, gain: Floats, air: Floats, dt_s: float) -> None:
         s = self.state
-        wanted = position_control(self.gains, s, goal, pace, self.drone, dt_s)
+        wanted = position_control(self.gains, s, goal, pace, gain, self.drone, dt_s)
         move(s, wanted, air, self.drone, self.ground_m, dt_s)
 
 
 def position_control(
-    gains: Gains, s: FlightState, goal: Floats, pace: Floats, drone: Drone, dt_s: float
+    gains: Gains,
+    s: FlightState,
+    goal: Floats,
+    pace: Floats,
+    gain: Floats,
+    drone: Drone,
+    dt_s: float,
 ) -> Floats:
     """The acceleration asked for, ``(3, n)``; the integral part goes on by a step."""
     gap = goal - s.position
     steady = s.steady + (gains.integral * dt_s) * gap
     s.steady = np.minimum(np.maximum(steady, -gains.windup_mps2), gains.windup_mps2)
-    return cascade.acceleration(gains, gap, pace - s.velocity, s.steady, drone)
+    return cascade.acceleration(gains, gap, pace - s.velocity, s.steady + gain, drone)
 
 
 def turned(attitude: Floats, rates: Floats, dt_s: float) -> Floats:

@@ -1,0 +1,90 @@
+"""What is wrong with a world and with where robots start in it, as far as geometry tells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from itertools import combinations
+
+from koord.runtime.motion import shapes
+from koord.runtime.motion.bodies import Body, Car
+from koord.runtime.motion.field import field
+from koord.runtime.motion.planning import suits
+from koord.runtime.motion.world import Box, Disc, Point, Polygon, World
+
+
+class Part(Enum):
+    """What a complaint is about."""
+
+    BOUNDS = "bounds"
+    OBSTACLE = "obstacle"
+    TASK = "task"
+    ROBOT = "robot"
+
+
+@dataclass(frozen=True, slots=True)
+class Complaint:
+    """One thing that is wrong: with the ``index``-th obstacle, task or robot."""
+
+    part: Part
+    index: int
+    message: str
+
+
+def world_complaints(world: World) -> Iterator[Complaint]:
+    """What is wrong with a world by itself."""
+    names = ("x", "y", "z")
+    for name, low, high in zip(names, world.low, world.high, strict=True):
+        if not low < high:
+            yield Complaint(Part.BOUNDS, 0, f"the world has no extent along {name}")
+    for k, obstacle in enumerate(world.obstacles):
+        match obstacle:
+            case Box() if any(a >= b for a, b in zip(obstacle.low, obstacle.high, strict=True)):
+                yield Complaint(Part.OBSTACLE, k, "the low corner of a box is below its high one")
+            case Disc(radius_m=radius) if radius <= 0:
+                yield Complaint(Part.OBSTACLE, k, "the radius of a disc is greater than 0")
+            case Polygon():
+                fault = shapes.fault(obstacle)
+                if fault is not None:
+                    yield Complaint(Part.OBSTACLE, k, f"the corners make no polygon: {fault}")
+            case _:
+                pass
+    for k, task in enumerate(world.tasks):
+        inside = all(a <= c <= b for a, c, b in zip(world.low, task, world.high, strict=True))
+        if not inside:
+            yield Complaint(Part.TASK, k, f"the task at {_shown(task)} is outside of the world")
+
+
+def start_complaints(
+    world: World, robots: Sequence[tuple[Body, Point]], apart_m: float = 0.0
+) -> Iterator[Complaint]:
+    """What is wrong with where robots start; they start more than ``apart_m`` from each other."""
+    fields = {flat: field(world, flat=flat) for flat in (False, True)}
+    for k, (body, start) in enumerate(robots):
+        inside = all(a <= c <= b for a, c, b in zip(world.low, start, world.high, strict=True))
+        if not inside:
+            yield Complaint(Part.ROBOT, k, f"the start at {_shown(start)} is outside of the world")
+            continue
+        flat = isinstance(body, Car)
+        if flat and not suits(body, world, start):
+            yield Complaint(Part.ROBOT, k, "a car starts on the ground")
+        # A disc that every car covers, whichever way it points.
+        reach = body.width_m / 2 if isinstance(body, Car) else body.radius_m
+        if fields[flat].clearance(*start) < (reach if world.obstacles else 0.0):
+            yield Complaint(Part.ROBOT, k, f"something stands at the start, {_shown(start)}")
+    for (i, (one, here)), (k, (other, there)) in combinations(enumerate(robots), 2):
+        least = max(apart_m, _half(one) + _half(other))
+        if math.dist(here, there) <= least:
+            yield Complaint(
+                Part.ROBOT, k, f"it starts {math.dist(here, there):.2f} m from robot {i}"
+            )
+
+
+def _half(body: Body) -> float:
+    return body.width_m / 2 if isinstance(body, Car) else body.radius_m
+
+
+def _shown(point: Point) -> str:
+    return f"({', '.join(f'{c:g}' for c in point)})"
