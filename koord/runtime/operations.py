@@ -140,7 +140,8 @@ def greatest(items: tuple[N, ...], place: str) -> N:
 def put(value: T, new: Any, path: tuple[Any, ...], *places: str) -> T:
     """The value with ``new`` at the end of a path of indices, positions of fields, and keys.
 
-    ``places`` are those of the whole and of each step; there are none where nothing can go wrong.
+    ``places`` are those of the whole and of each step, or one for all of them; there are none where
+    nothing can go wrong.
     [LOCATION] [S-ASSIGN]
     """
     _check(value, path, places)
@@ -165,6 +166,8 @@ def _check(value: Any, path: tuple[Any, ...], places: tuple[str, ...]) -> None:
     """Raise the fault of the first step that leads nowhere."""
     if not places:
         return
+    if len(places) == 1:
+        places *= len(path) + 1
     for position, step in enumerate(path):
         if value is None:
             raise FaultError(FaultKind.UNSET, places[0])

@@ -138,7 +138,7 @@ class _Layout:
             tail += ")" if self.bracketed(last) and not tail.endswith(")") else ""
             lines = self.inline_operand(first, indent, prefix, f"{tail}{suffix}")
             if lines is not None and max(map(len, lines)) <= WIDTH:
-                return lines
+                return [*lines[:-1], f"{lines[-1]}  # fmt: skip"]
         return None
 
     def inline_operand(

@@ -19,6 +19,8 @@ class Knowledge:
     asking: set[str] = field(default_factory=set)
     #: Functions that need the robot: its number, the others', the store, the host.
     methods: set[str] = field(default_factory=set)
+    #: Functions and external functions that robots call; those of properties alone are left out.
+    used: set[str] = field(default_factory=set)
     #: Functions that may be called while INIT is not over.
     in_init: set[str] = field(default_factory=set)
     #: Shared variables that are set once INIT is over, by home and slot.
@@ -33,6 +35,7 @@ class Knowledge:
             if self._needs_robot(function.body):
                 self.methods.add(function.name)
         self._find_sure()
+        self._find_used()
         self._find_init()
 
     def asks(self, part: object) -> bool:
@@ -67,14 +70,35 @@ class Knowledge:
         parts: tuple[object, ...] = (
             *(entry.initial for entry in entries if not isinstance(entry.initial, Start)),
             *(agent.init for agent in program.agents),
-            *(external.requires for external in program.externals),
         )
-        # A function calls earlier ones only.
-        for function in reversed(program.functions):
-            calls = (node for node in nodes(parts) if isinstance(node, core.Call))
-            if any(call.function == function.name for call in calls):
-                self.in_init.add(function.name)
-                parts = (*parts, function.body)
+        self.in_init = self._called(parts)
+
+    def _find_used(self) -> None:
+        program = self.program
+        entries = [*program.allread, *program.allwrite]
+        for agent in program.agents:
+            entries += [*agent.locals, *(port.declaration for port in agent.ports)]
+        self.used = self._called(
+            (
+                *(entry.initial for entry in entries if not isinstance(entry.initial, Start)),
+                *(agent.init for agent in program.agents),
+                *(agent.events for agent in program.agents),
+                *(m.environment or () for agent in program.agents for m in agent.modules),
+            )
+        )
+
+    def _called(self, parts: tuple[object, ...]) -> set[str]:
+        """The functions that are called from some parts of the program, at once or in between."""
+        bodies: dict[str, object] = {f.name: f.body for f in self.program.functions}
+        bodies |= {f.name: f.requires for f in self.program.externals}
+        found: set[str] = set()
+        waiting = [parts]
+        while waiting:
+            for node in nodes(waiting.pop()):
+                if isinstance(node, core.Call | core.ExternalCall) and node.function not in found:
+                    found.add(node.function)
+                    waiting.append((bodies[node.function],))
+        return found
 
     def _find_sure(self) -> None:
         """A variable is set if it starts so, or if every robot's INIT surely sets it. [ATOM]"""

@@ -97,7 +97,7 @@ class _Module:
     def functions(self) -> Iterator[str]:
         """Functions that need no robot."""
         for function in self.program.functions:
-            if function.name not in self.knowledge.methods:
+            if function.name in self.knowledge.used - self.knowledge.methods:
                 yield from ["", "", *self.function(function, in_method=False)]
 
     def function(self, function: core.Function, *, in_method: bool) -> Lines:
@@ -195,21 +195,22 @@ class _Module:
                 for e in entries
             ]
             lines.append(f"SHARED = Layout({tuple_of(shared)})")
-        if self.program.externals:
-            made = [
-                f"{string(e.name)}: {shape(names, e.result.type)}" for e in self.program.externals
-            ]
+        if self.externals():
+            made = [f"{string(e.name)}: {shape(names, e.result.type)}" for e in self.externals()]
             lines.append(f"EXTERNALS = {{{', '.join(made)}}}")
         return lines
+
+    def externals(self) -> list[core.External]:
+        return [e for e in self.program.externals if e.name in self.knowledge.used]
 
     def shared_methods(self) -> Lines:
         lines: Lines = []
         if any(e.initial is not Start.UNSET for e in self.program.allwrite):
             lines += ["", *self.declare()]
         for function in self.program.functions:
-            if function.name in self.knowledge.methods:
+            if function.name in self.knowledge.used & self.knowledge.methods:
                 lines += ["", *self.function(function, in_method=True)]
-        for external in self.program.externals:
+        for external in self.externals():
             lines += ["", *self.external(external)]
         return lines
 

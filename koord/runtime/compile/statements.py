@@ -27,6 +27,9 @@ Lines = list[str]
 
 _INDENT = "    "
 
+#: Of comments: what is longer says nothing at a glance.
+_LONGEST_COMMENT = 50
+
 
 def block(scope: Scope, statements: core.Block) -> Lines:
     """The statements in order; ``pass`` if there is none. [S-SEQ]"""
@@ -91,7 +94,7 @@ def assign(scope: Scope, place: core.Place, value: Code) -> Lines:
     path, places = _path(scope, place)
     tail = f"{value.text}, {path}{''.join(f', {p}' for p in places)}"
     if shared:
-        return [f"self.set({_name(scope, variable)}, {tail})"]
+        return [*_said(scope, place), f"self.set({_name(scope, variable)}, {tail})"]
     if variable.home is Home.BOUND and not scope.is_sure(variable):
         scope.unset[variable.slot] = variable
     target = _target(scope, variable)
@@ -100,7 +103,7 @@ def assign(scope: Scope, place: core.Place, value: Code) -> Lines:
             field = field_name(scope.names, variable.type, position)
             return [f"{target} = {target}._replace({field}={value.text})"]
         case _:
-            return [f"{target} = put({target}, {tail})"]
+            return [*_said(scope, place), f"{target} = put({target}, {tail})"]
 
 
 def _name(scope: Scope, variable: core.Variable) -> str:
@@ -140,7 +143,24 @@ def _path(scope: Scope, place: core.Place) -> tuple[str, list[str]]:
                 wrong = wrong or number + 1 < len(place.steps)
         where.append(scope.place(step.span))
         type_ = step.type
-    return tuple_of(parts), where if wrong else []
+    if not wrong:
+        return tuple_of(parts), []
+    return tuple_of(parts), where if len(set(where)) > 1 else where[:1]
+
+
+def _said(scope: Scope, place: core.Place) -> Lines:
+    """A comment that names the fields which a path has numbers for."""
+    if not any(isinstance(step, core.FieldStep) for step in place.steps):
+        return []
+    text, type_ = place.variable.name, place.variable.type
+    for step in place.steps:
+        match step:
+            case core.FieldStep(position=position):
+                text += f".{field_name(scope.names, type_, position)}"
+            case core.IndexStep(index=inner) | core.KeyStep(key=inner):
+                text += f"[{expression(scope, inner).text}]"
+        type_ = step.type
+    return [f"# {text}"] if len(text) <= _LONGEST_COMMENT and text.isprintable() else []
 
 
 # --- control ------------------------------------------------------------------------------------
