@@ -69,7 +69,7 @@ PROTOCOL = (
         "a robot helps to decide on its own return",
         "runtime/protocol/state.py",
         "if admission.robot == robot:",
-        "if admission.robot == robot and admission.incarnation != incarnation:",
+        "if admission.robot == robot and robot < 0:",
         (ELECTIONS,),
     ),
     Mutant(

@@ -506,7 +506,6 @@ def test_a_majority_is_left_to_admit_those_who_are_back() -> None:
     robots = begun()
     for robot in (1, 2):
         robots.off(robot)
-        robots.lose()
         robots.back(robot, incarnation=5 + robot)
     robots.of(Hello)
     robots.propose(0)

@@ -157,6 +157,17 @@ def test_the_same_robot_twice_is_no_majority() -> None:
     assert robots.rounds == [0] * 5
 
 
+def test_acknowledging_another_entry_is_not_acknowledging_this_one() -> None:
+    """(R-MAJORITY)"""
+    robots = begun()
+    for robot in range(3):
+        robots.propose(robot)
+    robots.of(Propose)
+    robots.mail = [Parcel(1, 0, 0, Acknowledge(0, 0, b"another digest"))]
+    robots.deliver()
+    assert robots.rounds == [0, 0, 0]
+
+
 def test_a_robot_that_is_late_skips_and_throws_its_buffer_away() -> None:
     """[T-SKIP] (R-DECIDE)"""
     robots = begun()

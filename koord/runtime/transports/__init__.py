@@ -1,0 +1,1 @@
+"""How datagrams travel. All transports pass the same tests: tests/runtime/test_transports.py."""

@@ -1,0 +1,161 @@
+"""UDP: to a list of addresses, or once to a multicast group or a broadcast address."""
+
+from __future__ import annotations
+
+import select
+import socket
+import struct
+from dataclasses import dataclass
+from enum import Enum
+from ipaddress import IPv4Address
+
+from koord.runtime.transports.transport import TransportError
+from koord.runtime.wire.frames import LONGEST
+
+Address = tuple[str, int]
+
+#: What the kernel may keep for a robot that is busy. Some systems give less.
+_BUFFER_BYTES = 4 << 20
+
+#: Datagrams handed on at once, so that timers get their turn in a flood.
+_BATCH = 256
+
+
+class Reach(Enum):
+    """How a datagram gets to all."""
+
+    EACH = "unicast"  #: once for each robot
+    GROUP = "multicast"  #: once, to a group that all have joined
+    SUBNET = "broadcast"  #: once, to everyone on the network
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Who is where. ``shared`` is the group's or the broadcast address, unless all get their own.
+
+    ``interface`` is the address of the network card for multicast.
+    """
+
+    addresses: tuple[Address, ...]
+    reach: Reach = Reach.EACH
+    shared: Address | None = None
+    interface: str = "0.0.0.0"
+
+
+def on_this_machine(robots: int, port: int, *, group: str | None = "239.255.75.1") -> Plan:
+    """One port per robot on loopback; without a group each is sent to by itself."""
+    addresses = tuple(("127.0.0.1", port + 1 + pid) for pid in range(robots))
+    if group is None:
+        return Plan(addresses)
+    return Plan(addresses, Reach.GROUP, (group, port), "127.0.0.1")
+
+
+class Udp:
+    """One robot's sockets."""
+
+    def __init__(self, plan: Plan, pid: int) -> None:
+        """Raises TransportError."""
+        self.sent = 0
+        self.unsent = 0  #: the kernel would not take them
+        self._plan = plan
+        self._own = plan.addresses[pid]
+        self._others = tuple(a for i, a in enumerate(plan.addresses) if i != pid)
+        self._socket = _bound(self._own)
+        self._sockets = [self._socket]
+        if plan.shared is not None:
+            self._sockets.append(self._joined(plan.shared))
+        self._poll = select.poll()
+        for one in self._sockets:
+            self._poll.register(one, select.POLLIN)
+        self._by_number = {one.fileno(): one for one in self._sockets}
+
+    def _joined(self, shared: Address) -> socket.socket:
+        """A socket that hears what is sent to all; the own one is made able to send to them."""
+        try:
+            if self._plan.reach is Reach.GROUP:
+                card = socket.inet_aton(self._plan.interface)
+                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, card)
+                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
+                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 1)
+                common = _bound(shared, several=True)
+                membership = struct.pack("=4s4s", socket.inet_aton(shared[0]), card)
+                common.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+                return common
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+            return _bound(shared, several=True)
+        except OSError as error:
+            self.close()
+            raise TransportError(
+                f"{self._plan.reach.value} on {shared[0]}:{shared[1]} cannot be used: {error}",
+                "another address or network card, or unicast, may do",
+            ) from error
+
+    def send(self, to: int, datagram: bytes) -> None:
+        self._send(self._plan.addresses[to], datagram)
+
+    def tell(self, datagram: bytes) -> None:
+        if self._plan.shared is not None:
+            self._send(self._plan.shared, datagram)
+            return
+        for address in self._others:
+            self._send(address, datagram)
+
+    def _send(self, address: Address, datagram: bytes) -> None:
+        try:
+            self._socket.sendto(datagram, address)
+            self.sent += 1
+        except OSError:
+            # Full buffers, no route, a port that is closed: to the protocol it is all loss.
+            self.unsent += 1
+
+    def receive(self, timeout_s: float) -> list[bytes]:
+        came: list[bytes] = []
+        try:
+            ready = self._poll.poll(max(0.0, timeout_s) * 1000)
+        except InterruptedError:
+            return came
+        for number, _ in ready:
+            one = self._by_number.get(number)
+            if one is not None:
+                self._drain(one, came)
+        return came
+
+    def _drain(self, one: socket.socket, came: list[bytes]) -> None:
+        own = self._own
+        for _ in range(_BATCH):
+            try:
+                datagram, source = one.recvfrom(LONGEST + 1)
+            except BlockingIOError:
+                return
+            except OSError:
+                continue  # an ICMP answer to something sent before
+            if source != own:
+                came.append(datagram)
+
+    def close(self) -> None:
+        for one in self._sockets:
+            one.close()
+        self._by_number = {}
+
+
+def _bound(address: Address, *, several: bool = False) -> socket.socket:
+    """A socket that hears an address, shared with others if ``several``. Raises TransportError."""
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        made.setblocking(False)
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+        if several:
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind(address)
+    except OSError as error:
+        made.close()
+        raise TransportError(
+            f"{address[0]}:{address[1]} cannot be listened on: {error.strerror}",
+            "another run may be using it, or it is no address of this machine",
+        ) from error
+    return made
+
+
+def is_group(ip: str) -> bool:
+    """Whether an address is one of multicast."""
+    return IPv4Address(ip).is_multicast

@@ -1,0 +1,157 @@
+"""Planners: what they must keep to, that a seed repeats them, and that they are stopped by counting."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.field import field
+from koord.runtime.motion.geometry import wrapped
+from koord.runtime.motion.planning import Effort, PlannerName, Pose, planner, suits
+from koord.runtime.motion.rrt import spaced
+from koord.runtime.motion.world import Box, World
+from tests.runtime.motion.worlds import CLUTTERED, EMPTY, places
+
+CAR, DRONE = Car(), Drone()
+CARS = [PlannerName.RRT_CAR, PlannerName.RRT_STAR_CAR]
+DRONES = [PlannerName.RRT_DRONE, PlannerName.RRT_STAR_DRONE]
+FEW = Effort(steps=1500, star_steps=40)
+
+
+def headings(path: Floats, start_rad: float) -> list[float]:
+    """Where a car points at the points of a path, which it may drive backwards."""
+    way = np.diff(path[:, :2], axis=0)
+    course = np.arctan2(way[:, 1], way[:, 0])
+    found, now = [], start_rad
+    for k, angle in enumerate(course.tolist()):
+        options = (angle, angle + math.pi)
+        now = min(options, key=lambda option: abs(float(wrapped(np.array(option - now)))))
+        found.append(now)
+        assert k >= 0
+    return found
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_cars_get_paths_that_they_can_drive(name: PlannerName) -> None:
+    made, free = planner(name, CLUTTERED, CAR, FEW), field(CLUTTERED, flat=True)
+    there = places(free, 10, seed=3, height_m=0.0, room_m=0.65)
+    found = 0
+    for k, (start, goal) in enumerate(zip(there[::2], there[1::2], strict=True)):
+        path = made.plan(Pose(start, 0.7 * k), goal, seed=k)
+        if path is None:
+            continue
+        found += 1
+        assert tuple(path[0]) == start
+        assert tuple(path[-1]) == goal
+        assert (path[:, 2] == 0.0).all()
+        pointing = headings(path, 0.7 * k)
+        assert abs(float(wrapped(np.array(pointing[0] - 0.7 * k)))) < 0.2
+        length = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        # The car turns by no more than its wheels allow over the way between middles of pieces.
+        turned = np.abs(wrapped(np.diff(pointing)))
+        between = (length[1:] + length[:-1]) / 2
+        assert (turned <= between / CAR.turning_m + 0.02).all()
+        for (x, y, _), heading in zip(path[:-1].tolist(), pointing, strict=True):
+            for ahead in (-0.125, 0.165, 0.455):  # its ends and its middle
+                at = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
+                assert free.clearance(*at, 0.0) > CAR.width_m / 2 - 0.02
+    assert found >= 3
+
+
+@pytest.mark.parametrize("name", DRONES)
+def test_drones_get_paths_around_obstacles(name: PlannerName) -> None:
+    made, free = planner(name, CLUTTERED, DRONE, FEW), field(CLUTTERED, flat=False)
+    there = places(free, 16, seed=5, height_m=1.0, room_m=0.4)
+    around = 0
+    for k, (start, goal) in enumerate(zip(there[::2], there[1::2], strict=True)):
+        path = made.plan(Pose(start), goal, seed=k)
+        assert path is not None
+        assert tuple(path[0]) == start
+        assert tuple(path[-1]) == goal
+        assert free.path_free(path, DRONE.radius_m)
+        around += len(path) > 2
+    assert around >= 2
+
+
+@pytest.mark.parametrize("name", [*CARS, *DRONES])
+def test_a_seed_repeats_a_path(name: PlannerName) -> None:
+    car = name in CARS
+    body: Body = CAR if car else DRONE
+    height = 0.0 if car else 1.0
+    start, goal = (-2.5, -2.0, height), (2.4, 0.3, height)
+    world = World(obstacles=(Box((-0.3, -2.5, 0.0), (0.3, 2.0, 2.9)),))
+    made = planner(name, world, body, FEW)
+    paths = [made.plan(Pose(start, 0.3), goal, seed=seed) for seed in (1, 2, 1, 2, 3)]
+    first, second, again, once_more, _ = paths
+    assert first is not None
+    assert second is not None
+    assert again is not None
+    assert once_more is not None
+    assert np.array_equal(first, again)
+    assert np.array_equal(second, once_more)
+    assert len({path.tobytes() for path in paths if path is not None}) >= 2
+
+
+def test_points_to_avoid_are_avoided() -> None:
+    wall = [(0.0, y / 4, 1.0) for y in range(-16, 9)]
+    made = planner(PlannerName.RRT_DRONE, EMPTY, DRONE, FEW, avoid_m=0.25)
+    straight = made.plan(Pose((-2, 0, 1)), (2, 0, 1), seed=1)
+    assert straight is not None
+    assert len(straight) == 2
+    path = made.plan(Pose((-2, 0, 1)), (2, 0, 1), seed=1, avoid=wall)
+    assert path is not None
+    gaps = [np.hypot(path[:, 0] - x, path[:, 1] - y).min() for x, y, _ in wall]
+    assert min(gaps) > 0.25 + DRONE.radius_m
+
+
+def test_nobody_is_sent_where_its_kind_does_not_go() -> None:
+    assert planner(PlannerName.RRT_CAR, EMPTY, CAR).plan(Pose((0, 0, 0)), (1, 1, 1), 1) is None
+    assert planner(PlannerName.RRT_DRONE, EMPTY, DRONE).plan(Pose((0, 0, 1)), (1, 1, 0), 1) is None
+    assert planner(PlannerName.STRAIGHT, EMPTY, CAR).plan(Pose((0, 0, 0)), (1, 1, 1), 1) is None
+    assert planner(PlannerName.STRAIGHT, EMPTY, DRONE).plan(Pose((0, 0, 0)), (9, 1, 1), 1) is None
+    assert suits(Ideal(), EMPTY, (1, 1, 0))
+
+
+def test_straight_lines_stop_at_nothing_but_obstacles() -> None:
+    made = planner(PlannerName.STRAIGHT, CLUTTERED, DRONE)
+    assert made.plan(Pose((-2, 0, 1)), (2, 0, 1), 1) is None
+    path = made.plan(Pose((-2, -2, 1)), (2, -2, 1), 1)
+    assert path is not None
+    assert path.tolist() == [[-2, -2, 1], [2, -2, 1]]
+
+
+def test_what_cannot_be_reached_is_given_up_after_so_many_steps() -> None:
+    """A goal in a closed room: without a count this would go on for ever."""
+    walls = (
+        Box((0.8, -1.2, 0.0), (0.9, 1.2, 3.0)),
+        Box((2.9, -1.2, 0.0), (3.0, 1.2, 3.0)),
+        Box((0.8, -1.2, 0.0), (3.0, -1.1, 3.0)),
+        Box((0.8, 1.1, 0.0), (3.0, 1.2, 3.0)),
+    )
+    made = planner(PlannerName.RRT_DRONE, World(obstacles=walls), DRONE, Effort(steps=300))
+    assert made.plan(Pose((-2, 0, 1)), (1.9, 0, 1), 1) is None
+
+
+def test_a_car_too_near_to_a_wall_may_still_leave() -> None:
+    made = planner(PlannerName.RRT_CAR, EMPTY, CAR, FEW)
+    path = made.plan(Pose((3.2, 0.0, 0.0), math.pi / 2), (0.0, 0.0, 0.0), seed=4)
+    assert path is not None
+
+
+def test_turns_about_are_kept_as_points() -> None:
+    there = np.linspace(0, 1, 51)
+    forth = np.column_stack([there, 0 * there, 0 * there])
+    back = np.column_stack([1 - there, 0.1 * there, 0 * there])
+    path = spaced(np.concatenate([forth, back]))
+    assert (np.abs(path - [1.0, 0.0]).max(1) < 1e-9).sum() == 1
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() <= 0.15 + 1e-9
+
+
+def test_a_goal_where_the_robot_is_needs_no_tree() -> None:
+    path = planner(PlannerName.RRT_CAR, EMPTY, CAR).plan(Pose((1, 1, 0)), (1, 1, 0), 1)
+    assert path is not None
+    assert path.tolist() == [[1, 1, 0], [1, 1, 0]]

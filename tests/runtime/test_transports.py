@@ -1,0 +1,256 @@
+"""The conformance kit that every transport passes, and whole runs over each of them.
+
+Real sockets are used on loopback. Nothing here asserts how long something takes: waiting ends when
+what is waited for has come, or after so many tries.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from itertools import count
+
+import pytest
+
+from koord.runtime.chaos.ledger import Journal, Ledger
+from koord.runtime.peer import Peer
+from koord.runtime.protocol.setup import Setup, Timing
+from koord.runtime.protocol.state import fresh
+from koord.runtime.transports.inprocess import Hub
+from koord.runtime.transports.transport import Transport, TransportError
+from koord.runtime.transports.udp import Plan, Reach, Udp, is_group, on_this_machine
+from koord.runtime.wire.codec import Run
+from koord.runtime.wire.drops import Drop
+from koord.runtime.wire.frames import LONGEST
+from tests.runtime.together import KEY, together
+
+Make = Callable[[int], list[Transport]]
+
+_PORTS = count(0)
+
+
+def free_port(robots: int) -> int:
+    """The first of a row of ports that nobody listens on, other than all given out before."""
+    while True:
+        port = 20_000 + (next(_PORTS) * 40 + time.time_ns() // 1000) % 20_000
+        with ExitStack() as stack:
+            try:
+                for k in range(robots + 1):
+                    one = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+                    one.bind(("127.0.0.1", port + k))
+            except OSError:
+                continue
+            return port
+
+
+def in_process(robots: int) -> list[Transport]:
+    hub = Hub(robots)
+    return [hub.transport(pid) for pid in range(robots)]
+
+
+def unicast(robots: int) -> list[Transport]:
+    plan = on_this_machine(robots, free_port(robots), group=None)
+    return [Udp(plan, pid) for pid in range(robots)]
+
+
+def multicast(robots: int) -> list[Transport]:
+    plan = on_this_machine(robots, free_port(robots))
+    return [Udp(plan, pid) for pid in range(robots)]
+
+
+def broadcast(robots: int) -> list[Transport]:
+    """As in the paper's configurations: 127.255.255.255, and an address for each robot."""
+    port = free_port(robots)
+    addresses = tuple((f"127.0.1.{pid}", port) for pid in range(robots))
+    plan = Plan(addresses, Reach.SUBNET, ("127.255.255.255", port))
+    return [Udp(plan, pid) for pid in range(robots)]
+
+
+def zenoh(robots: int) -> list[Transport]:
+    pytest.importorskip("zenoh")
+    from koord.runtime.transports.routed import Routed
+
+    port = free_port(robots)
+    made: list[Transport] = []
+    for pid in range(robots):
+        listen = (f"tcp/127.0.0.1:{port + pid}",)
+        connect = tuple(f"tcp/127.0.0.1:{port + k}" for k in range(pid))
+        made.append(Routed(f"run {port}", pid, robots, connect, listen))
+    return made
+
+
+MAKERS = [in_process, unicast, multicast, broadcast, pytest.param(zenoh, marks=pytest.mark.slow)]
+
+
+@pytest.fixture(params=MAKERS, ids=lambda make: make.__name__)
+def make(request: pytest.FixtureRequest) -> Iterator[Make]:
+    opened: list[Transport] = []
+
+    def opening(robots: int) -> list[Transport]:
+        opened.extend(request.param(robots))
+        wait_for_each_other(opened)
+        return opened
+
+    yield opening
+    for transport in opened:
+        transport.close()
+
+
+def wait_for_each_other(transports: list[Transport]) -> None:
+    """Routed sessions find each other in their own time."""
+    for _ in range(200):
+        for transport in transports:
+            transport.tell(b"hello")
+        heard = [bool(transport.receive(0.05)) for transport in transports]
+        if all(heard):
+            break
+    for transport in transports:
+        while transport.receive(0.02):
+            pass
+
+
+def came(transport: Transport, many: int) -> list[bytes]:
+    """So many datagrams, unless they are lost."""
+    got: list[bytes] = []
+    for _ in range(100):
+        got += transport.receive(0.05)
+        if len(got) >= many:
+            break
+    return got
+
+
+# --- the kit --------------------------------------------------------------------------------------
+
+
+def test_a_datagram_gets_to_one_robot(make: Make) -> None:
+    one, two, three = make(3)
+    one.send(1, b"to you")
+    assert came(two, 1) == [b"to you"]
+    assert three.receive(0.0) == []
+    assert one.receive(0.0) == []
+
+
+def test_a_datagram_gets_to_all_others_once(make: Make) -> None:
+    transports = make(3)
+    transports[1].tell(b"to all")
+    assert came(transports[0], 1) == [b"to all"]
+    assert came(transports[2], 1) == [b"to all"]
+    assert transports[1].receive(0.02) == []
+
+
+def test_the_longest_datagram_arrives_whole(make: Make) -> None:
+    one, two = make(2)
+    one.send(1, bytes(range(256)) * 5 + bytes(LONGEST - 1280))
+    assert [len(datagram) for datagram in came(two, 1)] == [LONGEST]
+
+
+def test_many_datagrams_arrive(make: Make) -> None:
+    one, two = make(2)
+    for k in range(300):
+        one.send(1, b"%d" % k)
+    assert sorted(came(two, 300)) == sorted(b"%d" % k for k in range(300))
+
+
+def test_nothing_is_nothing(make: Make) -> None:
+    one, _ = make(2)
+    assert one.receive(0.0) == []
+    assert one.receive(0.001) == []
+
+
+def test_closing_twice_is_closing(make: Make) -> None:
+    one, two = make(2)
+    one.close()
+    one.close()
+    one.send(1, b"lost")
+    one.tell(b"lost")
+    assert one.receive(0.0) == []
+    assert two.receive(0.02) == []
+
+
+def test_sending_to_a_robot_that_is_gone_is_loss(make: Make) -> None:
+    one, two = make(2)
+    two.close()
+    for _ in range(5):
+        one.send(1, b"anyone?")
+        one.receive(0.0)
+
+
+def test_robots_agree_over_it(make: Make) -> None:
+    """Three robots on one thread, as fast as it goes."""
+    setup = Setup(3, Timing.of(0.0, 3))
+    run = Run("a run", KEY, 3)
+    peers = [
+        Peer(run, setup, fresh(setup, pid, 99), Ledger(pid, Journal()), transport, time.monotonic)
+        for pid, transport in enumerate(make(3))
+    ]
+    for peer in peers:
+        peer.start()
+    for _ in range(100_000):
+        for peer in peers:
+            peer.turn(0.0)
+        if all(peer.node.state.round >= 12 for peer in peers):
+            break
+    least = min(peer.node.state.round for peer in peers)
+    assert least >= 12
+    chains = {held.digest for peer in peers for held in peer.node.state.log if held.round == 11}
+    assert len(chains) == 1
+    assert sum(peer.drops.total() for peer in peers) == 0
+
+
+# --- each its own ---------------------------------------------------------------------------------
+
+
+def test_an_address_that_cannot_be_had_is_told() -> None:
+    port = free_port(2)
+    first = Udp(on_this_machine(2, port), 0)
+    with pytest.raises(TransportError, match=f"127.0.0.1:{port + 1}"):
+        Udp(on_this_machine(2, port), 0)
+    first.close()
+    with pytest.raises(TransportError, match="listened on"):
+        Udp(Plan((("192.0.2.1", port),)), 0)
+
+
+def test_a_multicast_datagram_is_sent_once() -> None:
+    port = free_port(4)
+    udp = Udp(on_this_machine(4, port), 0)
+    udp.tell(b"x")
+    assert udp.sent == 1
+    udp.close()
+    alone = Udp(on_this_machine(4, port, group=None), 0)
+    alone.tell(b"x")
+    assert alone.sent == 3
+    alone.close()
+
+
+def test_groups_are_told_from_others() -> None:
+    assert is_group("239.1.2.3")
+    assert not is_group("127.255.255.255")
+
+
+@pytest.mark.parametrize("robots", [1, 2, 5, 16])
+def test_a_run_in_virtual_time_sends_what_it_should(robots: int) -> None:
+    made = together(Setup(robots, Timing.of(0.1, robots)))
+    made.run(20)
+    before = made.hub.sent
+    made.run(40)
+    if robots == 1:
+        assert made.hub.sent == 0
+    else:
+        assert made.hub.sent - before <= 20 * (2 * robots + 2)
+    assert made.now < 4.2
+    assert {len(ledger.acted) for ledger in made.ledgers} <= {41, 42}
+
+
+def test_robots_of_two_runs_on_one_network_do_not_disturb_each_other() -> None:
+    """Their datagrams are as good as forged to each other."""
+    made = together(Setup(2, Timing.of(0.1, 2)))
+    stranger = made.join(fresh(made.setup, 1, 7), made.hub.transport(1), run="another")
+    made.peers.pop()
+    made.ledgers.pop()
+    for _ in range(3):
+        stranger.turn(0.0)
+        made.run(made.peers[0].node.state.round + 2)
+    assert made.peers[0].drops[Drop.FORGED] > 0
+    assert stranger.node.state.round == -1

@@ -1,0 +1,54 @@
+"""Peers of a run in one process, driven in virtual time: the wire, the protocol, and a robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from koord.runtime.chaos.ledger import Journal, Ledger
+from koord.runtime.peer import Peer
+from koord.runtime.protocol.setup import Setup
+from koord.runtime.protocol.state import State, fresh
+from koord.runtime.transports.inprocess import Hub
+from koord.runtime.transports.transport import Transport
+from koord.runtime.wire.codec import Run
+
+KEY = b"the key of the tests"
+
+
+@dataclass(slots=True)
+class Together:
+    """All robots of a run. ``now`` moves when nothing else can."""
+
+    setup: Setup
+    hub: Hub
+    now: float = 0.0
+    peers: list[Peer] = field(default_factory=list)
+    ledgers: list[Ledger] = field(default_factory=list)
+
+    def join(self, state: State, transport: Transport, run: str = "tests") -> Peer:
+        ledger = Ledger(state.pid, Journal())
+        known = Run(run, KEY, self.setup.robots)
+        peer = Peer(known, self.setup, state, ledger, transport, lambda: self.now)
+        self.peers.append(peer)
+        self.ledgers.append(ledger)
+        peer.start()
+        return peer
+
+    def run(self, until_round: int, most_steps: int = 20_000) -> None:
+        """Until all have come so far."""
+        for _ in range(most_steps):
+            for peer in self.peers:
+                peer.turn(0.0)
+            if all(peer.node.state.round >= until_round for peer in self.peers):
+                return
+            if self.hub.is_quiet:
+                due = [peer.node.due for peer in self.peers if peer.node.due is not None]
+                self.now = max(self.now, min(due))
+        raise AssertionError(f"at {[peer.node.state.round for peer in self.peers]}")
+
+
+def together(setup: Setup) -> Together:
+    made = Together(setup, Hub(setup.robots))
+    for pid in range(setup.robots):
+        made.join(fresh(setup, pid, spare=1_000 + pid), made.hub.transport(pid))
+    return made
