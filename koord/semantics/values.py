@@ -164,7 +164,8 @@ def merge(d: Domain[V], condition: V, then: Value[V], other: Value[V]) -> Value[
 
 
 def _merged_family(d: Domain[V], condition: V, then: Family[V], other: Value[V]) -> Value[V]:
-    assert isinstance(other, Family), other
+    if not isinstance(other, Family):
+        raise NotFiniteError(NOWHERE, "an array over all robots stands where a list may stand too")
     second: Family[V] = other
     return Family(then.crowd, lambda i: merge(d, condition, then.at(i), second.at(i)))
 

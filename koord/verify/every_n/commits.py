@@ -239,9 +239,8 @@ def mask_of(storage: Storage[Term], place: tuple[int, ...]) -> Mask[Term]:
     if not isinstance(storage, Tree):
         return Mask(True)
     below: list[Mask[Term] | None] = [None] * len(storage.parts)
-    never: Term = False
     below[place[0]] = mask_of(storage.parts[place[0]], place[1:])
-    return Mask(never, tuple(below))
+    return Mask[Term](False, tuple(below))
 
 
 def common(d: Terms, mask: Mask[Term], only: Mask[Term]) -> Mask[Term]:

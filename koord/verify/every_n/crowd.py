@@ -15,6 +15,7 @@ from koord.syntax.source import Span
 from koord.syntax.types import INT, EnumType
 from koord.verify.every_n.book import Book
 from koord.verify.every_n.functions import Functions, FunctionTerms
+from koord.verify.every_n.sums import Sums
 from koord.verify.terms import Term
 
 
@@ -29,6 +30,7 @@ class Everyone:
     unknowns: Functions
     program: core.Program
     count: Term
+    sums: Sums
     seated: Term | None = None
     overlooked: list[Span] = field(default_factory=list)
 
@@ -76,7 +78,7 @@ class Everyone:
 
     def summed(self, low: Term, high: Term, body: Callable[[Term], Term]) -> Term:
         """The sum of some numbers."""
-        return self.unknowns.terms.fresh_like("sum", self.book.glimpse(body))
+        return self.sums.of(low, high, body)
 
     def loop(
         self,
@@ -108,7 +110,7 @@ class World:
         book = Book(unknowns)
         count = d.fresh("N", INT)
         book.note(d.binary(BinaryOp.LE, 1, count))
-        crowd = Everyone(book, unknowns, program, count)
+        crowd = Everyone(book, unknowns, program, count, Sums(book))
         unknowns.crowd = crowd
         return World(replace(system, kinds=(), crowd=crowd), book, unknowns, crowd)
 
