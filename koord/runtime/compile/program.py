@@ -48,12 +48,11 @@ class _Module:
         )
         typing = [n for n in ("Any", "NamedTuple") if re.search(rf"\b{n}\b", text)]
         file = _one_line(self.names.file)
-        told = f'"""{file}, compiled: `koord compile` writes this file anew.'
-        given = [f"{name} = {_one_line(str(v))}" for name, v in self.program.parameters]
-        params = ["", f"Its params: {', '.join(given)}."] if given else []
+        given = [f"# param {name} = {_shown(v)}" for name, v in self.program.parameters]
         return [
-            *([told, *params, '"""'] if params else [f'{told}"""']),
+            f'"""{file}, compiled: `koord compile` writes this file anew."""',
             "",
+            *([*given, ""] if given else []),
             "from __future__ import annotations",
             "",
             *([f"from typing import {', '.join(typing)}", ""] if typing else []),
@@ -404,6 +403,13 @@ class _Module:
 def _one_line(name: str) -> str:
     """A file's name such as can stand in a docstring or a comment."""
     return "".join(c if c.isprintable() and c not in '"\\' else "_" for c in name)
+
+
+def _shown(value: object) -> str:
+    """The value of a param, in one line."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_shown, value))}]"
+    return _one_line(str(value))
 
 
 def _is_true(e: core.Expr) -> bool:
