@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import conjunction
@@ -134,6 +134,12 @@ def _instance(d: BitDomain, argument: Argument, binding: Binding) -> Argument:
 # --- matching -------------------------------------------------------------------------------------
 
 
+class Made(NamedTuple):
+    """Any token that a function gave."""
+
+    function: str
+
+
 @dataclass(slots=True)
 class _Known:
     """The atoms that were asked about, by relation and argument."""
@@ -147,6 +153,8 @@ class _Known:
             self._index.setdefault(relation, []).append(arguments)
             for place, argument in enumerate(arguments):
                 self._index.setdefault((relation, place, argument), []).append(arguments)
+                if isinstance(argument, int) and (f := self.d.opaques.tokens[argument].function):
+                    self._index.setdefault((relation, place, Made(f)), []).append(arguments)
 
     def matches(self, axiom: Axiom) -> Iterator[Binding]:
         """Bindings of all variables, such that all atoms but one are there."""
@@ -183,11 +191,23 @@ class _Known:
         relation, arguments = pattern
         best = self._index.get(relation, [])
         for place, argument in enumerate(arguments):
-            bound = argument if isinstance(argument, Known) else binding.get(argument)
+            bound = self._bound(argument, binding)
             if bound is not None:
                 found = self._index.get((relation, place, bound), [])
                 best = found if len(found) < len(best) else best
         return best
+
+    def _bound(self, argument: Argument, binding: Binding) -> object:
+        """What an argument of a pattern must be, as far as is known by now."""
+        if isinstance(argument, Known):
+            return argument
+        token = self.d.opaques.tokens[argument]
+        if not token.function:
+            return binding.get(argument)
+        inner = tuple(self._bound(a, binding) for a in token.arguments)
+        if any(not isinstance(a, int | Known) for a in inner):
+            return Made(token.function)
+        return self.d.opaques.found(token.function, cast("tuple[Argument, ...]", inner))
 
     def _unified(
         self, pattern: tuple[Argument, ...], actual: tuple[Argument, ...], binding: Binding

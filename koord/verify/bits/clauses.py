@@ -114,19 +114,62 @@ class Clauses:
             x, wanted = stack.pop()
             node = x >> 1
             if x & 1:
-                wanted = (wanted & 1) << 1 | wanted >> 1
+                wanted = _turned(wanted)
             missing = wanted & ~self._sides.get(node, 0)
             if not missing or node == 0 or g.is_input(node):
                 continue
             self._sides[node] = self._sides.get(node, 0) | missing
-            left, right = g.left[node], g.right[node]
-            me, a, b = self._signed(2 * node), self._signed(left), self._signed(right)
+            me = self._signed(2 * node)
+            choice = self._choice(node)
+            if choice is not None:
+                condition, then, other = choice
+                c, t, e = (self._signed(y) for y in choice)
+                if missing & TRUE_SIDE:
+                    solver.append_formula([[-me, -c, t], [-me, c, e], [-me, t, e]])
+                if missing & FALSE_SIDE:
+                    solver.append_formula([[me, -c, -t], [me, c, -e], [me, -t, -e]])
+                stack += ((condition, BOTH_SIDES), (then, missing), (other, missing))
+                continue
+            parts = self._parts(node)
+            signed = [self._signed(y) for y in parts]
             if missing & TRUE_SIDE:
-                solver.add_clause([-me, a])
-                solver.add_clause([-me, b])
+                solver.append_formula([[-me, y] for y in signed])
             if missing & FALSE_SIDE:
-                solver.add_clause([me, -a, -b])
-            stack += ((left, missing), (right, missing))
+                solver.add_clause([me, *(-y for y in signed)])
+            stack += ((y, missing) for y in parts)
+
+    def _parts(self, node: int) -> list[int]:
+        """What a conjunction is of, with those parts of it taken apart that nobody else uses."""
+        g = self.graph
+        found: list[int] = []
+        stack = [g.right[node], g.left[node]]
+        while stack:
+            x = stack.pop()
+            inner = x >> 1
+            if x & 1 or g.is_input(inner) or g.uses[inner] > 1 or inner in self._numbers:
+                found.append(x)
+            else:
+                stack += (g.right[inner], g.left[inner])
+        return found
+
+    def _choice(self, node: int) -> tuple[int, int, int] | None:
+        """Condition and both sides, if a node is made as a choice or an exclusive or is."""
+        g = self.graph
+        p, q = g.left[node], g.right[node]
+        if not (p & q & 1) or g.is_input(p >> 1) or g.is_input(q >> 1):
+            return None
+        if g.uses[p >> 1] > 1 or g.uses[q >> 1] > 1:
+            return None
+        for c, t in ((g.left[p >> 1], g.right[p >> 1]), (g.right[p >> 1], g.left[p >> 1])):
+            for n, e in ((g.left[q >> 1], g.right[q >> 1]), (g.right[q >> 1], g.left[q >> 1])):
+                if c == n ^ 1:
+                    return c, t ^ 1, e ^ 1
+        return None
+
+
+def _turned(sides: int) -> int:
+    """The directions of a literal that its negation needs."""
+    return (sides & 1) << 1 | sides >> 1
 
 
 def now() -> float:

@@ -255,21 +255,25 @@ class BitDomain:
 
     def learned(self, constraint: int) -> dict[str, Range]:
         """What a constraint says about the ranges of unknown integers, by name."""
-        g = self.graph
         found: dict[str, Range] = {}
-        for part in g.conjuncts(constraint):
-            if part in self.asked:
-                said = dict([self.asked[part]])
-            elif part & 1 and not g.is_input(part >> 1) and part > 1:
-                # One of the two holds: what both say, if they speak of the same.
-                one = self.learned(g.left[part >> 1] ^ 1)
-                other = self.learned(g.right[part >> 1] ^ 1)
-                said = {name: _join(one[name], other[name]) for name in one.keys() & other.keys()}
-            else:
-                continue
-            for name, bounds in said.items():
+        for part in self.graph.conjuncts(constraint):
+            for name, bounds in self._said(part, DEEP).items():
                 found[name] = _meet(found[name], bounds) if name in found else bounds
         return found
+
+    def _said(self, part: int, deep: int) -> dict[str, Range]:
+        """The same of a literal that is no conjunction. Of a disjunction, what all of it says."""
+        g = self.graph
+        if part in self.asked:
+            return dict([self.asked[part]])
+        if not deep or not part & 1 or part < 2 or g.is_input(part >> 1):
+            return {}
+        sides = g.left[part >> 1] ^ 1, g.right[part >> 1] ^ 1
+        one = self._said(sides[0], deep - 1)
+        if not one:
+            return {}
+        other = self._said(sides[1], deep - 1)
+        return {name: _join(one[name], other[name]) for name in one.keys() & other.keys()}
 
     # --- numbers --------------------------------------------------------------------------------
 
@@ -397,6 +401,9 @@ def _join(a: Range, b: Range) -> Range:
 def _is_one_of_few(number: Number) -> bool:
     return number.loose == FALSE and number.high - number.low < FEW
 
+
+#: Disjunctions of so many parts are looked into for ranges, on each side.
+DEEP = 12
 
 #: So many arguments of a function are told apart.
 FEW = 16

@@ -23,6 +23,7 @@ class Graph:
     left: list[int] = field(default_factory=lambda: [_LEAF])
     right: list[int] = field(default_factory=lambda: [_LEAF])
     names: dict[int, str] = field(default_factory=dict)
+    uses: list[int] = field(default_factory=lambda: [0])  #: how many nodes are made of a node
     _known: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def input(self, name: str) -> int:
@@ -30,6 +31,7 @@ class Graph:
         node = len(self.left)
         self.left.append(_LEAF)
         self.right.append(_LEAF)
+        self.uses.append(0)
         self.names[node] = name
         return 2 * node
 
@@ -51,6 +53,9 @@ class Graph:
             node = len(self.left)
             self.left.append(a)
             self.right.append(b)
+            self.uses.append(0)
+            self.uses[a >> 1] += 1
+            self.uses[b >> 1] += 1
             simpler = 2 * node
         self._known[a, b] = simpler
         return simpler

@@ -79,6 +79,10 @@ class Opaques:
             self._terms[key] = len(self.tokens) - 1
         return self._terms[key]
 
+    def found(self, function: str, arguments: tuple[Argument, ...]) -> int:
+        """The token that a function gave for arguments; -1 if it was never asked."""
+        return self._terms.get((function, self.part, arguments), -1)
+
     def atom(self, relation: str, arguments: tuple[Argument, ...]) -> int:
         """Whether a relation holds of tokens and constants."""
         if relation == EQUALS:

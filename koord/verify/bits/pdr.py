@@ -296,20 +296,23 @@ class Search:
     # --- clauses --------------------------------------------------------------------------------
 
     def _learn(self, cube: Cube, level: int) -> None:
-        self._add(cube, level)
-        for image in self.images(cube):
-            self._add(image, level)
-
-    def _add(self, cube: Cube, level: int) -> None:
-        """Exclude a cube from a frame and all before it."""
+        """Exclude a cube from a frame and all before it, and with it what it may be renamed to."""
         if self._is_excluded(cube, level):
             return
         literals = set(cube)
         for frame in self.frames[1 : level + 1]:
             frame -= {other for other in frame if literals.issubset(other)}
-        self.frames[level].add(cube)
         for x in cube:
             self._weight[x] = self._weight.get(x, 0.0) + 1.0
+        self._add(cube, level)
+        for image in self.images(cube):
+            if all(image not in frame for frame in self.frames[level:]):
+                self._add(image, level)
+
+    def _add(self, cube: Cube, level: int) -> None:
+        for frame in self.frames[1:level]:
+            frame.discard(cube)
+        self.frames[level].add(cube)
         self.clauses.add([-self._enabled[level], *(-self._number(x) for x in cube)])
 
     def _pushed(self, last: int) -> set[Cube] | None:
@@ -319,8 +322,8 @@ class Search:
                 if cube not in self.frames[level]:
                     continue
                 if self._leads_to(level, cube, but=False) is not None:
+                    self._learn(cube, level + 1)
                     self.frames[level].discard(cube)
-                    self._add(cube, level + 1)
             if not self.frames[level]:
                 return set().union(*self.frames[level + 1 :])
         return None

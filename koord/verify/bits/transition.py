@@ -104,6 +104,7 @@ class _Builder:
     tries: int = 0
     d: BitDomain = field(default_factory=BitDomain)
     made: dict[str, tuple[Leaf, Bits]] = field(default_factory=dict)
+    marks: tuple[int, ...] = ()
     _parts: _Parts | None = None
 
     def tried(self) -> bool:
@@ -136,7 +137,8 @@ class _Builder:
     ) -> Configuration[Leaf]:
         most, room = LEVELS[self.level]
         hurry = self.tries > PASSES[0]
-        marks = _landmarks(self.system, most)
+        self.marks = self.marks or _landmarks(self.system, most)
+        marks = self.marks
         if self.tries > PASSES[1]:
             marks = (marks[0], marks[-1])
         joining = Joining(self.d, marks, hurry)
