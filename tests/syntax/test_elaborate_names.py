@@ -8,6 +8,7 @@ import pytest
 
 from koord.syntax import core
 from koord.syntax.types import BOOL, INT, POS, ArrayType, EnumType, ListType, Robots
+from koord.syntax.elaborate.suggest import closest
 from tests.syntax.elaborating import codes, diagnostics, effect, errors, only, program, value
 
 
@@ -289,3 +290,17 @@ def test_what_only_follows_from_unreadable_lines_is_not_told() -> None:
     assert "K201" not in errors("local:\n  int n = = 0\n  int m = 0\nGo:\n  eff: n = m\n")
     assert "K403" not in codes("local:\n  int n = 0\nGo:\n  eff: n = = 1\n")
     assert "K201" in errors("local:\n  int n = = 0\n  int m = 0\nGo:\n  eff: k = m\n")
+
+
+@pytest.mark.parametrize(
+    "misspelt", ["nmae_0777", "name_077", "name_07777", "name_0x77", "NAME_0777"]
+)
+def test_among_thousands_of_names_the_closest_is_found(misspelt: str) -> None:
+    """One that is written like it but for a letter, or two that changed places."""
+    known = [f"name_{number:04}" for number in range(2_000)]
+    found = closest(misspelt, known)
+    assert found is not None
+    assert sum(a != b for a, b in zip(sorted(found), sorted(misspelt.lower()), strict=False)) <= 1
+    if len(misspelt) == 9:
+        assert found == "name_0777" if misspelt != "name_0x77" else found.endswith("77")
+    assert closest("quite_different", known) is None

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import lru_cache
+from itertools import islice
 
 #: Words of other languages for what Koord has under another name.
 _ELSEWHERE = {
@@ -24,21 +27,66 @@ _ELSEWHERE = {
     "count": "length",
 }
 
-#: How many names one misspelt name is compared with.
+#: With how many names one misspelt name is compared: all, if they are no more; else those that
+#: differ in a letter or two, and some others.
 MOST_COMPARED = 100
+_OTHERS_COMPARED = 20
+
+#: Names are compared up to here.
+_LONGEST = 60
 
 
 def closest(name: str, known: Iterable[str]) -> str | None:
     """The known name most like ``name``, or None if none is much like it."""
+    index = _indexed(tuple(known))
+    wanted = name.lower()
+    if wanted in index.folded:
+        return index.folded[wanted]
+    found = get_close_matches(wanted[:_LONGEST], index.likely(wanted), n=1, cutoff=0.6)
+    return index.folded[found[0]] if found else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Index:
+    """Names in small letters, and those that become alike without one letter.
+
+    Comparing is slow, and a program with thousands of names may misspell thousands.
+    """
+
+    folded: Mapping[str, str]
+    shortened: Mapping[str, Sequence[str]]
+
+    def likely(self, wanted: str) -> Sequence[str]:
+        """The names that are worth comparing."""
+        if len(self.folded) <= MOST_COMPARED:
+            return list(self.folded)
+        near = dict.fromkeys(
+            candidate for part in _shortened(wanted) for candidate in self.shortened.get(part, ())
+        )
+        if near:
+            return list(near)[:MOST_COMPARED]
+        alike = (other for other in self.folded if abs(len(other) - len(wanted)) <= 1)
+        return list(islice(alike, _OTHERS_COMPARED))
+
+
+@lru_cache(maxsize=8)
+def _indexed(known: tuple[str, ...]) -> _Index:
     folded = {candidate.lower(): candidate for candidate in known}
-    if name.lower() in folded:
-        return folded[name.lower()]
-    # Comparing is slow, and a program with thousands of names may misspell thousands.
-    likely = list(folded)
-    if len(likely) > MOST_COMPARED:
-        likely = [candidate for candidate in likely if abs(len(candidate) - len(name)) <= 1]
-    found = get_close_matches(name.lower()[:60], likely[:MOST_COMPARED], n=1, cutoff=0.6)
-    return folded[found[0]] if found else None
+    shortened: dict[str, list[str]] = {}
+    if len(folded) > MOST_COMPARED:
+        for candidate in folded:
+            for part in _shortened(candidate):
+                shortened.setdefault(part, []).append(candidate)
+    return _Index(folded, shortened)
+
+
+def _shortened(name: str) -> set[str]:
+    """A name, and what it is without one of its letters.
+
+    Names that differ by a letter more, less or another, or by two that changed places, share one.
+    """
+    name = name[:_LONGEST]
+    return {name, *(name[:k] + name[k + 1 :] for k in range(len(name)))}
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str | None:
