@@ -7,8 +7,8 @@ from textwrap import dedent
 import pytest
 
 from koord.syntax import core
-from koord.syntax.types import BOOL, INT, POS, ArrayType, EnumType, ListType, Robots
 from koord.syntax.elaborate.suggest import closest
+from koord.syntax.types import BOOL, INT, POS, ArrayType, EnumType, ListType, Robots
 from tests.syntax.elaborating import codes, diagnostics, effect, errors, only, program, value
 
 
@@ -293,14 +293,10 @@ def test_what_only_follows_from_unreadable_lines_is_not_told() -> None:
 
 
 @pytest.mark.parametrize(
-    "misspelt", ["nmae_0777", "name_077", "name_07777", "name_0x77", "NAME_0777"]
+    "misspelt", ["nmae_0777", "nam_0777", "naame_0777", "nane_0777", "name_07777", "NAME_0777"]
 )
 def test_among_thousands_of_names_the_closest_is_found(misspelt: str) -> None:
     """One that is written like it but for a letter, or two that changed places."""
     known = [f"name_{number:04}" for number in range(2_000)]
-    found = closest(misspelt, known)
-    assert found is not None
-    assert sum(a != b for a, b in zip(sorted(found), sorted(misspelt.lower()), strict=False)) <= 1
-    if len(misspelt) == 9:
-        assert found == "name_0777" if misspelt != "name_0x77" else found.endswith("77")
+    assert closest(misspelt, known) == "name_0777"
     assert closest("quite_different", known) is None
