@@ -93,7 +93,7 @@ class Routes:
         self.s[robots, 0] = 0.0
         self.length[robots] = self.leg_end[robots, 0] = np.where(here, length, 0.0)
         self.speed2[robots] = 0.0
-        self.speed2[robots, 0] = self.pace.cruise_mps**2
+        self.speed2[robots, 0] = np.where(here, self.pace.cruise_mps**2, 0.0)
         self.tangent[robots] = unit[:, None]
         self.course[robots] = np.arctan2(unit[:, 1], unit[:, 0])[:, None]
         self.turn[robots], self.curvature[robots], self.way[robots] = 0.0, 0.0, 1.0

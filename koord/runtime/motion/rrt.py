@@ -164,19 +164,28 @@ class _Query:
         return self.information.allocState()
 
     def solve(self, start: Any, goals: Sequence[Any]) -> Any:
-        """A path that reaches one of the goals, or None."""
+        """A path that reaches one of the goals, or None.
+
+        One that goes on improving may not have come there in its steps: then any path will do.
+        """
+        if self.optimal:
+            path = self._grow(geometric.RRTstar, self.effort.star_steps, start, goals)
+            if path is not None:
+                return path
+        return self._grow(geometric.RRTConnect, self.effort.steps, start, goals)
+
+    def _grow(self, kind: Any, steps: int, start: Any, goals: Sequence[Any]) -> Any:
         problem = base.ProblemDefinition(self.information)
         problem.addStartState(start)
         target = base.GoalStates(self.information)
         for goal in goals:
             target.addState(goal)
         problem.setGoal(target)
-        kind = geometric.RRTstar if self.optimal else geometric.RRTConnect
         tree = kind(self.information)
         tree.setProblemDefinition(problem)
         tree.setRange(self.range_m)
         tree.setup()
-        left = self.effort.star_steps if self.optimal else self.effort.steps
+        left = steps
 
         def used_up() -> bool:
             nonlocal left

@@ -43,7 +43,7 @@ def fault(polygon: Polygon) -> str | None:
 def touched(starts: Floats, ends: Floats, where: Footprint, reach_m: float) -> Bools:
     """Which of the flat segments, shape ``(n, 2)``, come within reach of a footprint."""
     shape, around = where
-    lines = shapely.linestrings(np.stack([starts, ends], axis=1))
+    lines = shapely.linestrings(_rounded(np.stack([starts, ends], axis=1)))
     found: Bools = shapely.dwithin(lines, shape, reach_m + around)
     return found
 
@@ -54,7 +54,13 @@ def flat_paths_within(one: Floats, other: Floats, reach_m: float) -> bool:
 
 
 def _line(path: Floats) -> shapely.Geometry:
+    path = _rounded(path)
     return shapely.Point(path[0]) if len(path) == 1 else shapely.LineString(path)
+
+
+def _rounded(points: Floats) -> Floats:
+    """The points without what is so small that its square vanishes: GEOS divides by such."""
+    return np.round(points, 12)
 
 
 def overlaps(where: Footprint, centre: tuple[float, float], side_m: float) -> bool:

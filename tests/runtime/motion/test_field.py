@@ -53,10 +53,10 @@ def test_segments_are_free_where_all_their_points_are(
 def test_a_robot_on_the_ground_passes_below_what_hangs_high() -> None:
     world = World(obstacles=(Disc((0.0, 0.0), 0.5, 1.0, 2.0),))
     assert field(world, flat=True).clearance(0, 0, 0) > 3
-    way = np.array([[-2.0, 0, 1.5], [2.0, 0, 1.5]])
+    way, up = np.array([[-2.0, 0, 1.5], [2.0, 0, 1.5]]), np.array([0.0, 0, 1])
     assert not field(world, flat=False).path_free(way, REACH)
-    assert field(world, flat=False).path_free(way + [0, 0, 1.0], REACH)
-    assert field(world, flat=False).path_free(way - [0, 0, 1.0], REACH)
+    assert field(world, flat=False).path_free(way + up, REACH)
+    assert field(world, flat=False).path_free(way - up, REACH)
 
 
 def test_a_steep_segment_is_blocked_only_where_it_is_as_high() -> None:

@@ -18,7 +18,7 @@ PATH = st.lists(POINT, min_size=1, max_size=5)
 
 
 def sampled(one: Floats, other: Floats) -> float:
-    """The least distance between points of two segments, 60 on each: never less than the true one."""
+    """The least distance between points of two segments, 60 on each: never too short."""
     share = np.linspace(0, 1, 60)[:, None]
     a = one[0] + share * (one[1] - one[0])
     b = other[0] + share * (other[1] - other[0])

@@ -1,4 +1,4 @@
-"""Planners: what they must keep to, that a seed repeats them, and that they are stopped by counting."""
+"""Planners: what they must keep to, that seeds repeat them, and that counting stops them."""
 
 from __future__ import annotations
 
