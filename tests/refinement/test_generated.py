@@ -1,0 +1,75 @@
+"""Generated programs do, compiled, what the rules allow; together they use all of the language."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from koord.refinement.cases import Tried, generated, tried
+from koord.syntax import core
+from koord.syntax.walk import nodes
+from tests.refinement.running import seeds
+
+#: Runs in every run of the tests, and in the slow ones.
+FEW, MANY = 150, 2_000
+ROUNDS = 4
+
+
+@pytest.fixture(scope="module")
+def outcomes() -> list[Tried]:
+    return [tried(generated(seed, ROUNDS)) for seed in seeds(FEW)]
+
+
+def test_compiled_programs_refine_what_they_were_compiled_from(outcomes: list[Tried]) -> None:
+    assert [(o.case.seed, o.refused, o.crash) for o in outcomes if o.failed] == []
+
+
+def test_runs_come_far_enough_to_say_something(outcomes: list[Tried]) -> None:
+    judged = [o.judged for o in outcomes if o.judged is not None]
+    assert sum(j.steps for j in judged) > 6 * FEW
+    faults = {o.ran.fault_place for o in outcomes if o.ran is not None}
+    assert len(faults) > FEW // 10
+    given_up = [o for o in outcomes if o.ran is not None and o.ran.gave_up is not None]
+    assert len(given_up) < FEW // 5
+
+
+def test_all_of_the_language_is_used(outcomes: list[Tried]) -> None:
+    seen: Counter[object] = Counter()
+    for outcome in outcomes:
+        program = outcome.case.system.program
+        for node in nodes((program.agents, program.functions, program.allread, program.allwrite)):
+            seen[type(node)] += 1
+            if isinstance(node, core.Binary | core.Unary | core.Builtin):
+                seen[node.op] += 1
+        seen["several kinds"] += len(program.agents) > 1
+        seen["urgent"] += any(e.urgent for agent in program.agents for e in agent.events)
+        seen["model"] += any(m.environment for agent in program.agents for m in agent.modules)
+    wanted: list[object] = [
+        *(core.Assign, core.If, core.ForRange, core.ForEach, core.Break, core.Return, core.Atomic),
+        *(core.Stop, core.TryStop, core.Output, core.Append, core.Remove, core.Pop),
+        *(core.Const, core.Pid, core.NumAgents, core.Delta, core.Read, core.Select, core.MakeList),
+        *(core.MakeMap, core.MakeRecord, core.Call, core.ExternalCall, core.Choose),
+        *(core.IndexStep, core.KeyStep, core.FieldStep),
+        *core.BinaryOp,
+        *core.UnaryOp,
+        *core.ListOp,
+        "several kinds",
+        "urgent",
+        "model",
+    ]
+    assert [one for one in wanted if not seen[one]] == []
+
+
+def test_a_case_gives_the_same_run_again(outcomes: list[Tried]) -> None:
+    for outcome in outcomes[:5]:
+        again = tried(generated(outcome.case.seed, ROUNDS))
+        assert outcome.judged is not None
+        assert again.judged is not None
+        assert again.judged.trace.recording == outcome.judged.trace.recording
+
+
+@pytest.mark.slow
+def test_many_compiled_programs_refine_theirs() -> None:
+    found = [tried(generated(seed, 8)) for seed in seeds(MANY)]
+    assert [(o.case.seed, o.refused, o.crash) for o in found if o.failed] == []
