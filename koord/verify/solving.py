@@ -86,6 +86,7 @@ class Solver:
     _solver: z3.Solver = field(init=False)
     _taken: int = 0
     _model: z3.ModelRef | None = None
+    _core: frozenset[int] = frozenset()
 
     def __post_init__(self) -> None:
         self._solver = z3.Solver(ctx=self.d.context)
@@ -113,7 +114,9 @@ class Solver:
         (0: all of it).
         """
         self._take()
-        terms = [self.d.boolean(term) for term in question if self.d.known(term) is not True]
+        question = list(question)
+        asked = [k for k, term in enumerate(question) if self.d.known(term) is not True]
+        terms = [self.d.boolean(question[k]) for k in asked]
         left = deadline.left_s()
         if left is not None:
             if left <= 0:
@@ -123,21 +126,28 @@ class Solver:
         if effort is not None and limit <= 0:
             return Answer.UNKNOWN
         self._solver.set("rlimit", limit)
-        literals = []
+        literals, once = [], []
         for term in terms:
-            literal = z3.FreshBool("q", self.d.context)
-            self._solver.add(z3.Implies(literal, term))
+            literal = term
+            if not z3.is_const(term) or term.decl().kind() != z3.Z3_OP_UNINTERPRETED:
+                literal = z3.FreshBool("q", self.d.context)
+                self._solver.add(z3.Implies(literal, term))
+                once.append(literal)
             literals.append(literal)
         spent = self._spent()
         result = self._solver.check(*literals)
         spent = self._spent() - spent
+        if result == z3.unsat:
+            core = {literal.get_id() for literal in self._solver.unsat_core()}
+            pairs = zip(asked, literals, strict=True)
+            self._core = frozenset(k for k, literal in pairs if literal.get_id() in core)
         if effort is not None:
             effort.left -= spent
         self._model = self._solver.model() if result == z3.sat else None
         # Asked for now: the next assertion makes Z3 forget why it stopped.
         reason = self._solver.reason_unknown() if result == z3.unknown else ""
         # The question is not asked again, so the solver may forget it.
-        self._solver.add(*(z3.Not(literal) for literal in literals))
+        self._solver.add(*(z3.Not(literal) for literal in once))
         if result == z3.unsat:
             return Answer.UNSAT
         if result == z3.sat:
@@ -146,6 +156,10 @@ class Solver:
         if reason in _INTERRUPTED and not exhausted and not deadline.is_near():
             raise KeyboardInterrupt
         return Answer.UNKNOWN
+
+    def core(self) -> frozenset[int]:
+        """Positions in the last question, answered with UNSAT, of what cannot hold together."""
+        return self._core
 
     def model(self) -> Model:
         """The model of the last question that was answered with SAT."""

@@ -253,9 +253,9 @@ def common(d: Terms, mask: Mask[Term], only: Mask[Term]) -> Mask[Term]:
         if part is None:
             parts.append(None)
             continue
-        own = common(d, below, part) if below is not None else Mask(False)
+        own = common(d, below, part) if below is not None else Mask[Term](False)
         parts.append(Mask(d.binary(BinaryOp.OR, mask.whole, own.whole), own.parts, own.keys))
-    return Mask(False, tuple(parts))
+    return Mask[Term](False, tuple(parts))
 
 
 def taken(storage: Storage[Term], source: Storage[Term], place: tuple[int, ...]) -> Storage[Term]:

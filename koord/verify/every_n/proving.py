@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.crowds import NotFiniteError
+from koord.semantics.domain import conjunction, disjunction
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import BOOL, INT, ArrayType, Robots
@@ -90,6 +91,47 @@ def prove(
     return Proof(tuple(candidates), reasons)
 
 
+@dataclass(frozen=True, slots=True)
+class Inferred:
+    """The claims that hold with the help of invariants that were found, and these."""
+
+    proved: tuple[Claim, ...]
+    invariants: tuple[Claim, ...]
+
+
+def infer(
+    system: System,
+    claims: Sequence[Claim],
+    candidates: Sequence[Claim],
+    deadline: Deadline,
+    effort: Effort,
+    thrift: Thrift = GENEROUS,
+    seed: int = 0,
+) -> Inferred:
+    """Claims that are inductive together with some of the candidates, which are found out.
+
+    Candidates that do not hold after INIT are dropped, then those that a round may break, until
+    the rest prove themselves; of these the ones are kept that the claims' proofs rest on.
+    """
+    nothing = Inferred((), ())
+    if _beyond(system.program):
+        return nothing
+    means = _Means(deadline, effort, thrift, seed)
+    try:
+        start = _Start(system, means)
+        open_ = [claim for claim in claims if claim not in start.failing(claims)]
+        likely = start.sifted(candidates)
+        step = _Step(system, means)
+        left = step.sifted([*open_, *likely])
+        proved = tuple(claim for claim in open_ if claim in set(left))
+        if not proved or start.limits or step.limits:
+            return nothing
+        found = step.lemmas(proved, [claim for claim in left if claim not in proved])
+    except NotFiniteError:
+        return nothing
+    return Inferred(proved, tuple(found))
+
+
 def _beyond(program: core.Program) -> str:
     """Why a program is not looked at, if so."""
     for entry in program.allwrite:
@@ -161,11 +203,48 @@ class _Asking:
                 break
         return failed
 
+    def sift(self, goals: Sequence[tuple[Claim, list[Term]]], given: Sequence[Term]) -> set[Claim]:
+        """Claims whose goals can be met, all asked for together, as far as the solver tells.
+
+        ``given`` holds besides. Where the solver gives up, all claims that are left are met.
+        """
+        d, book, means = self.world.d, self.world.book, self.means
+        pending = {claim: conjunction(d, goal) for claim, goal in goals}
+        book.ask([*given, *pending.values()])
+        self._limit = max(self._limit, 0)
+        book.settle(self._limit)
+        met: set[Claim] = set()
+        while pending:
+            self._tell()
+            question = [*given, disjunction(d, list(pending.values()))]
+            answer = self.solver.check(
+                question, means.deadline, means.effort, at_most=4 * means.thrift.question
+            )
+            if answer is Answer.UNSAT:
+                return met
+            hit = set(pending)
+            if answer is Answer.SAT:
+                model = self.solver.model()
+                hit = {claim for claim, goal in pending.items() if model.truth(goal)}
+            met |= hit
+            for claim in hit:
+                del pending[claim]
+        return met
+
+    def needed(self, goal: Sequence[Term]) -> frozenset[int] | None:
+        """The positions in a goal of what refutes it; None if it is not refuted."""
+        self.world.book.ask(goal)
+        self.world.book.settle(self._limit)
+        return self.solver.core() if not self._why_open(goal) else None
+
+    def _tell(self) -> None:
+        """Let the solver know what the book says by now."""
+        self.solver.add(self.world.book.facts[self._given :])
+        self._given = len(self.world.book.facts)
+
     def _why_open(self, goal: Sequence[Term]) -> str:
         """Why a goal is not refuted; empty if it is."""
-        book = self.world.book
-        self.solver.add(book.facts[self._given :])
-        self._given = len(book.facts)
+        self._tell()
         means = self.means
         answer = self.solver.check(
             goal, means.deadline, means.effort, at_most=means.thrift.question
@@ -203,6 +282,12 @@ class _Start:
     @property
     def limits(self) -> list[str]:
         return self._asking.limits
+
+    def sifted(self, claims: Sequence[Claim]) -> list[Claim]:
+        """The claims that hold after INIT, as far as is known."""
+        goals = [(claim, self._goal(claim)) for claim in claims]
+        met = self._asking.sift(goals, [])
+        return [claim for claim in claims if claim not in met]
 
     def failing(self, claims: Sequence[Claim]) -> dict[Claim, str]:
         """The claims that may not hold after INIT, for all that is known."""
@@ -256,6 +341,37 @@ class _Step:
             ]
             failed |= self._asking.failing(goals)
         return failed
+
+    def sifted(self, claims: Sequence[Claim]) -> list[Claim]:
+        """The largest part of the claims that no round breaks, as far as is known."""
+        left = list(claims)
+        while True:
+            before = len(left)
+            for moment in self._moments():
+                given = [self._suppose(claim) for claim in left if claim.is_state_property]
+                goals = [(claim, g) for claim in left if (g := self._goal(claim, moment))]
+                met = self._asking.sift(goals, given)
+                left = [claim for claim in left if claim not in met]
+            if len(left) == before:
+                return left
+
+    def lemmas(self, claims: Sequence[Claim], others: Sequence[Claim]) -> list[Claim]:
+        """Those of the others that proofs of the claims rest on, one by one, to the end."""
+        state = [claim for claim in (*claims, *others) if claim.is_state_property]
+        given = [self._suppose(claim) for claim in state]
+        waiting, found = list(claims), list[Claim]()
+        while waiting:
+            claim = waiting.pop()
+            for moment in self._moments():
+                goal = self._goal(claim, moment)
+                core_ = self._asking.needed([*given, *goal]) if goal else frozenset()
+                if core_ is None:
+                    return list(others)
+                for position in sorted(core_):
+                    if position < len(state) and state[position] not in (*claims, *found):
+                        found.append(state[position])
+                        waiting.append(state[position])
+        return found
 
     def _moments(self) -> list[Phase]:
         if stops_show(self._program):
