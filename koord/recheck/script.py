@@ -16,7 +16,7 @@ class Script:
     """Writes terms. What it has named stays named, so a term is written once."""
 
     _names: dict[int, str] = field(default_factory=dict)
-    _open: dict[int, bool] = field(default_factory=dict)
+    _free: dict[int, frozenset[str]] = field(default_factory=dict)
 
     def text(self, term: Term) -> tuple[list[str], str]:
         """Definitions that are needed first, and the term in their words."""
@@ -44,12 +44,17 @@ class Script:
         return f"({node.head} {args})"
 
     def _is_open(self, node: Term) -> bool:
-        """Whether a bound variable occurs in it: it has no name outside of its quantifier."""
-        known = self._open.get(id(node))
+        """Whether a variable is free in it: then it has no name outside of its quantifier."""
+        return bool(self._free_in(node))
+
+    def _free_in(self, node: Term) -> frozenset[str]:
+        known = self._free.get(id(node))
         if known is None:
-            known = node.head.startswith("|?") or any(self._is_open(a) for a in node.args)
-            known = known and not node.binders
-            self._open[id(node)] = known
+            known = frozenset[str]().union(*(self._free_in(a) for a in node.args))
+            if node.head.startswith("|?"):
+                known |= {node.head}
+            known -= {b.head for b in node.binders}
+            self._free[id(node)] = known
         return known
 
 

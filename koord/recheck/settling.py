@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 
-from koord.recheck.obligations import Goal, Obligation, Shown
+from koord.recheck.obligations import Attempt, Goal, Obligation, Shown
 from koord.recheck.script import Script
 from koord.recheck.solving import Answer, Session
-from koord.recheck.terms import Term
+from koord.recheck.terms import Term, Terms
 from koord.recheck.values import Values
 from koord.syntax.types import EnumType
+
+#: What an attempt that knows less may take.
+QUICK_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +36,7 @@ class Settling:
 
     values: Values
     session: Session
+    seconds: float  #: that a question may take
     progress: Callable[[str], None] = lambda text: None
     _script: Script = field(default_factory=Script)
     _declared: int = 0
@@ -42,45 +47,84 @@ class Settling:
             yield self._settled(obligation)
 
     def _settled(self, obligation: Obligation) -> Settled:
-        known = {id(fact) for fact in (*obligation.given, *obligation.hypotheses)}
-        goals = [goal for goal in obligation.goals if id(goal.holds) not in known]
+        *quick, exact = obligation.attempts
+        for attempt in quick:
+            self.session.allow(min(QUICK_S, self.seconds))
+            if self._tried(obligation.name, attempt(), quick=True).answer is Answer.UNSAT:
+                return Settled(obligation.name, Answer.UNSAT)
+        self.session.allow(self.seconds)
+        return self._tried(obligation.name, exact())
+
+    def _tried(self, name: str, attempt: Attempt, *, quick: bool = False) -> Settled:
         t = self.values.t
-        if all(goal.holds.value is True for goal in goals):
-            return Settled(obligation.name, Answer.UNSAT)
-        self.session.tell(["(push 1)"])
-        facts = (*self.values.ranges, *obligation.given, *obligation.hypotheses)
-        self.session.tell(self._asserted(facts))
-        settled = self._together(obligation, goals, t.disjunction(map(self._fails, goals)))
-        self.session.tell(["(pop 1)"])
+        known = {id(part) for fact in attempt.hypotheses for part in conjuncts(t, fact)}
+        goals = []
+        for goal in attempt.goals:
+            left = [part for part in conjuncts(t, goal.holds) if id(part) not in known]
+            if any(part.value is not True for part in left):
+                goals.append(replace(goal, holds=t.conjunction(left)))
+        if not goals:
+            return Settled(name, Answer.UNSAT)
+        # What answers satisfy that any claim asks for, they satisfy.
+        legal = [goal.legal for goal in attempt.goals]
+        proved: list[Goal] = []
+        with self._pushed([*self.values.ranges, *attempt.hypotheses, *legal]):
+            with self._pushed([t.negation(t.conjunction(goal.holds for goal in goals))]):
+                answer = self.session.check()
+            if quick or answer is Answer.UNSAT:
+                return Settled(name, answer)
+            settled = self._one_by_one(name, attempt, goals, proved)
+        if settled.answer is not Answer.UNKNOWN or not proved:
+            return settled
+        # Perhaps what is open follows from the goals that are proved, with nothing else given.
+        left_over = [goal for goal in goals if goal not in proved]
+        with self._pushed([*self.values.ranges, *legal, *(goal.holds for goal in proved)]):
+            found = [self._alone(name, attempt, goal).answer for goal in left_over]
+        if all(answer is Answer.UNSAT for answer in found):
+            return Settled(name, Answer.UNSAT)
         return settled
 
-    def _together(self, obligation: Obligation, goals: list[Goal], fails: Term) -> Settled:
-        """All goals at once, and where that does not do one by one."""
-        if self._ask(fails) is Answer.UNSAT:
-            self.session.tell(["(pop 1)"])
-            return Settled(obligation.name, Answer.UNSAT)
-        self.session.tell(["(pop 1)"])
-        open_ = ""
-        for goal in goals:
-            answer = self._ask(self._fails(goal))
-            if answer is Answer.SAT:
-                state = tuple(self._told(obligation.shown))
-                self.session.tell(["(pop 1)"])
-                return Settled(obligation.name, answer, goal.claim, state)
+    def _one_by_one(
+        self, name: str, attempt: Attempt, goals: Sequence[Goal], proved: list[Goal]
+    ) -> Settled:
+        """Each goal by itself; what follows is known for the rest."""
+        left = list(goals)
+        while True:
+            waiting = []
+            for goal in left:
+                settled = self._alone(name, attempt, goal)
+                if settled.answer is Answer.SAT:
+                    return settled
+                if settled.answer is Answer.UNKNOWN:
+                    waiting.append(goal)
+                else:
+                    proved.append(goal)
+                    self.session.tell(self._asserted([goal.holds]))
+            if not waiting:
+                return Settled(name, Answer.UNSAT)
+            if len(waiting) == len(left):
+                return Settled(name, Answer.UNKNOWN, waiting[0].claim)
+            left = waiting
+
+    def _alone(self, name: str, attempt: Attempt, goal: Goal) -> Settled:
+        """One goal, case by case."""
+        for case in conjuncts(self.values.t, goal.holds):
+            with self._pushed([self.values.t.negation(case)]):
+                answer = self.session.check()
+                if answer is Answer.SAT:
+                    state = tuple(self._told(attempt.shown))
+                    return Settled(name, answer, goal.claim, state)
             if answer is Answer.UNKNOWN:
-                open_ = open_ or goal.claim
+                return Settled(name, answer, goal.claim)
+        return Settled(name, Answer.UNSAT, goal.claim)
+
+    @contextmanager
+    def _pushed(self, facts: Sequence[Term]) -> Iterator[None]:
+        self.session.tell(["(push 1)", *self._asserted(facts)])
+        try:
+            yield
+        finally:
             self.session.tell(["(pop 1)"])
-        if open_:
-            return Settled(obligation.name, Answer.UNKNOWN, open_)
-        return Settled(obligation.name, Answer.UNSAT)
-
-    def _ask(self, question: Term) -> Answer:
-        """Leaves the question pushed, so that its model can be looked at."""
-        self.session.tell(["(push 1)"])
-        return self.session.check(self._asserted([question]))
-
-    def _fails(self, goal: Goal) -> Term:
-        return self.values.t.both(goal.legal, self.values.t.negation(goal.holds))
 
     def _asserted(self, terms: Sequence[Term]) -> list[str]:
         commands: list[str] = []
@@ -111,3 +155,15 @@ class Settling:
                     yield one.what
             else:
                 yield f"{one.what} = {value}"
+
+
+def conjuncts(t: Terms, term: Term) -> list[Term]:
+    """Terms that hold together if and only if this one does: ``a or (b and c)`` is two of them."""
+    if term.head == "and":
+        return [part for arg in term.args for part in conjuncts(t, arg)]
+    if term.head == "or":
+        for k, arg in enumerate(term.args):
+            if arg.head == "and":
+                rest = [*term.args[:k], *term.args[k + 1 :]]
+                return [p for x in arg.args for p in conjuncts(t, t.disjunction([*rest, x]))]
+    return [term]

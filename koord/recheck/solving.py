@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -56,24 +55,23 @@ _OPTIONS = {
 class Session:
     """One run of cvc5, fed with commands."""
 
-    seconds: float
     _solver: Any
     _parser: Any
     _symbols: Any
+    _language: Any
 
     @staticmethod
-    def start(seconds: float, seed: int = 0) -> Session:
-        """A session in which a question may take so many seconds. Raises MissingSolverError."""
+    def start(seed: int = 0) -> Session:
+        """Raises MissingSolverError."""
         cvc5 = _cvc5()
         manager = cvc5.TermManager()
         solver = cvc5.Solver(manager)
-        options = {**_OPTIONS, "tlimit-per": str(max(1, int(seconds * 1000))), "seed": str(seed)}
+        options = {**_OPTIONS, "seed": str(seed)}
         for name, value in options.items():
             solver.setOption(name, value)
         symbols = cvc5.SymbolManager(manager)
         parser = cvc5.InputParser(solver, symbols)
-        parser.setIncrementalStringInput(cvc5.InputLanguage.SMT_LIB_2_6, "obligations")
-        session = Session(seconds, solver, parser, symbols)
+        session = Session(solver, parser, symbols, cvc5.InputLanguage.SMT_LIB_2_6)
         session.tell(["(set-logic ALL)"])
         return session
 
@@ -81,7 +79,7 @@ class Session:
         """Run commands; what they print. Raises TextError."""
         said = []
         try:
-            self._parser.appendIncrementalStringInput("\n".join(commands))
+            self._parser.setStringInput(self._language, "\n".join(commands), "obligations")
             while not (command := self._parser.nextCommand()).isNull():
                 said.append(str(command.invoke(self._solver, self._symbols)))
         except RuntimeError as error:  # of the parser
@@ -91,9 +89,13 @@ class Session:
             raise TextError(" ".join(answer.split())[:300])
         return answer
 
-    def check(self, commands: Sequence[str]) -> Answer:
-        """Whether what was asserted so far, with these commands, can hold."""
-        said = self.tell([*commands, "(check-sat)"]).split()
+    def allow(self, seconds: float) -> None:
+        """How long a question may take from here on."""
+        self.tell([f"(set-option :tlimit-per {max(1, int(seconds * 1000))})"])
+
+    def check(self) -> Answer:
+        """Whether what is asserted can hold."""
+        said = self.tell(["(check-sat)"]).split()
         return Answer(said[-1]) if said and said[-1] in ("sat", "unsat") else Answer.UNKNOWN
 
     def values(self, terms: Sequence[str]) -> list[str]:
@@ -135,9 +137,7 @@ def _fraction(match: re.Match[str]) -> str:
 
 def answer_of(text: str, seconds: float) -> Answer:
     """What cvc5 says of a whole script that someone else wrote. Raises TextError."""
-    session = Session.start(seconds)
-    commands = [line for line in text.splitlines() if not line.startswith("(set-logic")]
-    started = time.monotonic()
-    answer = session.check(["\n".join(c for c in commands if c.strip() != "(check-sat)")])
-    assert time.monotonic() >= started
-    return answer
+    session = Session.start()
+    session.allow(seconds)
+    said = session.tell([line for line in text.splitlines() if "(set-logic" not in line]).split()
+    return Answer(said[-1]) if said and said[-1] in ("sat", "unsat") else Answer.UNKNOWN

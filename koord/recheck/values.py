@@ -51,6 +51,8 @@ class Values:
 
     t: Terms
     robots: int
+    #: Types of lists that are sorts of their own, of which nothing is known but equality.
+    sealed: frozenset[Type] = frozenset()
     #: Declarations of sorts, functions and constants, in the order in which they are needed.
     declarations: list[str] = field(default_factory=list)
     #: What every unknown satisfies by its type.
@@ -84,6 +86,8 @@ class Values:
                 return REAL
             case BoolType():
                 return BOOL
+            case ListType() if type_ in self.sealed:
+                return self._sealed_sort(type_)
             case ListType(element=element) | QueueType(element=element):
                 return f"(Seq {self.sort(element)})"
             case RecordType() | ArrayType():
@@ -91,6 +95,13 @@ class Values:
             case MapType() | OpaqueType():
                 raise NotRecheckedError(f"values of type {show(type_)} are not rechecked")
         assert_never(type_)
+
+    def _sealed_sort(self, type_: ListType) -> str:
+        name = quoted(f"{show(type_)}!")
+        if name not in self._functions:
+            self._functions.add(name)
+            self.declarations.append(f"(declare-sort {name} 0)")
+        return name
 
     def _product(self, type_: RecordType | ArrayType) -> str:
         parts = self.parts(type_)
@@ -161,7 +172,10 @@ class Values:
         parts = self.parts(type_)
         if parts is not None:
             return tuple(self.applied(name + label, arguments, part) for label, part in parts)
-        sort, symbol = self.sort(type_), quoted(f"{name}()")
+        return self._function(name, arguments, self.sort(type_))
+
+    def _function(self, name: str, arguments: list[Term], sort: str) -> Term:
+        symbol = quoted(f"{name}()")
         if symbol not in self._functions:
             self._functions.add(symbol)
             sorts = " ".join(argument.sort for argument in arguments)
@@ -185,6 +199,10 @@ class Values:
         if isinstance(value, Term):
             return value
         sort = self.sort(type_)
+        if type_ in self.sealed:
+            element = self.element(type_)
+            flat = [term for item in value for term, _ in self.leaves(item, element)]
+            return self._function(f"{show(type_)} of {len(value)}", flat, sort)
         if isinstance(type_, ListType | QueueType):
             units = [
                 self.t.op("seq.unit", [self.pack(item, type_.element)], sort) for item in value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from koord.recheck.values import NotRecheckedError
@@ -27,13 +27,20 @@ class World:
     #: Variables that events or the environment may write; as a whole, or an element of a list.
     written: frozenset[Key] = field(init=False)
     rewritten: frozenset[Key] = field(init=False)
+    #: Those that events may write.
+    moved: frozenset[Key] = field(init=False)
+    #: Lists that the program makes, compares and hands on, but never looks into.
+    sealed: frozenset[Type] = field(init=False)
 
     def __post_init__(self) -> None:
         _refuse_maps(self.program)
         pairs = list(_written(self.program))
         object.__setattr__(self, "written", frozenset(key for key, _ in pairs))
+        moved = frozenset(key for key, _ in _by_events(self.program))
+        object.__setattr__(self, "moved", moved)
         whole = frozenset(key for key, place in pairs if place is None or not _in_list(place))
         object.__setattr__(self, "rewritten", whole)
+        object.__setattr__(self, "sealed", _sealed(self.program))
 
     @property
     def robots(self) -> int:
@@ -108,24 +115,33 @@ def _places(block: core.Block, lock: int | None) -> Iterator[tuple[core.Place, i
                 pass
 
 
-def _written(program: core.Program) -> Iterator[tuple[Key, core.Place | None]]:
-    """Variables that may change after INIT, with the place; None for a sensor without a model."""
+def _by_events(program: core.Program) -> Iterator[tuple[Key, core.Place | None]]:
+    """Variables that events may change, each with the place; None where a list's length may."""
     for kind, agent in enumerate(program.agents):
-        blocks = [event.effect for event in agent.events]
+        for event in agent.events:
+            yield from _by_block(kind, event.effect)
+
+
+def _written(program: core.Program) -> Iterator[tuple[Key, core.Place | None]]:
+    """Variables that may change after INIT, alike; the environment's turn included."""
+    yield from _by_events(program)
+    for kind, agent in enumerate(program.agents):
         for module in agent.modules:
             if module.environment is not None:
-                blocks.append(module.environment)
+                yield from _by_block(kind, module.environment)
                 continue
             for position in module.ports:
                 port = agent.ports[position]
                 if port.direction is Direction.SENSOR:
                     yield (Home.PORT, kind, port.declaration.variable.slot), None
-        for block in blocks:
-            changes = _list_changes(block)
-            for place, _ in _places(block, None):
-                own = place.variable.home in (Home.LOCAL, Home.PORT)
-                key = (place.variable.home, kind if own else 0, place.variable.slot)
-                yield key, None if place in changes else place
+
+
+def _by_block(kind: int, block: core.Block) -> Iterator[tuple[Key, core.Place | None]]:
+    changes = _list_changes(block)
+    for place, _ in _places(block, None):
+        own = place.variable.home in (Home.LOCAL, Home.PORT)
+        key = (place.variable.home, kind if own else 0, place.variable.slot)
+        yield key, None if place in changes else place
 
 
 def _list_changes(block: core.Block) -> set[core.Place]:
@@ -142,6 +158,43 @@ def _in_list(place: core.Place) -> bool:
             return True
         type_ = step.type
     return False
+
+
+# --- what is never looked into --------------------------------------------------------------------
+
+
+def _sealed(program: core.Program) -> frozenset[Type]:
+    """Types of lists into which nothing looks but what summaries promise."""
+    types = {type_ for node in nodes(program) if (type_ := _list_type(node)) is not None}
+    duties = tuple(external.requires for external in program.externals)
+    looked = {t for node in nodes((replace(program, externals=()), duties)) for t in opened(node)}
+    return frozenset(types - looked)
+
+
+def _list_type(node: object) -> Type | None:
+    type_ = getattr(node, "type", None) if isinstance(node, core.Node | core.Variable) else None
+    while isinstance(type_, ArrayType):
+        type_ = type_.element
+    return type_ if isinstance(type_, ListType) else None
+
+
+def opened(node: object) -> Iterator[Type]:
+    """The types of lists whose elements or length this node asks for."""
+    match node:
+        case core.Place(variable=variable, steps=steps):
+            yield from (variable.type, *(step.type for step in steps[:-1])) if steps else ()
+        case core.Select(base=base):
+            yield base.type
+        case core.Builtin(arguments=(first, *_)):
+            yield first.type
+        case core.ForEach(sequence=sequence) | core.Elements(sequence=sequence):
+            yield sequence.type
+        case core.Append(place=place) | core.Remove(place=place) | core.Pop(place=place):
+            yield place.type
+        case core.Declaration(variable=variable, length=int()):
+            yield variable.type
+        case _:
+            return
 
 
 # --- what is not rechecked ------------------------------------------------------------------------
