@@ -47,6 +47,7 @@ class Engine(Enum):
     """How a verdict is found."""
 
     AUTO = "auto"  #: induction, then whichever of the others fits the program
+    BITS = "bits"  #: finite instances bit by bit: SAT, IC3
     BMC = "bmc"  #: bounded model checking, round by round
     SEARCH = "search"  #: all configurations one by one
     INDUCTION = "induction"  #: for all rounds at once

@@ -17,6 +17,7 @@ from koord.semantics.patience import OutOfPatienceError, Patience
 from koord.semantics.search.limits import Limits
 from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
+from koord.verify.bits.engine import ByBits
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
 from koord.verify.engines import ByInduction, BySearch, ByUnrolling
@@ -35,6 +36,7 @@ class Choice(Enum):
     """Which engines may answer."""
 
     AUTO = "auto"
+    BITS = "bits"
     BMC = "bmc"
     SEARCH = "search"
     INDUCTION = "induction"
@@ -178,13 +180,16 @@ def engines(choice: Choice, unrolling: ByUnrolling) -> list[Works]:
         case Choice.AUTO:
             # A proof for every number of robots is one for this number.
             every_n = ByEveryN(SPARING)
-            return [every_n, induction, BySearch(Limits(states=FEW_STATES)), unrolling]
+            few = BySearch(Limits(states=FEW_STATES))
+            return [every_n, induction, few, ByBits(sparing=True), unrolling]
         case Choice.EVERY_N:
             return [ByEveryN()]
         case Choice.INDUCTION:
             return [induction]
         case Choice.SEARCH:
             return [BySearch(Limits())]
+        case Choice.BITS:
+            return [ByBits()]
         case Choice.BMC:
             return [unrolling]
     assert_never(choice)

@@ -99,15 +99,18 @@ def recording_of(
     reader: Reader, opening: moments.Opening, taken: list[moments.SymbolicRound], phase: Phase
 ) -> Recording:
     """The run that a model describes, up to the given phase of its last round."""
-    system = reader.system
-    order = _order(reader, opening.before)
-    answers = reader.answers(opening.inputs) + reader.answers(opening.moment.checks)
-    first = Opening(order, tuple(_start(reader, *s) for s in opening.inputs.starts), answers)
     recorded = []
     for number, symbolic in enumerate(taken):
         last = number + 1 == len(taken)
-        recorded.append(_round(reader, symbolic, phase if last else None, system))
-    return Recording(first, tuple(recorded))
+        recorded.append(round_of(reader, symbolic, phase if last else None))
+    return Recording(opening_of(reader, opening), tuple(recorded))
+
+
+def opening_of(reader: Reader, opening: moments.Opening) -> Opening:
+    """INIT as a model describes it."""
+    order = _order(reader, opening.before)
+    answers = reader.answers(opening.inputs) + reader.answers(opening.moment.checks)
+    return Opening(order, tuple(_start(reader, *s) for s in opening.inputs.starts), answers)
 
 
 def _start(reader: Reader, home: Home, slot: int, robot: int | None, value: Symbolic) -> Start:
@@ -128,9 +131,9 @@ def _start(reader: Reader, home: Home, slot: int, robot: int | None, value: Symb
     return Start(home, slot, robot, reader.value(value, type_))
 
 
-def _round(
-    reader: Reader, symbolic: moments.SymbolicRound, phase: Phase | None, system: System
-) -> Round:
+def round_of(reader: Reader, symbolic: moments.SymbolicRound, phase: Phase | None) -> Round:
+    """A round as a model describes it, up to a phase; all of it for None."""
+    system = reader.system
     events: list[int | None] = [None] * system.robots
     for option in symbolic.options:
         if reader.truth(option.chosen):

@@ -59,6 +59,7 @@ class BitDomain:
     looser: dict[str, None] = field(default_factory=dict)
     asked: dict[int, tuple[str, Range]] = field(default_factory=dict)
     _open: dict[tuple[Bits, Bits, bool], int] = field(default_factory=dict)
+    _sides: dict[Number, tuple[int, Number, Number]] = field(default_factory=dict)
     _loose_names: dict[int, str] = field(default_factory=dict)
     _strings: dict[str, int] = field(default_factory=dict)
 
@@ -143,7 +144,10 @@ class BitDomain:
         a, b = self.number(then), self.number(other)
         if a == b:
             return then
-        return numbers.settled(numbers.chosen(g, when, a, b))
+        made = numbers.chosen(g, when, a, b)
+        if made.loose != FALSE:
+            self._sides[made] = (when, a, b)
+        return numbers.settled(made)
 
     # --- what is left open ----------------------------------------------------------------------
 
@@ -362,9 +366,22 @@ class BitDomain:
         if not order and b < a:
             a, b = b, a
         key = (a, b, order)
-        if key not in self._open:
-            self._open[key] = self.graph.input("comparison")
-        verdict = self._open[key]
+        if key in self._open:
+            return self._open[key]
+        self._open[key] = self._compared(a, b, exact, loose, order=order)
+        return self._open[key]
+
+    def _compared(self, a: Number, b: Number, exact: int, loose: int, *, order: bool) -> int:
+        """A comparison that nobody asked for before. Of a choice it is a choice of comparisons."""
+        g = self.graph
+        for number, is_left in ((a, True), (b, False)):
+            if number in self._sides:
+                when, then, other = self._sides[number]
+                one, two = ((then, b), (other, b)) if is_left else ((a, then), (a, other))
+                if order:
+                    return g.choose(when, self._at_most(*one), self._at_most(*two))
+                return g.choose(when, self._equal(*one), self._equal(*two))
+        verdict = g.input("comparison")
         if loose != TRUE:
             self._note(a, b, verdict, order=order)
         # A loose literal that always holds need not be asked.

@@ -66,6 +66,7 @@ class Search:
     deadline: Deadline
     images: Callable[[Cube], Iterable[Cube]] = lambda cube: ()
     progress: Callable[[int, int], None] = lambda frame, cubes: None
+    limit: int | None = None  #: so many questions are asked at most
     frames: list[set[Cube]] = field(default_factory=list)
     queries: int = 0
     _enabled: list[int] = field(default_factory=list)  #: per frame, the literal that turns it on
@@ -93,9 +94,9 @@ class Search:
                     break
                 if not self._blocked(found, frame):
                     return Reached(self._depth)
-                if self.deadline.passed():
+                if self._is_over():
                     return Unfinished(frame)
-            if self.deadline.passed():
+            if self._is_over():
                 return Unfinished(frame)
             frame += 1
             self._open_frame()
@@ -103,8 +104,11 @@ class Search:
             fixed = self._pushed(frame)
             if fixed is not None:
                 return Invariant(tuple(sorted(fixed)), frame)
-            if self.deadline.passed():
+            if self._is_over():
                 return Unfinished(frame)
+
+    def _is_over(self) -> bool:
+        return self.deadline.passed() or (self.limit is not None and self.queries > self.limit)
 
     # --- set-up ---------------------------------------------------------------------------------
 
@@ -190,11 +194,11 @@ class Search:
         queue: list[tuple[int, int, Cube, int]] = []
         self._push(queue, frame, cube, 1)
         while queue:
-            if self.deadline.passed():
+            if self._is_over():
                 return True
             level, _, wanted, distance = heappop(queue)
             if level == 0 or self._starts_in(wanted):
-                self._depth = level + distance
+                self._depth = distance
                 return False
             if self._is_excluded(wanted, level):
                 continue

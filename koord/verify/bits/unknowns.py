@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 from koord.syntax import core
 from koord.syntax.types import Type
-from koord.verify.bits.domain import BitDomain, Bits
+from koord.verify.bits.domain import Bit, BitDomain, Bits
 from koord.verify.bits.numbers import Number
-from koord.verify.symbols import Symbolic, Unknowns, has_list, is_compound, scalars
+from koord.verify.externals import has_list, is_compound, scalars
+from koord.verify.unknowns import Symbolic, Unknowns
 
 
 @dataclass(slots=True)
@@ -31,6 +33,10 @@ class BitUnknowns(Unknowns):
             if self.bits.is_relation(cast(Any, flat), result):
                 return cast(Any, self.bits.applied(external.name, cast(Any, flat), result))
         return self.alike(external, arguments, name)
+
+    def every(self, types: Sequence[Type], body: Callable[[tuple[Symbolic, ...]], Any]) -> Any:
+        """Whether a statement holds of all values of some types: may be either."""
+        return Bit(self.bits.graph.input("of all"))
 
     def chosen(self, low: Any, high: Any, type_: Type) -> Any:
         """Any number between the bounds, as far as these are known."""

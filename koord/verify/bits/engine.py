@@ -1,0 +1,264 @@
+"""The engine on bits: rounds unrolled, then induction, then IC3, all on one circuit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from koord.semantics.machine import NotFiniteError
+from koord.syntax.core import Declaration
+from koord.syntax.types import FloatType
+from koord.syntax.walk import nodes
+from koord.verify.bits import pdr
+from koord.verify.bits.checking import holds_always
+from koord.verify.bits.clauses import QUICK, TRUE_SIDE, Clauses
+from koord.verify.bits.graph import FALSE
+from koord.verify.bits.renaming import images
+from koord.verify.bits.runs import recording
+from koord.verify.bits.transition import LEVELS, Circuit, circuit_of
+from koord.verify.bits.unrolling import Copy, Unrolled
+from koord.verify.claims import Claim, Phase
+from koord.verify.ledger import Ledger, Reach
+from koord.verify.solving import Answer
+from koord.verify.verdicts import Engine, Outcome, Verdict
+from koord.verify.witness import NotReplayedError
+
+#: So many rounds are unrolled before a proof is tried.
+FIRST_ROUNDS = 2
+
+#: How many questions IC3 may ask where other engines wait for their turn.
+FEW_QUESTIONS = 30_000
+
+
+@dataclass(slots=True)
+class ByBits:
+    """Verdicts from a circuit. ``sparing``: only where it promises to be quick."""
+
+    sparing: bool = False
+
+    def work(self, ledger: Ledger) -> None:
+        started = time.monotonic()
+        claims = ledger.open()
+        if self.sparing and _has_floats(ledger):
+            return
+        for level in range(len(LEVELS)):
+            try:
+                circuit = circuit_of(ledger.system, claims, level)
+            except NotFiniteError as error:
+                _leave(ledger, claims, None, f"bits: {error}", started)
+                return
+            run = _Run(ledger, circuit, started, self.sparing)
+            run.work()
+            again = [claim for claim in run.astray if claim not in ledger.verdicts]
+            if not again or not run.strays or ledger.deadline.passed():
+                return
+            claims = again
+
+
+def _has_floats(ledger: Ledger) -> bool:
+    return any(
+        isinstance(node, Declaration) and _is_float(node) for node in nodes(ledger.system.program)
+    )
+
+
+def _is_float(entry: Declaration) -> bool:
+    return any(isinstance(node, FloatType) for node in nodes(entry.variable.type))
+
+
+def _leave(
+    ledger: Ledger, claims: Sequence[Claim], rounds: int | None, reason: str, started: float
+) -> None:
+    seconds = time.monotonic() - started
+    ledger.leave(claims, Reach(Engine.BITS, rounds, reason, seconds))
+
+
+@dataclass(slots=True)
+class _Run:
+    """One circuit, asked about the open claims of a ledger."""
+
+    ledger: Ledger
+    circuit: Circuit
+    started: float
+    sparing: bool
+    unrolled: Unrolled = field(init=False)
+    completed: int | None = None
+    astray: dict[Claim, str] = field(default_factory=dict)  #: with a violation that is no run
+    proved: dict[Claim, None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.unrolled = Unrolled(self.circuit)
+
+    @property
+    def strays(self) -> bool:
+        """Whether looking at more values could tell more."""
+        circuit = self.circuit
+        return circuit.lost != FALSE or any("strays" in latch.name for latch in circuit.latches)
+
+    def open(self) -> list[Claim]:
+        return [
+            claim
+            for claim in self.circuit.bad
+            if claim not in self.ledger.verdicts and claim not in self.astray
+        ]
+
+    def work(self) -> None:
+        ledger = self.ledger
+        self._unroll(min(FIRST_ROUNDS, ledger.bounds.rounds))
+        if self.completed is not None and self.open() and not self.circuit.limits:
+            self._induct()
+            self._search()
+        if self.open() and not self.sparing:
+            self._unroll(ledger.bounds.rounds)
+        reason = ""
+        if self.circuit.limits:
+            reason = f"not covered: {'; '.join(self.circuit.limits)}"
+        elif ledger.deadline.passed():
+            reason = "timeout"
+        elif self.completed is None or self.completed < ledger.bounds.rounds:
+            reason = "bits: too much to be proved" if self.sparing else "timeout"
+        _leave(ledger, self.open(), self.completed, reason, self.started)
+        for claim, why in self.astray.items():
+            if claim not in ledger.verdicts:
+                _leave(ledger, [claim], None, f"bits: {why}{self._open_values()}", self.started)
+
+    def _open_values(self) -> str:
+        names = list(self.circuit.d.looser)
+        if not names:
+            return ""
+        return f"; infinitely many values: {', '.join(dict.fromkeys(map(_plain, names)))}"
+
+    # --- unrolling ------------------------------------------------------------------------------
+
+    def _unroll(self, rounds: int) -> None:
+        """Look at INIT and so many rounds, one after the other."""
+        unrolled, circuit = self.unrolled, self.circuit
+        if self.completed is None:
+            at = {claim: ((Phase.INIT, x),) for claim, x in circuit.bad_start.items()}
+            if not self._looked(unrolled.opening, at):
+                return
+            self.completed = 0
+        while self.open() and self.completed < rounds:
+            self.ledger.progress(f"bits, round {self.completed + 1} of {rounds}")
+            copy = unrolled.begin()
+            if not self._looked(copy, circuit.bad):
+                return
+            if unrolled.asked(copy.of(circuit.lost), self.ledger.deadline) is not Answer.UNSAT:
+                self.astray |= dict.fromkeys(self.open(), "lists grow beyond what is followed")
+                return
+            self.completed += 1
+
+    def _looked(self, copy: Copy, bad: dict[Claim, tuple[tuple[Phase, int], ...]]) -> bool:
+        """Settle the claims that break in one step. False if time ran out."""
+        unrolled, deadline = self.unrolled, self.ledger.deadline
+        for claim in self.open():
+            for phase, literal in bad.get(claim, ()):
+                here = copy.of(literal)
+                answer = unrolled.asked(here, deadline)
+                if answer is Answer.UNKNOWN:
+                    return False
+                if answer is Answer.SAT:
+                    self._found(claim, phase)
+                    break
+                unrolled.never(here)
+        return True
+
+    def _found(self, claim: Claim, phase: Phase) -> None:
+        """Replay the run of the last answer, and settle the claim if it is one."""
+        run = self.unrolled.witnessed()
+        ledger = self.ledger
+        try:
+            shown = recording(self.circuit, ledger.system, run, phase)
+            counterexample = ledger.subject.judge(shown, claim, phase)
+        except NotReplayedError as error:
+            self.astray[claim] = f"a candidate violation did not replay: {error}"
+            return
+        seconds = time.monotonic() - self.started
+        verdict = Verdict(
+            claim, Outcome.VIOLATED, Engine.BITS, seconds, counterexample=counterexample
+        )
+        ledger.settle({claim: verdict})
+
+    # --- proofs ---------------------------------------------------------------------------------
+
+    def _induct(self) -> None:
+        """The largest set of claims that proves itself from one round to the next."""
+        circuit = self.circuit
+        clauses = Clauses(circuit.d.graph, QUICK)
+        given = [circuit.held[c] for c in self.ledger.proved() if c in circuit.held]
+        for literal in given:
+            clauses.require(literal)
+        claims = self.open()
+        while claims:
+            held = [clauses.of(circuit.held[c], TRUE_SIDE) for c in claims if c in circuit.held]
+            failed = []
+            for claim in claims:
+                bad = circuit.d.graph.any_of([x for _, x in circuit.bad[claim]])
+                broken = circuit.d.graph.either(bad, self._lost())
+                if broken != FALSE and clauses.solve([*held, clauses.of(broken, TRUE_SIDE)]):
+                    failed.append(claim)
+            if not failed:
+                break
+            claims = [claim for claim in claims if claim not in failed]
+        clauses.close()
+        self._holds(claims, 1)
+
+    def _lost(self) -> int:
+        g, circuit = self.circuit.d.graph, self.circuit
+        return g.both(circuit.lost, circuit.steps)
+
+    def _holds(self, claims: Sequence[Claim], depth: int = 1) -> None:
+        seconds = time.monotonic() - self.started
+        self.ledger.settle(
+            {c: Verdict(c, Outcome.HOLDS, Engine.BITS, seconds, depth=depth) for c in claims}
+        )
+
+    def _search(self) -> None:
+        """IC3 on the claims that are left, all at once, until each is settled or gives up."""
+        circuit, g = self.circuit, self.circuit.d.graph
+        while claims := self.open():
+            bad = g.any_of([x for c in claims for _, x in circuit.bad[c]])
+            question = self._question(g.either(bad, self._lost()))
+            found = self._searched(question, claims)
+            match found:
+                case pdr.Invariant():
+                    assert holds_always(g, question, found.cubes)
+                    self._holds(claims)
+                case pdr.Reached(rounds=rounds):
+                    before = len(claims)
+                    self._unroll(rounds)
+                    if len(self.open()) == before:
+                        return
+                case pdr.Unfinished():
+                    return
+
+    def _question(self, bad: int) -> pdr.Question:
+        circuit, g = self.circuit, self.circuit.d.graph
+        given = tuple(circuit.held[c] for c in self.ledger.proved() if c in circuit.held)
+        latches = pdr.reduced(circuit.latches, g.cone, [bad, circuit.steps, *given])
+        return pdr.Question(latches, circuit.opens, circuit.steps, bad, given)
+
+    def _searched(
+        self, question: pdr.Question, claims: Sequence[Claim]
+    ) -> pdr.Invariant | pdr.Reached | pdr.Unfinished:
+        g, ledger = self.circuit.d.graph, self.ledger
+        properties = tuple(c.stated for c in claims if c.stated is not None)
+        clauses = Clauses(g, QUICK)
+        search = pdr.Search(
+            clauses,
+            question,
+            ledger.deadline,
+            images(ledger.system, properties, question.latches),
+            lambda frame, cubes: ledger.progress(f"bits, IC3, frame {frame}, {cubes} clauses"),
+            limit=FEW_QUESTIONS if self.sparing else None,
+        )
+        found = search.run()
+        clauses.close()
+        return found
+
+
+def _plain(name: str) -> str:
+    """A variable's name without robot, element and round."""
+    for mark in "@[#":
+        name = name.split(mark)[0]
+    return name
