@@ -146,5 +146,37 @@ INPUT_CATALOGUE = dict(
             "that appends to the list it goes through doubles it in every round.\n\n"
             "Run for fewer rounds, or take out of lists what is no more needed.",
         ),
+        _entry(
+            "K930",
+            "a configuration file is not YAML",
+            "The configuration of a run is a YAML file of named fields: robots, devices, how they "
+            "talk, the world. The place is where reading it had to stop.\n\n"
+            "Mostly a bracket or a quote is not closed, a line is indented by a tab, or a colon "
+            "lacks the space behind it.",
+        ),
+        _entry(
+            "K931",
+            "a configuration does not make sense",
+            "A field is unknown, is there twice, has another type than it should, or contradicts "
+            "another: two robots with one pid, a device that is not described, an address that is "
+            "none.\n\n"
+            "`koord schema` prints the JSON Schema of these files, with which most editors tell "
+            "such mistakes while one writes.",
+        ),
+        _entry(
+            "K932",
+            "a program cannot be deployed with this configuration",
+            "The program and the configuration are each in order, and do not go together: a robot "
+            "is of no kind that the program has, the key that robots share is missing, or the "
+            "program asks for something that robots without a platform cannot do.",
+        ),
+        _entry(
+            "K933",
+            "the network cannot be used",
+            "An address cannot be listened on or sent to: another program has the port, it is no "
+            "address of this machine, or the network card has no multicast.\n\n"
+            "The message names the address. `network: {transport: unicast}` needs the least of a "
+            "network.",
+        ),
     ]
 )

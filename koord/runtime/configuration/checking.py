@@ -1,0 +1,345 @@
+"""From a document to a configuration, with every mistake on the way."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from ipaddress import AddressValueError, IPv4Address
+from typing import Any, TypeVar, get_type_hints
+
+import msgspec
+
+from koord.runtime.configuration.forms import (
+    Agent,
+    BotType,
+    Carrier,
+    Coordinates,
+    Device,
+    Form,
+    Motion,
+    NetworkForm,
+    ObstacleForm,
+    WorldForm,
+)
+from koord.runtime.configuration.model import Configuration, RobotPlace, Talk, Vehicle
+from koord.runtime.configuration.reading import Document, Path, problem, read
+from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
+from koord.syntax.diagnostics import Diagnostic, KoordError
+from koord.syntax.source import Source
+
+DEFAULT_PORT = 61_820
+
+#: In the block of addresses that any organisation may use for itself.
+DEFAULT_GROUP = "239.255.75.1"
+
+T = TypeVar("T")
+
+#: How msgspec says where: ``$.agents[0].pid``, with ``[...]`` for an unnamed entry of a mapping.
+_WHERE = re.compile(r" - at `(key in )?\$([^`]*)`$")
+_STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
+_UNKNOWN = re.compile(r"Object contains unknown field `([^`]*)`")
+_CHOICES: Mapping[str, Iterable[BotType] | Iterable[Carrier]] = {
+    "bot_type": BotType,
+    "transport": Carrier,
+}
+_MISSING = re.compile(r"Object missing required field `([^`]*)`")
+
+
+def load(source: Source) -> Configuration:
+    """The configuration of a text. Raises KoordError with all that is wrong."""
+    document = read(source)
+    checker = _Checker(document)
+    form = checker.form()
+    if checker.problems:
+        raise KoordError(tuple(checker.problems))
+    configuration = checker.configuration(form)
+    if checker.problems or configuration is None:
+        raise KoordError(tuple(checker.problems))
+    return configuration
+
+
+class _Checker:
+    def __init__(self, document: Document) -> None:
+        self.problems: list[Diagnostic] = []
+        self._document = document
+
+    # --- types ----------------------------------------------------------------------------------
+
+    def form(self) -> Form:
+        """The fields with the types that they should have; each is looked at by itself."""
+        hints = get_type_hints(Form, include_extras=True)
+        good: dict[str, Any] = {}
+        for name, value in self._document.value.items():
+            path: Path = (name,)
+            if name not in hints:
+                self._unknown(path, str(name), list(hints))
+            elif name == "agents" and isinstance(value, list):
+                good[name] = [self._typed(a, Agent, (*path, k)) for k, a in enumerate(value)]
+            elif name == "devices" and isinstance(value, dict):
+                good[name] = {d: self._typed(v, Device, (*path, d)) for d, v in value.items()}
+            else:
+                good[name] = self._typed(value, hints[name], path)
+        return Form() if self.problems else Form(**good)
+
+    def _typed(self, value: Any, type_: Any, path: Path) -> Any:
+        try:
+            return msgspec.convert(value, type_)
+        except msgspec.ValidationError as error:
+            self._explain(str(error), type_, path)
+            return None
+
+    def _explain(self, message: str, type_: Any, path: Path) -> None:
+        found = _WHERE.search(message)
+        if found is not None:
+            message = message[: found.start()]
+            for name, position in _STEP.findall(found[2]):
+                if name:
+                    path = (*path, name)
+                elif position != "...":
+                    path = (*path, int(position))
+        if unknown := _UNKNOWN.search(message):
+            self._unknown((*path, unknown[1]), unknown[1], _names_at(type_, path))
+        elif missing := _MISSING.search(message):
+            self._say(path, f"`{missing[1]}` is missing")
+        else:
+            choices = _CHOICES.get(str(path[-1])) if "enum" in message else None
+            hint = (
+                None if choices is None else f"it is one of {', '.join(c.value for c in choices)}"
+            )
+            message = message.replace(" | null", "")  # to leave it out is to leave it out
+            self._say(path, message[0].lower() + message[1:], hint)
+
+    def _unknown(self, path: Path, name: str, known: list[str]) -> None:
+        near = get_close_matches(name, known, n=1)
+        hint = f"did you mean `{near[0]}`?" if near else f"there are {', '.join(sorted(known))}"
+        place = self._document.name_place(path)
+        self.problems.append(problem(place, f"there is no field `{name}` here", hint))
+
+    def _say(self, path: Path, message: str, hint: str | None = None) -> None:
+        self.problems.append(problem(self._document.place(path), message, hint))
+
+    # --- sense ----------------------------------------------------------------------------------
+
+    def configuration(self, form: Form) -> Configuration | None:
+        agents = self._agents(form)
+        world = None if form.world is None else self._world(form.world)
+        talk = self._talk(form)
+        if self.problems:
+            return None
+        robots = tuple(self._robot(form, agent, path, talk) for agent, path in agents)
+        self._check_addresses(form, robots)
+        if form.leader_pid >= len(robots):
+            self._say(("leader_pid",), f"there is no robot {form.leader_pid}")
+        for pid in form.positions:
+            if not 0 <= pid < len(robots):
+                self._say(("positions", pid), f"there is no robot {pid}")
+        name = self._document.source.name
+        return Configuration(name, robots, talk, world, form.delta, form.seed, form.leader_pid)
+
+    def _agents(self, form: Form) -> list[tuple[Agent, Path]]:
+        """The robots by pid, and where each stands in the file."""
+        if form.agents and (form.robot is not None or form.num_robots is not None):
+            hint = "`robot`, `device` and `num_robots` are one form, `agents` and `devices` another"
+            self._say(("agents",), "the robots are given in two forms", hint)
+            return []
+        if form.agents:
+            return self._numbered(form.agents)
+        if form.num_robots is None:
+            path: Path = ("robot",) if form.robot is not None else ()
+            self._say(path, "it is not said how many robots there are", "write num_robots: 3")
+            return []
+        return [(self._copied(form.robot, pid), ("robot",)) for pid in range(form.num_robots)]
+
+    def _copied(self, robot: Agent | None, pid: int) -> Agent:
+        """All robots are as the one described, but for where they begin."""
+        if robot is None:
+            return Agent(pid=pid)
+        position = robot.position if robot.pid == pid else None
+        return msgspec.structs.replace(robot, pid=pid, position=position)
+
+    def _numbered(self, agents: list[Agent]) -> list[tuple[Agent, Path]]:
+        by_pid: dict[int, tuple[Agent, Path]] = {}
+        for k, agent in enumerate(agents):
+            path: Path = ("agents", k)
+            if agent.pid in by_pid:
+                self._say((*path, "pid"), f"two robots have pid {agent.pid}")
+            elif agent.pid >= len(agents):
+                most = len(agents) - 1
+                hint = f"pids of {len(agents)} robots are 0 to {most}"
+                self._say((*path, "pid"), f"pid {agent.pid} leaves a gap", hint)
+            else:
+                by_pid[agent.pid] = (agent, path)
+        return [by_pid[pid] for pid in sorted(by_pid)]
+
+    def _robot(self, form: Form, agent: Agent, path: Path, talk: Talk) -> RobotPlace:
+        name, device, where = self._device(form, agent, path)
+        vehicle = _vehicle(name, device)
+        automaton = agent.motion_automaton
+        if automaton is not None and vehicle.automata and automaton not in vehicle.automata:
+            hint = f"{name} has {', '.join(vehicle.automata)}"
+            self._say((*path, "motion_automaton"), f"{name} has no {automaton}", hint)
+        position = form.positions.get(agent.pid, agent.position)
+        ip = device.ip or "127.0.0.1"
+        self._check_ip(ip, (*where, "ip"))
+        port = device.port or talk.port
+        if device.ip is None and device.port is None:
+            port = talk.port + 1 + agent.pid  # one port per robot on this machine
+        place = None if position is None else _point(position)
+        return RobotPlace(agent.pid, vehicle, automaton, agent.kind, place, (ip, port))
+
+    def _device(self, form: Form, agent: Agent, path: Path) -> tuple[str, Device, Path]:
+        """The device that a robot runs on, its name, and where it stands."""
+        if form.device is not None:
+            name = form.device.bot_name or agent.on_device or "device"
+            if agent.on_device not in (None, name):
+                hint = f"the device is called {name}"
+                self._say(("robot", "on_device"), f"there is no device {agent.on_device}", hint)
+            return name, form.device, ("device",)
+        name = agent.on_device or f"robot {agent.pid}"
+        if agent.on_device is None:
+            return name, Device(), path
+        if name not in form.devices:
+            near = get_close_matches(name, form.devices, n=1)
+            known = ", ".join(form.devices) or "none"
+            hint = f"did you mean {near[0]}?" if near else f"the devices are: {known}"
+            self._say((*path, "on_device"), f"there is no device {name}", hint)
+            return name, Device(), path
+        return name, form.devices[name], ("devices", name)
+
+    def _check_addresses(self, form: Form, robots: tuple[RobotPlace, ...]) -> None:
+        taken: dict[tuple[str, int], int] = {}
+        for robot in robots:
+            other = taken.setdefault(robot.address, robot.pid)
+            if other == robot.pid:
+                continue
+            if form.device is not None:
+                hint = "write the robots as `agents:` and `devices:`, each with its ip"
+                self._say(("device",), "all robots would have one address", hint)
+                return
+            ip, port = robot.address
+            path: Path = ("devices", robot.vehicle.name)
+            self._say(path, f"robots {other} and {robot.pid} both listen on {ip}:{port}")
+
+    # --- network --------------------------------------------------------------------------------
+
+    def _talk(self, form: Form) -> Talk:
+        network = form.network if form.network is not None else NetworkForm()
+        carrier = network.transport or (
+            Carrier.BROADCAST if form.udp_bcast_ip is not None else Carrier.MULTICAST
+        )
+        shared: str | None = None
+        if carrier is Carrier.MULTICAST:
+            shared = network.group or DEFAULT_GROUP
+            ip = self._check_ip(shared, ("network", "group"))
+            if ip is not None and not ip.is_multicast:
+                hint = "multicast addresses are 224.0.0.0 to 239.255.255.255"
+                self._say(("network", "group"), f"{shared} is no multicast address", hint)
+        elif carrier is Carrier.BROADCAST:
+            shared = form.udp_bcast_ip
+            if shared is None:
+                hint = "write udp_bcast_ip: 192.168.1.255"
+                self._say(("network", "transport"), "it is not said where to broadcast to", hint)
+            else:
+                self._check_ip(shared, ("udp_bcast_ip",))
+        if network.interface is not None:
+            self._check_ip(network.interface, ("network", "interface"))
+        return Talk(
+            carrier,
+            network.port or form.udp_port or DEFAULT_PORT,
+            shared,
+            network.interface or "0.0.0.0",
+            None if network.key is None else network.key.encode(),
+            network.run or "koord",
+            tuple(network.connect),
+            tuple(network.listen),
+        )
+
+    def _check_ip(self, text: str, path: Path) -> IPv4Address | None:
+        try:
+            return IPv4Address(text)
+        except AddressValueError:
+            self._say(path, f"{text!r} is no IPv4 address", "as in 192.168.1.17")
+            return None
+
+    # --- world ----------------------------------------------------------------------------------
+
+    def _world(self, form: WorldForm) -> World:
+        plain = World()
+        low, high = plain.low, plain.high
+        if form.bounds is not None:
+            low, high = _point(form.bounds.low), _point(form.bounds.high, plain.high[2])
+            if not all(a < b for a, b in zip(low, high, strict=True)):
+                self._say(("world", "bounds"), "`low` has to be below `high` in x, y and z")
+        obstacles = [
+            obstacle
+            for k, one in enumerate(form.obstacles)
+            if (obstacle := self._obstacle(one, ("world", "obstacles", k))) is not None
+        ]
+        tasks = tuple(_point(task) for task in form.tasks)
+        for k, task in enumerate(tasks):
+            if not all(a <= x <= b for a, x, b in zip(low, task, high, strict=True)):
+                self._say(("world", "tasks", k), "this task lies outside of the world")
+        return World(low, high, tuple(obstacles), tasks, form.cell or plain.cell_m)
+
+    def _obstacle(self, form: ObstacleForm, path: Path) -> Obstacle | None:
+        given = [one for one in (form.box, form.disc, form.polygon) if one is not None]
+        if len(given) != 1:
+            self._say(path, "an obstacle is one of `box`, `disc` and `polygon`")
+        elif form.box is not None:
+            low, high = _point(form.box.low), _point(form.box.high, math.inf)
+            if all(a < b for a, b in zip(low, high, strict=True)):
+                return Box(low, high)
+            self._say((*path, "box"), "`low` has to be below `high` in x, y and z")
+        elif form.disc is not None:
+            x, y = form.disc.centre
+            return Disc((x, y), form.disc.radius, form.disc.low_z, _height(form.disc.high_z))
+        elif form.polygon is not None:
+            corners = tuple((x, y) for x, y in form.polygon.corners)
+            return Polygon(corners, form.polygon.low_z, _height(form.polygon.high_z))
+        return None
+
+
+def _names_at(type_: Any, path: Path) -> list[str]:
+    """The fields of the form that a path leads to; all forms have names of their own."""
+    form = type_
+    for step in path[1:]:
+        hints: Mapping[str, Any] = get_type_hints(form) if _is_form(form) else {}
+        inner = hints.get(str(step))
+        for candidate in (inner, *getattr(inner, "__args__", ())):
+            if _is_form(candidate):
+                form = candidate
+    for candidate in (form, *getattr(form, "__args__", ())):
+        if _is_form(candidate):
+            return list(candidate.__struct_fields__)
+    return []
+
+
+def _is_form(type_: Any) -> bool:
+    return isinstance(type_, type) and issubclass(type_, msgspec.Struct)
+
+
+def _vehicle(name: str, device: Device) -> Vehicle:
+    """What stands under ``motion`` counts as though it stood with the device itself."""
+    motion = device.motion if device.motion is not None else Motion()
+    return Vehicle(
+        name,
+        device.bot_type,
+        device.planner or motion.planner,
+        device.speed,
+        tuple(device.motion_automata or motion.motion_automata),
+        device.ros_node_prefix or motion.ros_node_prefix,
+        device.positioning_topic or motion.positioning_topic,
+        device.reached_topic or motion.reached_topic,
+        device.waypoint_topic or motion.waypoint_topic,
+    )
+
+
+def _point(coordinates: Coordinates, z: float = 0.0) -> Point:
+    x, y, *rest = coordinates
+    return float(x), float(y), float(rest[0]) if rest else z
+
+
+def _height(height: float | None) -> float:
+    return math.inf if height is None else height

@@ -1,0 +1,177 @@
+"""What may stand in a configuration file. The JSON Schema is made of these types.
+
+There are two published forms: ``robot``, ``device`` and ``num_robots`` (one kind of robot, from the
+paper's listing), and ``agents`` and ``devices``. All else may stand in either.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+Natural = Annotated[int, Meta(ge=0)]
+Port = Annotated[int, Meta(ge=1, le=65535)]
+Positive = Annotated[float, Meta(gt=0)]
+Name = Annotated[str, Meta(min_length=1)]
+
+#: Two or three coordinates in metres; a missing z is 0.
+Coordinates = Annotated[list[float], Meta(min_length=2, max_length=3)]
+Pair = Annotated[list[float], Meta(min_length=2, max_length=2)]
+
+
+class BotType(Enum):
+    """What kind of vehicle a device is."""
+
+    CAR = "CAR"
+    QUAD = "QUAD"
+
+
+class Carrier(Enum):
+    """How datagrams travel."""
+
+    UNICAST = "unicast"
+    MULTICAST = "multicast"
+    BROADCAST = "broadcast"
+    ZENOH = "zenoh"
+
+
+class Topic(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A ROS topic."""
+
+    topic: Name
+    type: Name
+
+
+class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How a device moves, where that stands by itself so that devices can share it."""
+
+    motion_automata: list[Name] = []
+    planner: Name | None = None
+    ros_node_prefix: str | None = None
+    positioning_topic: Topic | None = None
+    reached_topic: Topic | None = None
+    waypoint_topic: Topic | None = None
+    queue_size: Natural | None = None
+
+
+class Device(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A vehicle."""
+
+    bot_type: BotType = BotType.CAR
+    bot_name: Name | None = None
+    ip: str | None = None
+    port: Port | None = None
+    speed: Positive | None = None  #: m/s, of a robot that moves ideally
+    motion: Motion | None = None
+    motion_automata: list[Name] = []
+    planner: Name | None = None
+    ros_node_prefix: str | None = None
+    positioning_topic: Topic | None = None
+    reached_topic: Topic | None = None
+    waypoint_topic: Topic | None = None
+    queue_size: Natural | None = None
+
+
+class Agent(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A robot. ``kind`` is its ``agent`` block in a program for several kinds of robot."""
+
+    pid: Natural
+    on_device: Name | None = None
+    motion_automaton: Name | None = None
+    kind: Name | None = None
+    position: Coordinates | None = None
+    plist: list[Port] = []
+    nbr_pids: list[Natural] = []
+
+
+class Bounds(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Two opposite corners of the world."""
+
+    low: Coordinates
+    high: Coordinates
+
+
+class BoxForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """An upright box between two opposite corners."""
+
+    low: Coordinates
+    high: Coordinates
+
+
+class DiscForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """An upright cylinder."""
+
+    centre: Pair
+    radius: Positive
+    low_z: float = 0.0
+    high_z: float | None = None
+
+
+class PolygonForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """An upright prism."""
+
+    corners: Annotated[list[Pair], Meta(min_length=3)]
+    low_z: float = 0.0
+    high_z: float | None = None
+
+
+class ObstacleForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One of the three."""
+
+    box: BoxForm | None = None
+    disc: DiscForm | None = None
+    polygon: PolygonForm | None = None
+
+
+class WorldForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Where robots move, and what is to be done there."""
+
+    bounds: Bounds | None = None
+    obstacles: list[ObstacleForm] = []
+    tasks: list[Coordinates] = []
+    cell: Positive | None = None  #: m, of the cells of maps
+
+
+class NetworkForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How robots talk. ``key`` is shared by them and by nobody else."""
+
+    transport: Carrier | None = None
+    port: Port | None = None
+    group: str | None = None
+    interface: str | None = None
+    key: Annotated[str, Meta(min_length=16)] | None = None
+    run: Name | None = None
+    connect: list[Name] = []
+    listen: list[Name] = []
+
+
+class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A configuration file of a Koord run."""
+
+    robot: Agent | None = None
+    device: Device | None = None
+    num_robots: Annotated[int, Meta(ge=1, le=10_000)] | None = None
+    agents: list[Agent] = []
+    devices: dict[Name, Device] = {}
+    leader_pid: Natural = 0
+    mutex_handler: str | None = None  #: of the published middleware; lock classes need none
+    udp_bcast_ip: str | None = None
+    udp_port: Port | None = None
+    delta: Positive = 0.1
+    seed: Natural = 0
+    positions: dict[int, Coordinates] = {}
+    world: WorldForm | None = None
+    network: NetworkForm | None = None
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of configuration files, for editors."""
+    schema = msgspec.json.schema(Form)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Configuration of a Koord run",
+        **schema,
+    }

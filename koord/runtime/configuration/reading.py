@@ -1,0 +1,134 @@
+"""YAML with the place of every value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import yaml
+
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.source import Source, Span
+
+#: The way to a value: names of fields and positions in lists.
+Path = tuple[str | int, ...]
+
+#: A configuration with more values than this is none; aliases of aliases grow without bound.
+MOST_VALUES = 200_000
+
+
+@dataclass(slots=True)
+class Document:
+    """The values of a file, and where they stand."""
+
+    source: Source
+    value: Any
+    spans: dict[Path, Span] = field(default_factory=dict)
+    names: dict[Path, Span] = field(default_factory=dict)  #: of fields: where the name stands
+
+    def place(self, path: Path) -> Span:
+        """The place of a value, or of the nearest one around it that has one."""
+        while path and path not in self.spans:
+            path = path[:-1]
+        return self.spans.get(path, Span(self.source.name, 1, 1, 1, 1))
+
+    def name_place(self, path: Path) -> Span:
+        """The place of a field's name."""
+        return self.names.get(path) or self.place(path)
+
+
+def problem(span: Span, message: str, hint: str | None = None, code: str = "K931") -> Diagnostic:
+    """What is wrong with a configuration."""
+    return Diagnostic(code, Severity.ERROR, span, message, hint)
+
+
+def read(source: Source) -> Document:
+    """Raises KoordError if the text is not YAML, or no mapping."""
+    try:
+        node = yaml.compose(source.text, Loader=yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
+        span = Span(source.name, line, column, line, column + 1)
+        raise KoordError((problem(span, f"not YAML: {error.problem}", code="K930"),)) from None
+    except (yaml.YAMLError, RecursionError) as error:
+        span = Span(source.name, 1, 1, 1, 1)
+        story = " ".join(str(error).split())[:200]
+        raise KoordError((problem(span, f"not YAML: {story}", code="K930"),)) from None
+    if not isinstance(node, yaml.MappingNode):
+        span = Span(source.name, 1, 1, 1, 1)
+        hint = "a configuration begins with fields such as `agents:` and `devices:`"
+        raise KoordError((problem(span, "there are no fields in this file", hint, "K930"),))
+    reader = _Reader(source)
+    value = reader.value(node, ())
+    if reader.problems:
+        raise KoordError(tuple(reader.problems))
+    reader.document.value = value
+    return reader.document
+
+
+class _Reader:
+    def __init__(self, source: Source) -> None:
+        self.document = Document(source, None)
+        self.problems: list[Diagnostic] = []
+        self._scalars = yaml.SafeLoader("")
+        self._values = 0
+
+    def value(self, node: yaml.Node, path: Path) -> Any:
+        self.document.spans[path] = span = self._span(node)
+        self._values += 1
+        if self._values > MOST_VALUES:
+            raise KoordError((problem(span, "the file has too many values", code="K930"),))
+        match node:
+            case yaml.MappingNode():
+                return self._fields(node, path)
+            case yaml.SequenceNode():
+                return [self.value(item, (*path, k)) for k, item in enumerate(node.value)]
+            case _:
+                return self._scalar(node, span)
+
+    def _fields(self, node: yaml.MappingNode, path: Path) -> dict[Any, Any]:
+        if len(path) > 50:
+            raise KoordError((problem(self._span(node), "nested too deep", code="K930"),))
+        fields: dict[Any, Any] = {}
+        given: dict[Any, Span] = {}  #: by this mapping itself, not by one that is merged into it
+        for name_node, value_node in node.value:
+            if name_node.tag == "tag:yaml.org,2002:merge":
+                merged = self.value(value_node, path)
+                if isinstance(merged, dict):
+                    fields = {**merged, **fields}
+                continue
+            name = self._scalar(name_node, self._span(name_node))
+            if not isinstance(name, str | int):
+                place = self._span(name_node)
+                self.problems.append(problem(place, "the name of a field is a word or a number"))
+                continue
+            here = (*path, name)
+            first = given.get(name)
+            if first is not None:
+                self.problems.append(
+                    problem(
+                        self._span(name_node),
+                        f"`{name}` is given twice",
+                        f"it was given in line {first.line} first",
+                    )
+                )
+            given[name] = self.document.names[here] = self._span(name_node)
+            fields[name] = self.value(value_node, here)
+        return fields
+
+    def _scalar(self, node: yaml.Node, span: Span) -> Any:
+        try:
+            value = self._scalars.construct_object(node, deep=True)
+        except (yaml.YAMLError, ValueError, OverflowError):
+            self.problems.append(problem(span, f"`{node.value}` cannot be read", code="K930"))
+            return None
+        return value
+
+    def _span(self, node: yaml.Node) -> Span:
+        start, end = node.start_mark, node.end_mark
+        line, column = start.line + 1, start.column + 1
+        if end.line == start.line:
+            return Span(self.document.source.name, line, column, line, end.column + 1)
+        text = self.document.source.line_text(line)
+        return Span(self.document.source.name, line, column, line, len(text) + 1)

@@ -1,0 +1,244 @@
+"""Configuration files: both published forms, and every mistake with its line."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from koord.runtime.configuration.checking import DEFAULT_GROUP, DEFAULT_PORT, load
+from koord.runtime.configuration.forms import BotType, Carrier, json_schema
+from koord.runtime.configuration.model import Configuration
+from koord.runtime.motion.world import Box, Disc, Polygon
+from koord.syntax.diagnostics import KoordError
+from koord.syntax.source import Source
+
+#: The listing of the paper (fig. taskapp, right), with the dots left out.
+LISTING = """\
+robot:
+    pid: 0
+    on_device: hotdec_car
+    motion_automaton: MotTestCar
+device:
+    bot_name: hotdec_car
+    bot_type: CAR
+    planner: RRT_CAR
+    positioning_topic:
+        topic: vrpn_client_node/
+        type: PoseStamped
+    reached_topic:
+        topic: reached
+        type: String
+    waypoint_topic:
+        topic: waypoint
+        type: String
+num_robots: 3
+"""
+
+#: A published configuration of several robots, with what they share written once.
+SEVERAL = """\
+leader_pid: 1
+mutex_handler: BaseMutexHandler
+udp_bcast_ip: 127.255.255.255
+udp_port: 61820
+agents:
+    - pid: 1
+      on_device: drone
+      motion_automaton: MoatHectorQuadrotor
+    - pid: 0
+      on_device: car
+      motion_automaton: MoatTestCar
+devices:
+    car:
+      bot_type: CAR
+      ip: 127.0.1.0
+      motion: &shared
+        ros_node_prefix: 'waypoint_node'
+        queue_size: 1
+        waypoint_topic: {topic: 'waypoint', type: PoseStamped}
+        reached_topic: {topic: 'reached', type: String}
+        positioning_topic: {topic: '/vrpn_client_node/', type: PoseStamped}
+        planner: RRT_STAR_CAR
+        motion_automata: [MoatTestCar]
+    drone:
+      bot_type: QUAD
+      ip: 127.0.1.1
+      motion:
+        <<: *shared
+        planner: RRT_STAR_DRONE
+        motion_automata: [MoatTestDrone, MoatHectorQuadrotor]
+"""
+
+
+def loaded(text: str) -> Configuration:
+    return load(Source("run.yaml", text))
+
+
+def wrong(text: str) -> list[tuple[int, str, str | None]]:
+    """The mistakes of a text: line, message, cure."""
+    with pytest.raises(KoordError) as error:
+        loaded(text)
+    return [(d.span.line, d.message, d.hint) for d in error.value.diagnostics]
+
+
+# --- both forms -----------------------------------------------------------------------------------
+
+
+def test_the_paper_s_listing_is_three_equal_robots() -> None:
+    configuration = loaded(LISTING)
+    assert [robot.pid for robot in configuration.robots] == [0, 1, 2]
+    (vehicle,) = {robot.vehicle for robot in configuration.robots}
+    assert (vehicle.name, vehicle.type, vehicle.planner) == ("hotdec_car", BotType.CAR, "RRT_CAR")
+    assert vehicle.waypoint_topic is not None
+    assert vehicle.waypoint_topic.topic == "waypoint"
+    assert {robot.automaton for robot in configuration.robots} == {"MotTestCar"}
+    assert [robot.address for robot in configuration.robots] == [
+        ("127.0.0.1", DEFAULT_PORT + 1 + pid) for pid in range(3)
+    ]
+    assert configuration.talk.shared == DEFAULT_GROUP
+    assert configuration.delta_s == 0.1
+
+
+def test_the_form_of_several_robots_names_a_device_for_each() -> None:
+    configuration = loaded(SEVERAL)
+    car, drone = configuration.robots
+    assert (car.vehicle.name, drone.vehicle.name) == ("car", "drone")
+    assert (car.vehicle.planner, drone.vehicle.planner) == ("RRT_STAR_CAR", "RRT_STAR_DRONE")
+    assert drone.vehicle.positioning_topic == car.vehicle.positioning_topic is not None
+    assert (car.address, drone.address) == (("127.0.1.0", 61820), ("127.0.1.1", 61820))
+    assert configuration.talk.carrier is Carrier.BROADCAST
+    assert configuration.talk.shared == "127.255.255.255"
+    assert configuration.leader == 1
+
+
+def test_world_positions_and_network_may_stand_in_either() -> None:
+    more = """\
+delta: 0.5
+seed: 7
+positions: {0: [1, 2], 1: [3, 4, 1]}
+world:
+  bounds: {low: [-3, -4], high: [3, 4, 2]}
+  obstacles:
+    - disc: {centre: [0, 0], radius: 0.5}
+    - box: {low: [1, 1], high: [2, 2, 1]}
+    - polygon: {corners: [[0, 1], [1, 1], [1, 2]], high_z: 1}
+  tasks: [[1, 2], [2, 3, 1]]
+network: {transport: unicast, port: 5000, key: sixteen letters ok, run: monday}
+"""
+    for text in (LISTING + more, SEVERAL + more):
+        configuration = loaded(text)
+        world = configuration.world
+        assert world is not None
+        assert (world.low, world.high) == ((-3.0, -4.0, 0.0), (3.0, 4.0, 2.0))
+        assert [type(obstacle) for obstacle in world.obstacles] == [Disc, Box, Polygon]
+        assert world.tasks == ((1.0, 2.0, 0.0), (2.0, 3.0, 1.0))
+        assert configuration.robots[0].position == (1.0, 2.0, 0.0)
+        assert configuration.robots[1].position == (3.0, 4.0, 1.0)
+        assert configuration.talk.key == b"sixteen letters ok"
+        assert (configuration.delta_s, configuration.seed) == (0.5, 7)
+
+
+# --- mistakes -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message", "hint"),
+    [
+        ("a: [1", 1, "not YAML", None),
+        ("- 1", 1, "no fields", "agents"),
+        ("", 1, "no fields", "agents"),
+        ("num_robots: 3\nnum_robts: 3", 2, "no field `num_robts`", "`num_robots`"),
+        ("num_robots: 3\nnum_robots: 4", 2, "given twice", "line 1"),
+        ("num_robots: many", 1, "expected `int`", None),
+        ("num_robots: 0", 1, ">= 1", None),
+        ("num_robots: 3\ndelta: -1", 2, "> 0", None),
+        ("num_robots: 3\nleader_pid: 3", 2, "no robot 3", None),
+        ("num_robots: 3\npositions:\n  5: [0, 0]", 3, "no robot 5", None),
+        ("num_robots: 3\npositions: {0: [0]}", 2, "length >= 2", None),
+        ("seed: 1", 1, "how many robots", "num_robots"),
+        ("num_robots: 2\nagents: [{pid: 0}]", 2, "two forms", None),
+        ("agents:\n  - pid: 0\n  - pid: 0", 3, "two robots have pid 0", None),
+        ("agents:\n  - pid: 1\n  - pid: 2", 3, "leaves a gap", "0 to 1"),
+        ("agents:\n  - {pid: 0, on_device: cat}\ndevices:\n  car: {}", 2, "no device cat", "car"),
+        ("agents: [{}]", 1, "`pid` is missing", None),
+        ("num_robots: 1\ndevice: {bot_type: CARR}", 2, "enum value", "CAR, QUAD"),
+        ("num_robots: 1\ndevice: {planer: X}", 2, "no field `planer`", "`planner`"),
+        ("num_robots: 1\ndevice:\n  motion:\n    planer: X", 4, "`planer`", "`planner`"),
+        ("num_robots: 1\ndevice: {ip: 1.2.3}", 2, "no IPv4 address", None),
+        ("num_robots: 2\ndevice: {ip: 10.0.0.1}", 2, "one address", "agents"),
+        (
+            "agents:\n - {pid: 0, on_device: a}\n - {pid: 1, on_device: b}\n"
+            "devices:\n  a: {ip: 10.0.0.1}\n  b: {ip: 10.0.0.1}",
+            6,
+            "robots 0 and 1 both listen",
+            None,
+        ),
+        (
+            "agents: [{pid: 0, on_device: a, motion_automaton: Fly}]\n"
+            "devices: {a: {motion_automata: [Drive]}}",
+            1,
+            "a has no Fly",
+            "Drive",
+        ),
+        ("num_robots: 1\nnetwork: {transport: broadcast}", 2, "where to broadcast", "udp_bcast_ip"),
+        ("num_robots: 1\nnetwork: {group: 10.0.0.1}", 2, "no multicast address", "224"),
+        ("num_robots: 1\nnetwork: {key: short}", 2, "length >= 16", None),
+        ("num_robots: 1\nworld: {tasks: [[99, 0]]}", 2, "outside", None),
+        ("num_robots: 1\nworld:\n  bounds: {low: [1, 1], high: [0, 2]}", 3, "below", None),
+        ("num_robots: 1\nworld: {obstacles: [{}]}", 2, "one of", None),
+        ("num_robots: 1\n1.5: x", 2, "word or a number", None),
+    ],
+)
+def test_a_mistake_is_told_with_its_line_and_its_cure(
+    text: str, line: int, message: str, hint: str | None
+) -> None:
+    ((at, said, cure),) = wrong(text)
+    assert at == line
+    assert message in said
+    if hint is not None:
+        assert cure is not None
+        assert hint in cure
+
+
+def test_all_mistakes_are_told_at_once() -> None:
+    text = "agents:\n  - {pid: zero}\n  - {pid: 1, on: x}\ndelta: 0\nnothing: 1\n"
+    assert [line for line, _, _ in wrong(text)] == [2, 3, 4, 5]
+
+
+def test_aliases_of_aliases_are_refused_before_they_fill_the_memory() -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 12)]
+    ((_, message, _),) = wrong("\n".join(lines))
+    assert "too many values" in message
+
+
+def test_aliases_of_themselves_are_refused() -> None:
+    ((_, message, _),) = wrong("a: &a {b: *a}")
+    assert "nested too deep" in message
+
+
+@given(st.text(alphabet=" \n:-[]{}&*!|>'\"#%@`abpid01.~,?\t", max_size=60))
+@settings(max_examples=300)
+def test_no_text_raises_anything_else(text: str) -> None:
+    with suppress(KoordError):
+        assert loaded(text).robots
+
+
+# --- the schema -----------------------------------------------------------------------------------
+
+
+def test_the_json_schema_accepts_both_forms() -> None:
+    schema = json_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    for text in (LISTING, SEVERAL):
+        values: Any = json.loads(json.dumps(yaml.safe_load(text)))
+        assert list(validator.iter_errors(values)) == []
+    assert list(validator.iter_errors({"num_robots": 0}))
+    assert list(validator.iter_errors({"num_robot": 3}))
