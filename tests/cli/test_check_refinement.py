@@ -1,0 +1,97 @@
+"""``koord check-refinement``: programs, generated ones, and what a wrong compiler looks like."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from koord.cli import main as frame
+from koord.cli.exits import Exit
+from koord.refinement import running
+from koord.runtime.compile import compiled
+from koord.syntax import core
+
+TEXT = (
+    "allwrite:\n  int sum = 0\nlocal:\n  int n = 0\n"
+    "Up:\n  pre: n < 3\n  eff:\n    atomic:\n      sum = sum + 2\n    n = n + 1\n"
+)
+
+
+@pytest.fixture
+def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "app.krd").write_text(TEXT, "utf-8")
+    return "app.krd"
+
+
+@pytest.fixture
+def _wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compiler that adds one where two should be added."""
+
+    def wrongly(program: core.Program) -> str:
+        return compiled(program).replace("+ 2", "+ 1")
+
+    monkeypatch.setattr(running, "compiled", wrongly)
+
+
+def koord(*arguments: str) -> int:
+    return frame.main(["check-refinement", *arguments])
+
+
+def test_a_program_is_checked(file: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert koord(file, "--runs", "6") == Exit.OK
+    assert capsys.readouterr().out.startswith("6 runs, 48 rounds, ")
+    assert list(Path().glob("refinement-*")) == []
+
+
+def test_programs_are_generated(file: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert koord("--runs", "5", "--rounds", "2", "--json") == Exit.OK
+    told = json.loads(capsys.readouterr().out)
+    assert told["runs"] == 5
+    assert told["failures"] == []
+    assert koord("--runs", "5", "--rounds", "2", "--json") == Exit.OK
+    assert json.loads(capsys.readouterr().out) == told
+    assert koord("--runs", "5", "--rounds", "2", "--json", "--seed", "1") == Exit.OK
+    assert json.loads(capsys.readouterr().out) != told
+
+
+@pytest.mark.usefixtures("_wrong")
+def test_a_run_that_is_refused_is_shown_and_kept(
+    file: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert koord(file, "--runs", "6", "--seed", "3") == Exit.VIOLATED
+    out = capsys.readouterr().out
+    assert "refused: app.krd, 1 robot" in out
+    assert "[ENV-TRANS] round 1: the configuration recorded is another" in out
+    assert "sum: by the rules 2, recorded 1" in out
+    (kept,) = Path().glob("refinement-*.json")
+    assert f"saved as {kept}" in out
+    assert frame.main(["replay", str(kept)]) == Exit.VIOLATED
+
+
+@pytest.mark.usefixtures("_wrong")
+def test_a_generated_program_that_is_refused_is_kept_whole(
+    file: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert koord("--runs", "200", "--rounds", "3", "--json") == Exit.VIOLATED
+    (failure,) = json.loads(capsys.readouterr().out)["failures"]
+    kept = Path(failure["saved"]).read_text("utf-8")
+    for part in ("# compiled", "# the core program", "# the recording", str(failure["seed"])):
+        assert part in kept
+
+
+@pytest.mark.parametrize("runs", ["0", "-1", "x", "1.5", "9999999999"])
+def test_a_number_of_runs_is_one(runs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert koord("--runs", runs) == Exit.BAD_INPUT
+    assert "--runs" in capsys.readouterr().err
+
+
+def test_a_program_with_errors_is_not_run(file: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path(file).write_text("local:\n  int n = true\n", "utf-8")
+    assert koord(file) == Exit.BAD_INPUT
+    assert "K204" in capsys.readouterr().err
+    assert koord(file, "--json") == Exit.BAD_INPUT
+    told = json.loads(capsys.readouterr().out)["diagnostics"]
+    assert "K204" in [diagnostic["code"] for diagnostic in told]
