@@ -5,6 +5,9 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
 
+REPLAY = "tests/semantics/test_replay.py"
+RUN = "tests/semantics/test_run.py"
+AGREEMENT = "tests/agreement/test_symbols.py"
 ROUNDS = "tests/verify/test_rounds.py"
 BMC = "tests/verify/test_bmc.py"
 INDUCTION = "tests/verify/test_induction.py"
@@ -55,7 +58,7 @@ SEMANTICS = (
         "semantics/rounds.py",
         'raise IllegalStepError("STOP", f"robot {robot} has stopped")',
         "pass",
-        (ROUNDS,),
+        (RUN,),
     ),
     Mutant(
         "nobody stops because all have asked",
@@ -90,7 +93,7 @@ SEMANTICS = (
         "semantics/machine.py",
         "self.guard = self.both(guard, condition)\n        value",
         "value",
-        (BMC,),
+        (AGREEMENT,),
         quick=True,
     ),
     Mutant(
@@ -122,7 +125,7 @@ SEMANTICS = (
         "semantics/statements.py",
         "    m.memory.broke = outer\n",
         "    m.memory.broke = m.either(outer, m.memory.broke)\n",
-        (BMC,),
+        (RUN,),
         quick=True,
     ),
     Mutant(
@@ -130,7 +133,7 @@ SEMANTICS = (
         "semantics/statements.py",
         "position = zero if isinstance(s.place.type, QueueType) else last",
         "position = last",
-        (BMC,),
+        (RUN,),
         quick=True,
     ),
     Mutant(
@@ -138,7 +141,7 @@ SEMANTICS = (
         "semantics/statements.py",
         "for k in range(len(keys) - 1, -1, -1):",
         "for k in range(len(keys)):",
-        (BMC,),
+        (RUN,),
     ),
     Mutant(
         "a model reads the values after the turn",
@@ -172,18 +175,18 @@ SEMANTICS = (
         (ROUNDS,),
     ),
     Mutant(
-        "asking to stop undoes a stop",
+        "who asks to stop has stopped",
         "semantics/turns.py",
         "asked = d.binary(BinaryOp.MAX, old, d.const(int(Status.ASKED), INT))",
-        "asked = d.const(int(Status.ASKED), INT)",
-        (ROUNDS, BMC),
+        "asked = d.binary(BinaryOp.MAX, old, d.const(int(Status.STOPPED), INT))",
+        (RUN,),
     ),
     Mutant(
         "stop only asks",
         "semantics/turns.py",
         "new = d.ite(memory.stop, d.const(int(Status.STOPPED), INT), new)",
         "new = d.ite(memory.stop, d.const(int(Status.ASKED), INT), new)",
-        (BMC,),
+        (RUN,),
     ),
     Mutant(
         "statements that fault may hold",
@@ -218,7 +221,7 @@ SEMANTICS = (
         "semantics/values.py",
         "low = d.binary(BinaryOp.LE, d.const(0, INT), index)",
         "low = d.binary(BinaryOp.LE, d.const(-9, INT), index)",
-        (BMC,),
+        (RUN,),
     ),
     Mutant(
         "writes of parts do not reach the store",
@@ -267,7 +270,7 @@ VERIFY = (
         "verify/rounds.py",
         "self.d, [selectable, running, *(x.condition for x in turned.legality)]",
         "self.d, [selectable, *(x.condition for x in turned.legality)]",
-        (ROUNDS,),
+        (BMC,),
         quick=True,
     ),
     Mutant(
@@ -442,31 +445,31 @@ VERIFY = (
     ),
     Mutant(
         "long lists are claimed to be covered",
-        "verify/symbols.py",
+        "verify/unknowns.py",
         "self.limits.append(limit)",
         "del limit",
         (SYMBOLS, PORTFOLIO),
     ),
     Mutant(
         "equal questions get different answers",
-        "verify/symbols.py",
+        "verify/unknowns.py",
         "self.constraints.append(self.d.binary(BinaryOp.IMPLIES, same, agree))",
         "del same, agree",
         (SYMBOLS,),
     ),
     Mutant(
         "the axiom of a summary is dropped",
-        "verify/symbols.py",
-        "self.constraints.append(axiom.closed(holds))",
-        "del holds",
+        "verify/unknowns.py",
+        "self.constraints += [self._axiom(external, promise) for promise in external.ensures]",
+        "pass",
         (SYMBOLS, ABSTRACTION),
         quick=True,
     ),
     Mutant(
         "the axiom of a summary is negated",
-        "verify/symbols.py",
-        "self.constraints.append(axiom.closed(holds))",
-        "self.constraints.append(axiom.closed(self.d.unary(core.UnaryOp.NOT, holds)))",
+        "verify/unknowns.py",
+        "self.d.binary(BinaryOp.IMPLIES, met, statement(m, promise))",
+        "self.d.unary(core.UnaryOp.NOT, statement(m, promise))",
         (SYMBOLS, ABSTRACTION),
         quick=True,
     ),
@@ -524,9 +527,16 @@ VERIFY = (
     ),
     Mutant(
         "any two writes that meet are a lost update",
-        "verify/witness.py",
+        "semantics/replay.py",
         "if k != other and slot in updates",
         "if k != other",
+        (REPLAY,),
+    ),
+    Mutant(
+        "writes that do not meet are a lost update",
+        "verify/witness.py",
+        "if overlap(EXACT, its_writes.get(slot), other_writes.get(slot)) is not True:",
+        "if overlap(EXACT, its_writes.get(slot), other_writes.get(slot)) is None:",
         (WITNESS,),
     ),
     Mutant(

@@ -393,6 +393,11 @@ def test_a_lost_update_is_shown_by_its_trace() -> None:
     assert replay(replace(trace, violation=lost)).refused is None
     alone = drive(programs.counter_race(), 2).go(0, "Add").skip(1).trace()
     assert first_wrong(replace(alone, violation=lost)).rule == "LOST-UPDATE"
+    b = Build()
+    count = b.allwrite("count", INT, 0)
+    b.event("Set", TRUE, count.set(7))
+    plain = drive(b.program(), 2).go(0, "Set").go(1, "Set").trace()
+    assert first_wrong(replace(plain, violation=lost)).rule == "LOST-UPDATE"
 
 
 def test_answers_to_properties_travel_with_the_trace() -> None:

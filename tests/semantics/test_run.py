@@ -337,6 +337,19 @@ def test_the_effect_goes_on_behind_stop() -> None:
     assert d.each("Unit.heat") == ["2", "2"]
 
 
+def test_who_stops_has_stopped_while_others_go_on() -> None:
+    """[STOP]: stopping asks nobody."""
+    b = Build()
+    x = b.local("x", INT, 0)
+    b.event("Go", TRUE, x.set(x + 1), when(PID.eq(0), STOP))
+    d = drive(b.program(), 2).round("Go", "Go")
+    assert [r.status for r in d.configuration.robots] == [Status.STOPPED, Status.RUNNING]
+    with refused("STOP"):
+        d.go(0, "Go")
+    d.round(None, "Go")
+    assert d.each("x") == ["1", "2"]
+
+
 def test_asking_to_stop_waits_for_everyone() -> None:
     """[STOP] [END-PROG]: robots that asked go on; all stop when the last has asked or stopped."""
     d = drive(programs.stopping(), 2).round("Ask", "Grow")

@@ -236,8 +236,8 @@ def test_a_dropped_promise_is_kept_after_all() -> None:
         )
 
 
-def test_a_promise_can_be_kept_by_an_answer_that_is_made_up() -> None:
-    """[EXTERNAL]: a path that begins and ends where it should."""
+def paths(goal: E, route: E | core.Start) -> core.Program:
+    """Robots plan paths, and count them; a path begins and ends where it should."""
     b = Build("paths")
     way = bound("result", 2, PATH)
     ends = [
@@ -247,20 +247,44 @@ def test_a_promise_can_be_kept_by_an_answer_that_is_made_up() -> None:
     last = core.Binary(core.BinaryOp.SUB, length(way).expr, core.Const(1, INT), INT)
     ends.append(E(core.Select(way.expr, core.IndexStep(last, POS))).eq(Q))
     b.external("plan", [P, Q], way, ensures=ends, fresh=True)
-    route, n = b.local("route", PATH, lst(POS)), b.local("n", INT, 0)
-    here, goal = b.local("here", POS, pos(0, 0)), b.local("goal", POS, pos(5, 0))
-    b.event("Plan", n < 3, route.set(b.ask("plan", here, goal)), n.set(n + 1))
+    taken, n = b.local("route", PATH, route), b.local("n", INT, 0)
+    here, there = b.local("here", POS, pos(0, 0)), b.local("goal", POS, goal)
+    b.event("Plan", n < 3, taken.set(b.ask("plan", here, there)), n.set(n + 1))
     b.invariant("Two", forall(I, n.at(I) < 2))
-    found = abstracted(b.program())
+    return b.program()
+
+
+def test_a_promise_can_be_kept_by_an_answer_that_is_made_up() -> None:
+    """[EXTERNAL]: a path that begins and ends where it should."""
+    program = paths(pos(5, 0), lst(POS))
+    found = abstracted(program)
     assert found is not None
     assert PATH in found.hidden.values()
-    shown = ask(b.program(), robots=1, rounds=3, choice=Choice.BMC)["Two"].counterexample
+    shown = ask(program, robots=1, rounds=3, choice=Choice.BMC)["Two"].counterexample
     assert shown is not None
     for round_ in shown.recording.rounds:
         (answer,) = round_.answers
         assert isinstance(answer.value, Seq)
         assert answer.value.items[0] == Rec((0, 0, 0))
         assert answer.value.items[-1] == Rec((5, 0, 0))
+
+
+def test_such_an_answer_replays_without_asking_about_the_program_itself() -> None:
+    """[EXTERNAL] [REPLAY]"""
+    program = paths(pos(0, 0), core.Start.UNSET)
+    abstraction = abstracted(program)
+    assert abstraction is not None
+    abstract, real = dealt(abstraction.program, 1), dealt(program, 1)
+
+    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+        made = Concretion(abstraction, real).recording(recording)
+        return replayed(real, made, claims_of(real)[0], phase)
+
+    check = Bounded(abstract, judge)
+    claim = claims_of(abstract)[0]
+    found = check.check([claim], (), 3, Deadline())
+    assert not check.unreplayed
+    assert found[claim].outcome is Outcome.VIOLATED
 
 
 def test_equal_opaque_values_stay_equal() -> None:

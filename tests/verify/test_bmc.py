@@ -12,7 +12,7 @@ from koord.semantics.configurations import FaultKind, Status, dealt
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import execute
 from koord.syntax import core
-from koord.syntax.types import BOOL, FLOAT, INT, ListType, Type
+from koord.syntax.types import BOOL, FLOAT, INT, ListType, MapType, Type
 from koord.verify.bmc import Bounded
 from koord.verify.claims import Phase, claims_of
 from koord.verify.solving import Deadline
@@ -34,6 +34,7 @@ from tests.semantics.building import (
     lst,
     ran,
     stopped,
+    table,
     when,
 )
 from tests.verify.asking import Checked, bounded, judged
@@ -137,6 +138,18 @@ def test_ran_and_stopped_in_properties() -> None:
     checked = bounded(b.program(), rounds=4)
     assert checked.rounds == {"Never": 2}
     assert all(robot.status != Status.STOPPED for robot in checked.last("Never").robots)
+
+
+def test_who_has_stopped_runs_no_event() -> None:
+    """[STOP]: there is not even a candidate for it, in later rounds either."""
+    b = Build()
+    x = b.local("x", INT, 0)
+    b.event("Go", TRUE, x.set(x + 1), when(PID.eq(0), core.Stop()))
+    b.invariant("Once", x.at(0) < 2)
+    b.invariant("Ever", x.at(1) < 3)
+    checked = bounded(b.program(), rounds=4)
+    assert checked.rounds == {"Ever": 3}
+    assert not checked.bounded.unreplayed
 
 
 def test_all_claims_go_on_being_asked_after_one_is_violated() -> None:
@@ -327,6 +340,12 @@ def test_writes_at_other_keys_and_indices_lose_nothing() -> None:
     assert bounded(b.program(), robots=3, rounds=2).rounds == {}
     b.event("Other", x[0].eq(1) & PID.eq(2), x[1].set(7))
     assert bounded(b.program(), robots=3, rounds=3).rounds == {"no lost update of x": 2}
+    b = Build()
+    m = b.allwrite("m", MapType(INT, INT), table(INT, INT, *((k, 0) for k in range(3))))
+    b.event("Up", TRUE, m[PID].set(m[PID] + 1))
+    assert bounded(b.program(), robots=3, rounds=2).rounds == {}
+    b.event("Other", m[0].eq(1) & PID.eq(2), m[1].set(7))
+    assert bounded(b.program(), robots=3, rounds=3).rounds == {"no lost update of m": 2}
 
 
 def core_array() -> Type:
