@@ -50,7 +50,7 @@ class Pose:
 class Effort:
     """How long a planner may try: in steps, not in time, so that a seed repeats a run."""
 
-    steps: int = 3000
+    steps: int = 1000
     star_steps: int = 120  #: of planners that go on improving
 
 

@@ -168,6 +168,9 @@ class _Query:
 
         One that goes on improving may not have come there in its steps: then any path will do.
         """
+        goals = [goal for goal in goals if self.valid(goal)]
+        if not goals or not self.valid(start):
+            return None
         if self.optimal:
             path = self._grow(geometric.RRTstar, self.effort.star_steps, start, goals)
             if path is not None:
@@ -235,7 +238,7 @@ def _car_fits(free: Field, car: Car, start: Pose) -> Callable[[Any], bool]:
 def _place(state: Any, position: Point, heading_rad: float) -> None:
     state.setX(position[0])
     state.setY(position[1])
-    state.setYaw(heading_rad)
+    state.setYaw(math.remainder(heading_rad, 2 * math.pi))
 
 
 def _pinned(points: Floats, start: Point, goal: Point) -> Floats:

@@ -191,7 +191,7 @@ def test_one_car_is_driven_as_among_many() -> None:
     many = Ride(Steering.PREDICTIVE, starts, np.zeros(3), 0)
     alone = Ride(Steering.PREDICTIVE, starts[1:2], np.zeros(1), 1)
     for k, (x, y, _) in enumerate(starts.tolist()):
-        many.group.follow(k, np.array(CIRCLE) + [x, y, 0])
+        many.group.follow(k, np.array(CIRCLE) + np.array([x, y, 0]))
     alone.group.follow(0, np.array(CIRCLE) + starts[1])
     for _ in range(40):
         many.tick()
