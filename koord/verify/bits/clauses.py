@@ -78,7 +78,7 @@ class Clauses:
             return Answer.SAT if self.solve(assumptions) else Answer.UNSAT
         if left <= 0:
             return Answer.UNKNOWN
-        if not self._solver.supports_interrupt:
+        if self.engine == STRONG:  # which knows no interruption
             return Answer.SAT if self.solve(assumptions) else Answer.UNSAT
         timer = Timer(left, self._solver.interrupt)
         timer.start()

@@ -83,7 +83,6 @@ class Unrolled:
         self.clauses = Clauses(self.graph, STRONG)
         source = self.circuit.d.graph
         self.opening = Copy(source, self.graph, "#init")
-        self.clauses.require(self.opening.of(self.circuit.opens))
 
     def begin(self) -> Copy:
         """One more round, behind those that are there."""
@@ -96,6 +95,7 @@ class Unrolled:
             for latch in circuit.latches:
                 copy.meaning[latch.literal >> 1] = _signed(before.of(latch.next), latch.literal)
         else:
+            self.clauses.require(before.of(circuit.opens))
             for latch in circuit.latches:
                 copy.meaning[latch.literal >> 1] = _signed(before.of(latch.init), latch.literal)
         self.rounds.append(copy)
