@@ -26,7 +26,7 @@ class Gains:
     velocity: float = 4.5  #: per s
     attitude: float = 10.0  #: rate per angle, per s
     rate: float = 25.0  #: angular acceleration per rate, per s
-    integral: float = 0.3  #: per s³, against steady wind
+    integral: float = 1.5  #: per s³, against steady wind
     windup_mps2: float = 2.0  #: the most that the integral may ask for
 
 
