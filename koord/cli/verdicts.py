@@ -35,6 +35,11 @@ def lines(name: str, system: System, report: Report, style: Style) -> Iterator[s
         yield f"  {row[0].ljust(widths[0])}  {shown}  {row[2].ljust(widths[2])}  {time}".rstrip()
         if verdict.reason:
             yield f"      {verdict.reason}"
+    if report.found:
+        yield ""
+        yield "  invariants that were found for it:"
+    for text in report.found:
+        yield f"    {text}"
     if report.vacuities:
         yield ""
     for vacuity in report.vacuities:
@@ -49,6 +54,13 @@ def _empty(vacuity: Vacuity, style: Style) -> str:
         what = f"what {vacuity.subject} supposes"
     place = f" ({vacuity.span})" if vacuity.span is not None else ""
     return f"{label} {what}: {vacuity.detail}{place}"
+
+
+def invariants(name: str, report: Report) -> str:
+    """The invariants that were found, as a file of properties."""
+    lines = [f"# Found for {name}: each holds for every number of robots and of rounds."]
+    lines += [f"invariant Found{k}: {text}" for k, text in enumerate(report.found, start=1)]
+    return "\n".join(lines) + "\n"
 
 
 def summary(system: System, bounds: Bounds, report: Report, style: Style) -> str:
@@ -147,6 +159,7 @@ def as_json(name: str, system: System, bounds: Bounds, report: Report) -> dict[s
         "seconds": round(report.seconds, 3),
         "interrupted": report.interrupted,
         "claims": [_verdict_json(verdict) for verdict in report.verdicts],
+        "found_invariants": list(report.found),
         "vacuous": report.is_vacuous,
         "vacuities": [_vacuity_json(vacuity) for vacuity in report.vacuities],
     }

@@ -24,7 +24,7 @@ from koord.cli.arguments import (
 )
 from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit, gravest
-from koord.cli.files import DASH, check_writable
+from koord.cli.files import DASH, check_writable, write_atomically
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.systems import system_of
@@ -67,6 +67,7 @@ class Request:
     seed: int
     trace: str | None  #: the file for the trace of a violation
     plot: str | None  #: the file for a picture of a sweep
+    found: str | None  #: the file for invariants that were found
     explain: bool  #: show the steps that break claims which are not inductive
     as_json: bool
 
@@ -112,6 +113,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--watch", action="store_true", help="verify again each time a file is saved"
     )
+    parser.add_argument(
+        "--save-invariants",
+        dest="found",
+        metavar="FILE",
+        help="write the invariants that were found to FILE, for --with",
+    )
     add_json(parser, "the verdict")
     parser.epilog = (
         "exit codes: 0 holds, 1 violated, 2 errors in the input, 3 unknown, 4 holds, but vacuously"
@@ -129,6 +136,10 @@ def main(arguments: argparse.Namespace) -> int:
         check_writable(request.trace)
     if request.plot is not None:
         _check_plot(arguments.files, request)
+    if request.found is not None:
+        if len(arguments.files) > 1 or len(request.fleets) > 1:
+            raise argparse.ArgumentTypeError("--save-invariants takes one program at a time")
+        check_writable(request.found)
     if request.fleets[0].any_number and request.engine is not Engine.AUTO:
         raise argparse.ArgumentTypeError(
             "--robots any has an engine of its own: leave --engine out"
@@ -175,6 +186,7 @@ def _request(arguments: argparse.Namespace) -> Request:
         seed=arguments.seed,
         trace=arguments.trace,
         plot=arguments.plot,
+        found=arguments.found,
         explain=arguments.explain,
         as_json=arguments.json,
     )
@@ -216,6 +228,8 @@ def _verify(program: LoadedProgram, request: Request, told: list[dict[str, objec
         print(verdicts.summary(system, bounds, report, style))
     if request.trace is not None:
         _keep(program, system, report, request.trace)
+    if request.found is not None:
+        _save(program, report, request.found)
     return _exit(report)
 
 
@@ -292,6 +306,17 @@ def _keep(program: LoadedProgram, system: System, verified: Verification, path: 
         return
     shortest = min(broken, key=_length)
     write_trace(path, counterexamples.trace_of(program, system, shortest))
+
+
+def _save(program: LoadedProgram, report: Verification, path: str) -> None:
+    """Write the invariants that were found; say so if there are none."""
+    from koord.cli import verdicts
+
+    if not report.found:
+        print("koord verify: no invariant was found that a proof rests on", file=sys.stderr)
+        return
+    text = verdicts.invariants(program.source.name, report)
+    write_atomically(path, text.encode("utf-8"))
 
 
 def _length(verdict: Verdict) -> int:

@@ -21,7 +21,7 @@ from koord.verify.bits.engine import ByBits
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
 from koord.verify.engines import ByInduction, BySearch, ByUnrolling
-from koord.verify.every_n.engine import ByEveryN
+from koord.verify.every_n.engine import ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
 from koord.verify.exhaustive import FEW_STATES
 from koord.verify.ledger import Ledger, Subject, Works
@@ -181,9 +181,10 @@ def engines(choice: Choice, unrolling: ByUnrolling) -> list[Works]:
             # A proof for every number of robots is one for this number.
             every_n = ByEveryN(SPARING)
             few = BySearch(Limits(states=FEW_STATES))
-            return [every_n, induction, few, ByBits(sparing=True), unrolling]
+            inference = ByInference(SPARING)
+            return [every_n, induction, few, ByBits(sparing=True), inference, unrolling]
         case Choice.EVERY_N:
-            return [ByEveryN()]
+            return [ByEveryN(), ByInference()]
         case Choice.INDUCTION:
             return [induction]
         case Choice.SEARCH:

@@ -92,6 +92,7 @@ class Verdict:
     depth: int = 1  #: of an inductive proof
     others: tuple[Counterexample, ...] = ()  #: different ones, if more were asked for
     step: BrokenStep | None = None  #: why a claim that is *unknown* is not inductive
+    lemmas: tuple[str, ...] = ()  #: invariants that were found for the proof, as Koord
 
 
 class Emptiness(Enum):
@@ -130,6 +131,11 @@ class Report:
     interrupted: bool = False
     notes: tuple[str, ...] = field(default=())
     every_n: bool = False
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        """The invariants that were found for proofs, as Koord, in order."""
+        return tuple(dict.fromkeys(text for verdict in self.verdicts for text in verdict.lemmas))
 
     @property
     def is_vacuous(self) -> bool:

@@ -72,16 +72,19 @@ def _conditions(v: Vocabulary) -> Iterator[core.Expr]:
     for relation in relations:
         yield _of_pairs(relation)
     others = v.states(_READ_Y)
-    for first, second in product(states, others):
-        if _reads_robot(first) and _reads_robot(second):
-            both = _binary(BinaryOp.AND, first, second)
+    pairs = [
+        (k, n, _binary(BinaryOp.AND, first, second))
+        for (k, first), (n, second) in product(enumerate(states), enumerate(others))
+        # Two robots cannot both be the one that a shared variable names.
+        if not _same_subject(first, second)
+    ]
+    for k, n, both in pairs:
+        if k <= n:
             yield _of_pairs(_binary(BinaryOp.IMPLIES, apart, _negated(both)))
-    for first, second in product(states, others):
-        if _reads_robot(first) and _reads_robot(second):
-            both = _binary(BinaryOp.AND, first, second)
-            for relation in relations:
-                pair = _binary(BinaryOp.AND, apart, both)
-                yield _of_pairs(_binary(BinaryOp.IMPLIES, pair, relation))
+    for _, _, both in pairs:
+        for relation in relations:
+            pair = _binary(BinaryOp.AND, apart, both)
+            yield _of_pairs(_binary(BinaryOp.IMPLIES, pair, relation))
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,10 +286,6 @@ def _of_all(body: core.Expr) -> core.Expr:
 def _of_pairs(body: core.Expr) -> core.Expr:
     inner = core.Quantified(core.QuantifierKind.FORALL, Y, core.RobotRange(), body)
     return core.Quantified(core.QuantifierKind.FORALL, X, core.RobotRange(), inner)
-
-
-def _reads_robot(e: core.Expr) -> bool:
-    return any(isinstance(node, core.Variable) and node.home is Home.BOUND for node in nodes(e))
 
 
 def _same_subject(one: core.Expr, other: core.Expr) -> bool:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from koord.verify.every_n.proving import GENEROUS, Thrift, prove
+from koord.verify.every_n.candidates import candidates
+from koord.verify.every_n.proving import GENEROUS, Thrift, infer, prove
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.solving import Effort
 from koord.verify.verdicts import Engine, Outcome, Verdict
@@ -32,3 +33,36 @@ class ByEveryN:
         )
         for claim, reason in found.reasons.items():
             ledger.leave([claim], Reach(Engine.EVERY_N, None, reason, seconds))
+
+
+@dataclass(frozen=True, slots=True)
+class ByInference:
+    """The same with the help of invariants that nobody gave: found among likely ones."""
+
+    thrift: Thrift = GENEROUS
+
+    def work(self, ledger: Ledger) -> None:
+        started = time.monotonic()
+        ledger.progress("looking for invariants")
+        claims = ledger.open()
+        known = [
+            claim
+            for claim, verdict in ledger.verdicts.items()
+            if verdict.engine is Engine.EVERY_N and claim.is_state_property
+        ]
+        likely = candidates(ledger.system.program)
+        if not likely:
+            return
+        effort = Effort.of_seconds(self.thrift.seconds)
+        pool = [*known, *likely]
+        found = infer(
+            ledger.system, claims, pool, ledger.deadline, effort, self.thrift, ledger.seed
+        )
+        seconds = time.monotonic() - started
+        lemmas = tuple(claim.name for claim in found.invariants if claim not in known)
+        ledger.settle(
+            {
+                claim: Verdict(claim, Outcome.HOLDS, Engine.EVERY_N, seconds, lemmas=lemmas)
+                for claim in found.proved
+            }
+        )

@@ -121,15 +121,19 @@ def infer(
         start = _Start(system, means)
         open_ = [claim for claim in claims if claim not in start.failing(claims)]
         likely = start.sifted(candidates)
-        step = _Step(system, means)
-        left = step.sifted([*open_, *likely])
-        proved = tuple(claim for claim in open_ if claim in set(left))
-        if not proved or start.limits or step.limits:
-            return nothing
-        found = step.lemmas(proved, [claim for claim in left if claim not in proved])
+        best = nothing
+        for generations in (1, 2):
+            step = _Step(system, means)
+            left = step.sifted([*open_, *likely], generations)
+            proved = tuple(claim for claim in open_ if claim in set(left))
+            if len(proved) > len(best.proved) and not start.limits and not step.limits:
+                found = step.lemmas(proved, [claim for claim in left if claim not in proved])
+                best = Inferred(proved, tuple(step.fewest(proved, found)))
+            if len(proved) == len(open_):
+                break
     except NotFiniteError:
         return nothing
-    return Inferred(proved, tuple(found))
+    return best
 
 
 def _beyond(program: core.Program) -> str:
@@ -211,7 +215,7 @@ class _Asking:
         d, book, means = self.world.d, self.world.book, self.means
         pending = {claim: conjunction(d, goal) for claim, goal in goals}
         book.ask([*given, *pending.values()])
-        self._limit = max(self._limit, 0)
+        self.look_ahead(1)
         book.settle(self._limit)
         met: set[Claim] = set()
         while pending:
@@ -230,6 +234,10 @@ class _Asking:
             for claim in hit:
                 del pending[claim]
         return met
+
+    def look_ahead(self, generations: int) -> None:
+        """Take names of so many generations into account from now on."""
+        self._limit = max(self._limit, generations - 1)
 
     def needed(self, goal: Sequence[Term]) -> frozenset[int] | None:
         """The positions in a goal of what refutes it; None if it is not refuted."""
@@ -342,9 +350,10 @@ class _Step:
             failed |= self._asking.failing(goals)
         return failed
 
-    def sifted(self, claims: Sequence[Claim]) -> list[Claim]:
-        """The largest part of the claims that no round breaks, as far as is known."""
+    def sifted(self, claims: Sequence[Claim], generations: int) -> list[Claim]:
+        """The largest part of the claims that no round breaks, as far as some names tell."""
         left = list(claims)
+        self._asking.look_ahead(generations)
         while True:
             before = len(left)
             for moment in self._moments():
@@ -372,6 +381,24 @@ class _Step:
                         found.append(state[position])
                         waiting.append(state[position])
         return found
+
+    def fewest(self, claims: Sequence[Claim], lemmas: Sequence[Claim]) -> list[Claim]:
+        """Lemmas none of which can be left out by itself."""
+        kept = list(lemmas)
+        for lemma in lemmas[::-1]:
+            rest = [claim for claim in kept if claim is not lemma]
+            if self._is_closed([*claims, *rest]):
+                kept = rest
+        return kept
+
+    def _is_closed(self, claims: Sequence[Claim]) -> bool:
+        """Whether no round breaks any of some claims, from where all of them hold."""
+        given = [self._suppose(claim) for claim in claims if claim.is_state_property]
+        for moment in self._moments():
+            goals = [(claim, goal) for claim in claims if (goal := self._goal(claim, moment))]
+            if self._asking.sift(goals, given):
+                return False
+        return True
 
     def _moments(self) -> list[Phase]:
         if stops_show(self._program):
