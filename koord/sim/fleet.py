@@ -83,8 +83,8 @@ class Fleet:
     def follow(self, robot: int, path: Sequence[Point]) -> None:
         """Have a robot follow a path; one without points is no order."""
         members, row = self._at(robot)
-        _, heading = members.fixes(self.now_s)
-        members.group.follow(row, as_path(path), float(heading[row]))
+        position, heading = members.fixes(self.now_s)
+        members.group.follow(row, as_path(path), float(heading[row]), position[row])
 
     def go_to(self, robot: int, target: Point) -> None:
         """Have a robot find a path to a target and follow it."""

@@ -22,6 +22,10 @@ from koord.runtime.motion.routes import Pace, Routes
 from koord.runtime.motion.world import Point, World
 
 
+#: A path that begins so near to a robot begins where it is.
+_BESIDE_M = 0.1
+
+
 def pace_of(body: Body) -> Pace:
     """How fast a body follows paths."""
     match body:
@@ -53,6 +57,7 @@ class Group:
         self.s: Floats = np.zeros(count)  #: how far along its route each robot is
         self.speed: Floats = np.zeros(count)  #: at which it is to move along it
         self.targets: dict[int, Point] = {}  #: for which there is no path yet
+        self._beside_m = 1e-9 if isinstance(body, Ideal) else _BESIDE_M
         self._orders = automaton.no_orders(count)
         self._field = field(world, flat=isinstance(body, Car))
         self._seeds = [0] * count if seeds is None else list(seeds)
@@ -60,12 +65,20 @@ class Group:
 
     # --- orders ---------------------------------------------------------------------------------
 
-    def follow(self, robot: int, path: Floats, heading_rad: float = 0.0) -> None:
+    def follow(
+        self,
+        robot: int,
+        path: Floats,
+        heading_rad: float = 0.0,
+        psn: Floats | None = None,
+    ) -> None:
         """Follow a path, shape ``(k, 3)``; one without points is no order, one that stands for
-        none leaves the robot where it is.
+        none leaves the robot where it is. From ``psn`` a robot goes to the path's start first.
         """
-        if not len(path):
+        if not len(path) or self.state(robot) is State.STOPPED:
             return
+        if psn is not None and np.linalg.norm(psn - path[0]) > self._beside_m:
+            path = np.concatenate([psn[None], path])
         self.targets.pop(robot, None)
         if leads_nowhere(path, self.world.ground):
             self._orders.failed[robot], self._orders.routed[robot] = True, False
@@ -79,6 +92,8 @@ class Group:
 
     def go_to(self, robot: int, target: Point) -> None:
         """Find a path to a target and follow it."""
+        if self.state(robot) is State.STOPPED:
+            return
         self.targets[robot] = target
         self._orders.asked[robot], self._orders.routed[robot] = True, False
         self._orders.failed[robot] = False

@@ -1,0 +1,65 @@
+"""What is wrong with worlds and starts is said, each thing by its number."""
+
+from __future__ import annotations
+
+import pytest
+
+from koord.runtime.motion.bodies import Body, Car, Drone
+from koord.runtime.motion.checks import Part, start_complaints, world_complaints
+from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
+from tests.runtime.motion.worlds import CLUTTERED
+
+GOOD = Disc((0.0, 0.0), 0.5)
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "said"),
+    [
+        (Box((0, 0, 0), (0, 1, 1)), "low corner"),
+        (Disc((0, 0), 0.0), "radius"),
+        (Polygon(((0, 0), (1, 1))), "three corners"),
+        (Polygon(((0, 0), (1, 1), (1, 0), (0, 1))), "Self-intersection"),
+        (Polygon(((0, 0), (1, 1), (2, 2))), "no polygon"),
+    ],
+)
+def test_obstacles_that_are_none(obstacle: Obstacle, said: str) -> None:
+    complaints = list(world_complaints(World(obstacles=(GOOD, obstacle))))
+    assert [(c.part, c.index) for c in complaints] == [(Part.OBSTACLE, 1)]
+    assert said in complaints[0].message
+
+
+def test_bounds_and_tasks() -> None:
+    complaints = list(world_complaints(World((0, 0, 0), (1, 0, 1), (), ((0.5, 0, 0.5), (2, 0, 0)))))
+    assert [(c.part, c.index) for c in complaints] == [(Part.BOUNDS, 0), (Part.TASK, 1)]
+    assert "along y" in complaints[0].message
+    assert "(2, 0, 0)" in complaints[1].message
+
+
+def test_good_worlds_have_no_complaints() -> None:
+    assert list(world_complaints(CLUTTERED)) == []
+
+
+@pytest.mark.parametrize(
+    ("robots", "said"),
+    [
+        ([(Car(), (9, 0, 0))], [(0, "outside")]),
+        ([(Car(), (0, 3, 1))], [(0, "on the ground")]),
+        ([(Car(), (0, 0, 0))], [(0, "something stands")]),
+        ([(Drone(), (0, -3, 1)), (Drone(), (0.3, -3, 1))], [(1, "0.30 m from robot 0")]),
+        ([(Drone(), (0, -3, 1)), (Car(), (2, -3, 0))], []),
+        ([(Drone(), (1.3, 2, 1))], [(0, "something stands")]),
+        ([(Drone(), (1.3, 2, 2.4))], []),
+    ],
+)
+def test_starts(robots: list[tuple[Body, Point]], said: list[tuple[int, str]]) -> None:
+    complaints = list(start_complaints(CLUTTERED, robots))
+    assert [c.index for c in complaints] == [index for index, _ in said]
+    for complaint, (_, words) in zip(complaints, said, strict=True):
+        assert words in complaint.message
+        assert complaint.part is Part.ROBOT
+
+
+def test_programs_may_ask_for_more_distance() -> None:
+    robots: list[tuple[Body, Point]] = [(Drone(), (0, -3, 1)), (Drone(), (1, -3, 1))]
+    assert list(start_complaints(World(), robots)) == []
+    assert len(list(start_complaints(World(), robots, apart_m=1.5))) == 1

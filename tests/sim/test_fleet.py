@@ -1,0 +1,224 @@
+"""Fleets: mixed robots, equal runs for equal seeds, the dwell rule on the clock of ticks."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+
+import numpy as np
+import pytest
+
+from koord.runtime.motion.automaton import State, Visit
+from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.clearance import clearance_of
+from koord.runtime.motion.driving import Steering
+from koord.runtime.motion.geometry import point_path
+from koord.runtime.motion.planning import PlannerName
+from koord.runtime.motion.world import Point, World
+from koord.sim.disturbances import Disturbances, Positioning, Wind
+from koord.sim.fleet import TICK_S, Fleet, Placed
+from koord.sim.kinds import Kind, Level
+from koord.sim.separation import nearest
+from tests.runtime.motion.worlds import CLUTTERED
+
+CAR = Kind(Car(), PlannerName.RRT_CAR)
+PURSUING = Kind(Car(), PlannerName.RRT_CAR, steering=Steering.PURSUIT)
+DRONE = Kind(Drone(), PlannerName.RRT_DRONE)
+POINT = Kind(Ideal(), PlannerName.STRAIGHT)
+ROUGH = Disturbances(Positioning(0.01, 0.01, 20.0), 0.1, Wind((0.5, 0, 0), 0.5))
+
+MIXED = [
+    Placed(CAR, (-2.5, -2.5, 0.0), 0.5),
+    Placed(DRONE, (2.5, -2.5, 0.0)),
+    Placed(PURSUING, (-2.5, 3.0, 0.0), -1.0),
+    Placed(DRONE, (2.5, 3.0, 0.0)),
+    Placed(POINT, (0.0, -3.0, 0.5)),
+]
+GOALS: list[Point] = [(2.3, -1.5, 0), (-2, -1.5, 1), (-0.5, -1.5, 0), (-2, 3, 1.5), (2, -3, 1)]
+
+
+def digest(robots: list[Placed], seed: int, seconds: float) -> str:
+    """A digest of all that happens: positions and attitudes at every tick."""
+    fleet = Fleet(CLUTTERED, robots, seed)
+    found = hashlib.sha256()
+
+    def watch(fleet: Fleet) -> None:
+        found.update(fleet.positions().tobytes() + fleet.attitudes().tobytes())
+        found.update(bytes(sensed.reached for sensed in fleet.sensed()))
+
+    for k, goal in enumerate(GOALS[: len(robots)]):
+        fleet.go_to(k, goal)
+    fleet.advance_to(seconds, watch)
+    return found.hexdigest()
+
+
+def test_everybody_arrives() -> None:
+    fleet = Fleet(CLUTTERED, MIXED, 1)
+    for k, goal in enumerate(GOALS):
+        fleet.go_to(k, goal)
+    while not all(sensed.reached for sensed in fleet.sensed()):
+        fleet.advance_to(fleet.now_s + 0.1)
+        assert fleet.now_s < 60
+    fleet.advance_to(fleet.now_s + 3)
+    assert np.linalg.norm(fleet.positions() - np.array(GOALS), axis=1).max() < 0.15
+    assert [sensed.planner for sensed in fleet.sensed()][:2] == [
+        PlannerName.RRT_CAR,
+        PlannerName.RRT_DRONE,
+    ]
+
+
+def test_equal_seeds_make_equal_runs() -> None:
+    rough = [
+        Placed(Kind(p.kind.body, p.kind.planner, disturbances=ROUGH), p.start, p.heading_rad)
+        for p in MIXED
+    ]
+    assert digest(rough, 1, 6.0) == digest(rough, 1, 6.0)
+    assert digest(rough, 1, 6.0) != digest(rough, 2, 6.0)
+
+
+def test_levels_change_what_happens_and_not_what_is_reached() -> None:
+    ends = []
+    for level in Level:
+        kinds = (Kind(Car(), CAR.planner, level), Kind(Drone(), DRONE.planner, level))
+        robots = [Placed(kinds[0], (-2.5, -2.5, 0.0), 0.5), Placed(kinds[1], (2.5, -2.5, 0.0))]
+        fleet = Fleet(CLUTTERED, robots, 1)
+        for k in (0, 1):
+            fleet.go_to(k, GOALS[k])
+        fleet.advance_to(30.0)
+        ends.append(fleet.positions())
+        assert all(sensed.reached for sensed in fleet.sensed())
+    assert np.linalg.norm(ends[0] - ends[1], axis=1).max() < 0.1
+    assert not np.array_equal(ends[0], ends[1])
+
+
+@pytest.mark.parametrize("kind", [CAR, DRONE, POINT])
+def test_reached_comes_after_the_dwell_time_by_the_clock(kind: Kind) -> None:
+    visit = Visit(0.2, 0.75)
+    timed = Kind(kind.body, PlannerName.STRAIGHT, visit=visit)
+    fleet = Fleet(World(), [Placed(timed, (0, 0, 0))])
+    end = (1.5, 0.0, 0.0) if isinstance(kind.body, Car) else (1.5, 0.0, 1.0)
+    fleet.follow(0, [(0, 0, 0), end])
+    since, reached = [], []
+
+    def watch(fleet: Fleet) -> None:
+        # The automaton sees positions at the beginnings of ticks.
+        since.append(math.dist(fleet.sensed()[0].psn, end) <= visit.epsilon_m)
+        reached.append(fleet.sensed()[0].reached)
+
+    fleet.advance_to(6.0, watch)
+    entered, told = since.index(True), reached.index(True)
+    assert all(since[entered:])
+    assert (told - 1 - entered) * TICK_S == pytest.approx(visit.dwell_s)
+
+
+def test_an_ideal_robot_is_exactly_where_its_speed_takes_it() -> None:
+    fleet = Fleet(World(), [Placed(POINT, (0, 0, 1))])
+    fleet.follow(0, [(0, 0, 1), (3, 0, 1)])
+    fleet.advance_to(2.0)
+    assert fleet.positions()[0] == pytest.approx([2.0 * Ideal().cruise_mps, 0, 1])
+    fleet.advance_to(5.0)
+    assert fleet.positions()[0].tolist() == [3, 0, 1]
+
+
+@pytest.mark.parametrize("kind", [DRONE, POINT])
+def test_nobody_jumps_to_a_path_that_begins_elsewhere(kind: Kind) -> None:
+    fleet = Fleet(World(), [Placed(kind, (-2, 0, 1))])
+    fleet.follow(0, [(0, 1, 1), (2, 1, 1)])
+    last = fleet.positions()
+    steps = []
+
+    def watch(fleet: Fleet) -> None:
+        nonlocal last
+        steps.append(float(np.linalg.norm(fleet.positions() - last)))
+        last = fleet.positions()
+
+    fleet.advance_to(9.0, watch)
+    assert max(steps) < 1.3 * TICK_S
+    assert fleet.positions()[0] == pytest.approx([2, 1, 1], abs=0.02)
+
+
+def test_time_passes_in_whole_ticks() -> None:
+    fleet = Fleet(World(), [Placed(POINT, (0, 0, 1))])
+    for k in range(1, 31):
+        fleet.advance_to(0.1 * k)
+        assert fleet.ticks == 2 * k
+    fleet.advance_to(3.03)
+    assert fleet.ticks == 60
+    fleet.advance_to(3.12)
+    assert fleet.ticks == 62
+
+
+def test_nobody_gets_closer_than_clear_paths_say() -> None:
+    """Paths that are found clear are followed at once, and the robots stay apart all the time."""
+    bodies: list[Body] = [Car(), Drone(), Drone()]
+    clear = clearance_of(bodies, tracking_m=0.15)
+    robots = [
+        Placed(CAR, (-2.5, -3.0, 0.0), 0.0),
+        Placed(DRONE, (-2.5, 0.0, 1.2)),
+        Placed(DRONE, (2.5, 3.2, 1.2)),
+    ]
+    goals: list[Point] = [(2.5, -3.0, 0.0), (2.5, 0.0, 1.4), (-2.5, 3.2, 2.0)]
+    fleet = Fleet(World(), robots, 3)
+    paths = []
+    for k, goal in enumerate(goals):
+        fleet.go_to(k, goal)
+    fleet.advance_to(0.1)
+    for k in range(3):
+        paths.append(tuple((x, y, z) for x, y, z in fleet.path(k).tolist()))
+    assert all(clear.path_is_clear(paths, paths[k], k) for k in range(3))
+    least = [math.inf]
+    off = [0.0]
+
+    def watch(fleet: Fleet) -> None:
+        pair = nearest(fleet.positions())
+        assert pair is not None
+        least.append(pair.distance_m)
+        off.extend(point_path(p, np.array(paths[k])) for k, p in enumerate(fleet.positions()))
+
+    fleet.advance_to(12.0, watch)
+    assert max(off) < clear.tracking_m
+    assert min(least) > clear.safety_m
+
+
+def test_orders_of_all_kinds() -> None:
+    fleet = Fleet(World(), [Placed(DRONE, (0, 0, 1)), Placed(POINT, (2, 0, 1))])
+    for robot in (0, 1):
+        fleet.follow(robot, [(0, 0, 1), (0, 3, 1)] if robot == 0 else [(2, 0, 1), (2, 3, 1)])
+    fleet.advance_to(1.0)
+    fleet.hold(0)
+    fleet.stop(1)
+    fleet.advance_to(3.0)
+    states = [sensed.state for sensed in fleet.sensed()]
+    assert states == [State.HOLDING, State.STOPPED]
+    stopped = fleet.positions()[1].copy()
+    fleet.release(0)
+    fleet.follow(1, [(2, 0, 1), (2, 3, 1)])
+    fleet.go_to(1, (2, 3, 1))
+    fleet.follow(0, [])
+    fleet.advance_to(9.0)
+    assert fleet.sensed()[0].reached
+    assert np.array_equal(fleet.positions()[1], stopped)
+
+
+def test_a_drone_follows_a_target_that_moves_every_round() -> None:
+    """As LineForm has it: a new target ten times a second, no stop in between."""
+    fleet = Fleet(World(), [Placed(DRONE, (-2, 0, 1))])
+    speeds = []
+    for k in range(1, 60):
+        before = fleet.positions()[0]
+        fleet.go_to(0, (min(-2 + 0.05 * k + 0.3, 1.0), 0.0, 1.0))
+        fleet.advance_to(0.1 * k)
+        speeds.append(float(np.linalg.norm(fleet.positions()[0] - before)) / 0.1)
+    assert min(speeds[15:50]) > 0.25
+    assert np.abs(fleet.positions()[0][1:] - [0, 1]).max() < 0.02
+
+
+def test_robots_do_not_hang_on_each_other() -> None:
+    """A drone far away changes nothing for another: noise and wind are each robot's own."""
+    rough = Kind(Drone(), PlannerName.STRAIGHT, disturbances=ROUGH)
+    alone = Fleet(World(), [Placed(rough, (0, 0, 1))], 5)
+    two = Fleet(World(), [Placed(rough, (0, 0, 1)), Placed(rough, (3, 3, 1))], 5)
+    for fleet in (alone, two):
+        fleet.go_to(0, (2, 2, 1))
+        fleet.advance_to(4.0)
+    assert alone.positions()[0] == pytest.approx(two.positions()[0], abs=1e-9)

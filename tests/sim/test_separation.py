@@ -1,0 +1,40 @@
+"""The nearest pair, by both ways of looking for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from koord.sim.separation import nearest, outside
+
+
+@pytest.mark.parametrize("count", [2, 10, 64, 65, 300])
+def test_the_nearest_pair_is_found(count: int) -> None:
+    positions = np.random.default_rng(count).uniform(-9, 9, (count, 3))
+    found = nearest(positions)
+    assert found is not None
+    gaps = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+    gaps[np.diag_indices(count)] = np.inf
+    assert found.distance_m == pytest.approx(gaps.min())
+    assert gaps[found.one, found.other] == pytest.approx(gaps.min())
+    assert found.one < found.other
+
+
+def test_robots_at_one_place_are_near() -> None:
+    found = nearest(
+        np.concatenate([np.random.default_rng(0).uniform(1, 9, (80, 3)), np.zeros((2, 3))])
+    )
+    assert found is not None
+    assert (found.distance_m, found.one, found.other) == (0.0, 80, 81)
+
+
+def test_one_robot_has_nobody_near() -> None:
+    assert nearest(np.zeros((1, 3))) is None
+    assert nearest(np.zeros((0, 3))) is None
+
+
+def test_who_is_outside() -> None:
+    positions = np.array([[0.0, 0, 0], [1.1, 0, 0], [0, 0, -0.1]])
+    low, high = np.zeros(3), np.ones(3)
+    assert outside(positions, low, high).tolist() == [False, True, True]
+    assert outside(positions, low, high, 0.15).tolist() == [False, False, False]
