@@ -274,7 +274,11 @@ def add_json(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def add_trace(parser: argparse.ArgumentParser, what: str) -> None:
-    parser.add_argument("--trace", metavar="FILE", help=f"write {what} to FILE, as JSON")
+    parser.add_argument(
+        "--trace",
+        metavar="FILE",
+        help=f"write {what} to FILE, as JSON; to FILE.itf.json in the form of TLA+ tools",
+    )
 
 
 def check_files(paths: Iterable[str]) -> None:

@@ -11,7 +11,7 @@ from koord.semantics.traces.itf import embedded_trace, encode_itf, is_itf
 from koord.semantics.traces.json_reader import parse
 from koord.semantics.traces.trace import Sources, Trace
 from koord.syntax import core
-from koord.syntax.diagnostics import KoordError, Severity
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.elaborate.settings import Settings
 from koord.syntax.load import load as elaborate
 from koord.syntax.source import Source
@@ -46,9 +46,22 @@ def read_trace(raw: bytes, name: str, program: Source | None) -> Trace:
         return _elaborated(replace(sources, program=program))
 
     document = parse(raw, name)
-    if is_itf(document):
-        return embedded_trace(document, load)
-    return decode_document(document, load)
+    try:
+        return (
+            embedded_trace(document, load) if is_itf(document) else decode_document(document, load)
+        )
+    except KoordError as error:
+        if program is None:
+            raise
+        raise KoordError(tuple(_of_another(d, program) for d in error.diagnostics)) from None
+
+
+def _of_another(diagnostic: Diagnostic, program: Source) -> Diagnostic:
+    """What looks damaged may be right for the program that the trace was made with."""
+    if diagnostic.code != "K913":
+        return diagnostic
+    hint = f"the trace may be of another program than {program.name}: leave out --program"
+    return replace(diagnostic, code="K914", hint=hint)
 
 
 def _elaborated(sources: Sources) -> core.Program:
