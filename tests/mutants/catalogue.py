@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.mutant import Mutant
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
 
@@ -576,4 +577,4 @@ VERIFY = (
     ),
 )
 
-MUTANTS = SEMANTICS + VERIFY + PROTOCOL + WIRE_MISTAKES
+MUTANTS = SEMANTICS + VERIFY + PROTOCOL + WIRE_MISTAKES + COMPILED
