@@ -178,5 +178,29 @@ INPUT_CATALOGUE = dict(
             "The message names the address. `network: {transport: unicast}` needs the least of a "
             "network.",
         ),
+        _entry(
+            "K940",
+            "a file is not a certificate of koord",
+            "A certificate is one JSON document, written by `koord verify --certificate`. This "
+            "file is another kind of document, it is cut off, or a part of it is missing or of "
+            "another type than it should be; the message names the part. "
+            "`specs/certificates/certificate.schema.json` describes the format.",
+        ),
+        _entry(
+            "K941",
+            "a certificate is refused",
+            "The file has the form of a certificate, and contradicts itself or the program: its "
+            "text is not the one that was certified, it claims what the program does not state, "
+            "an obligation is missing, or it does not say what the proof rests on.\n\n"
+            "Nothing is said then of the claims: write the certificate anew with "
+            "`koord verify --certificate`.",
+        ),
+        _entry(
+            "K942",
+            "there is no second solver",
+            "`koord recheck` settles obligations with cvc5, which is not the solver that "
+            "`koord verify` uses. It is not installed with koord unless one asks for it: "
+            "`pip install 'koord[recheck]'`.",
+        ),
     ]
 )

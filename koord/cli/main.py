@@ -65,8 +65,12 @@ COMMANDS = (
     Entry("explain", "tell the long story of a diagnostic's code"),
     Entry("verify", "verify the properties of programs, or find a violation"),
     Entry("run", "run a program by the rules and show each round"),
+    Entry("recheck", "settle the obligations of a proof with another solver"),
     Entry("replay", "check a trace rule by rule against its program"),
     Entry("compile", "compile a program to Python that robots run"),
+    Entry("deploy", "run a program on robots, or as processes on this machine"),
+    Entry("config", "check configuration files of runs"),
+    Entry("schema", "print the JSON Schema of configuration files"),
     Entry("check-refinement", "check that compiled programs do what the rules allow"),
 )
 

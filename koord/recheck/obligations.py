@@ -104,6 +104,7 @@ class Obligations:
     world: World
     claims: Sequence[Claim]
     v: Values
+    consequences: Sequence[core.Property] = ()
     turns: Turns = field(init=False)
     rounds: Rounds = field(init=False)
 
@@ -132,6 +133,26 @@ class Obligations:
             for number in range(1, depth):
                 past = self._extended(past, assumed, f"an earlier round {number}")
             yield from self._round(past, assumed, asked, "")
+
+        for stated in self.consequences:
+            claim = Claim(stated.name, Kind.STATEMENT, stated)
+            yield Obligation(
+                f"the invariant implies {stated.name}",
+                (partial(self._implied, claim, tuple(self.claims)),),
+            )
+
+    def derivation(self, claim: Claim, others: Sequence[Claim]) -> Obligation:
+        """That a claim follows from others, in whatever configuration."""
+        name = f"{claim.name} follows from the other claims"
+        return Obligation(name, (partial(self._implied, claim, tuple(others)),))
+
+    def _implied(self, claim: Claim, others: Sequence[Claim]) -> Attempt:
+        opening = self.turns.opening()
+        past = self._anything(Past(opening.state, opening.facts))
+        at_round = claim.at_round
+        facts = _taken(self.goals(past.state, others, between_rounds=at_round))
+        goals = self.goals(past.state, [claim], between_rounds=at_round)
+        return Attempt((*past.facts, *facts), tuple(goals), tuple(self.parts(past.state)))
 
     # --- where rounds start ---------------------------------------------------------------------
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -15,6 +15,9 @@ from koord.syntax.types import EnumType
 
 #: What an attempt that knows less may take.
 QUICK_S = 1.0
+
+#: After so many in vain, and no more successes, quick attempts are not worth it.
+_MOST_QUICK_FAILS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,30 +39,36 @@ class Settling:
 
     values: Values
     session: Session
-    seconds: float  #: that a question may take
+    deadline: Callable[[], float]  #: how many seconds the next question may take
     progress: Callable[[str], None] = lambda text: None
     _script: Script = field(default_factory=Script)
     _declared: int = 0
+    _quick_fails: int = 0
 
-    def settle(self, obligations: Iterable[Obligation]) -> Iterator[Settled]:
-        for obligation in obligations:
-            self.progress(obligation.name)
-            yield self._settled(obligation)
-
-    def _settled(self, obligation: Obligation) -> Settled:
+    def settled(self, obligation: Obligation) -> Settled:
         *quick, exact = obligation.attempts
         for attempt in quick:
-            self.session.allow(min(QUICK_S, self.seconds))
-            if self._tried(obligation.name, attempt(), quick=True).answer is Answer.UNSAT:
+            if self._quick_fails > _MOST_QUICK_FAILS:
+                break  # this program needs to know more
+            if self._tried(obligation.name, attempt(), (), quick=True).answer is Answer.UNSAT:
+                self._quick_fails = max(0, self._quick_fails - 1)
                 return Settled(obligation.name, Answer.UNSAT)
-        self.session.allow(self.seconds)
-        return self._tried(obligation.name, exact())
+            self._quick_fails += 1
+        return self.exactly(obligation.name, exact())
 
-    def _tried(self, name: str, attempt: Attempt, *, quick: bool = False) -> Settled:
+    def exactly(self, name: str, attempt: Attempt, without: Sequence[str] = ()) -> Settled:
+        """One attempt; the claims in ``without`` are shown elsewhere."""
+        return self._tried(name, attempt, without)
+
+    def _tried(
+        self, name: str, attempt: Attempt, without: Sequence[str], *, quick: bool = False
+    ) -> Settled:
         t = self.values.t
         known = {id(part) for fact in attempt.hypotheses for part in conjuncts(t, fact)}
         goals = []
         for goal in attempt.goals:
+            if goal.claim in without:
+                continue
             left = [part for part in conjuncts(t, goal.holds) if id(part) not in known]
             if any(part.value is not True for part in left):
                 goals.append(replace(goal, holds=t.conjunction(left)))
@@ -70,7 +79,7 @@ class Settling:
         proved: list[Goal] = []
         with self._pushed([*self.values.ranges, *attempt.hypotheses, *legal]):
             with self._pushed([t.negation(t.conjunction(goal.holds for goal in goals))]):
-                answer = self.session.check()
+                answer = self._check(quick=quick)
             if quick or answer is Answer.UNSAT:
                 return Settled(name, answer)
             settled = self._one_by_one(name, attempt, goals, proved)
@@ -110,13 +119,20 @@ class Settling:
         """One goal, case by case."""
         for case in conjuncts(self.values.t, goal.holds):
             with self._pushed([self.values.t.negation(case)]):
-                answer = self.session.check()
+                answer = self._check()
                 if answer is Answer.SAT:
                     state = tuple(self._told(attempt.shown))
                     return Settled(name, answer, goal.claim, state)
             if answer is Answer.UNKNOWN:
                 return Settled(name, answer, goal.claim)
         return Settled(name, Answer.UNSAT, goal.claim)
+
+    def _check(self, *, quick: bool = False) -> Answer:
+        seconds = self.deadline()
+        if seconds <= 0:
+            return Answer.UNKNOWN
+        self.session.allow(min(QUICK_S, seconds) if quick else seconds)
+        return self.session.check()
 
     @contextmanager
     def _pushed(self, facts: Sequence[Term]) -> Iterator[None]:

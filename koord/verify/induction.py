@@ -9,10 +9,11 @@ asked of the last.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from koord.semantics.configurations import System
+from koord.semantics.domain import disjunction
 from koord.syntax.core import UnaryOp
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import Claim, Findings, Phase
@@ -72,6 +73,14 @@ def prove(
     return Inductive(proved, reasons, {c: s for c, s in step.broken.items() if c in reasons})
 
 
+def step_scripts(
+    system: System, assumed: Sequence[Claim], asked: Sequence[Claim], depth: int
+) -> Iterator[tuple[Phase, str]]:
+    """What ``prove`` asks of a step, as scripts of SMT-LIB 2, which are to be unsatisfiable."""
+    step = _Step(system, depth, 0, None)
+    yield from step.scripts(assumed, asked)
+
+
 class _Step:
     """``depth`` rounds from an arbitrary configuration, with everything asked of the last."""
 
@@ -111,6 +120,16 @@ class _Step:
     def _go_on(self, moment: Moment) -> None:
         self._unrolling.solver.add([self._d.unary(UnaryOp.NOT, moment.findings.fault)])
         self._assumed.append(moment)
+
+    def scripts(
+        self, assumed: Sequence[Claim], asked: Sequence[Claim]
+    ) -> Iterator[tuple[Phase, str]]:
+        """Moment by moment: that one of the asked claims is broken at it."""
+        hypotheses = self._hypotheses(assumed)
+        for moment in self._asked:
+            broken = disjunction(self._d, list(self._violations(moment, asked).values()))
+            question = [*hypotheses, *self._until(moment), broken]
+            yield moment.phase, self._unrolling.solver.script(question)
 
     def failing(
         self, assumed: Sequence[Claim], asked: Sequence[Claim], deadline: Deadline

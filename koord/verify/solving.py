@@ -157,6 +157,14 @@ class Solver:
             raise KeyboardInterrupt
         return Answer.UNKNOWN
 
+    def script(self, question: Iterable[Term]) -> str:
+        """The question, with what is required, as a script of SMT-LIB 2."""
+        self._take()
+        asked = z3.Solver(ctx=self.d.context)
+        asked.add(self._solver.assertions())
+        asked.add(*(self.d.boolean(term) for term in question))
+        return str(asked.to_smt2())
+
     def core(self) -> frozenset[int]:
         """Positions in the last question, answered with UNSAT, of what cannot hold together."""
         return self._core

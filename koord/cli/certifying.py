@@ -1,0 +1,38 @@
+"""``koord verify --certificate``: what was shown for all rounds, in a file for others to check."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+from koord import __version__
+from koord.cli.files import write_atomically
+from koord.cli.inputs import LoadedProgram
+from koord.semantics.configurations import System
+from koord.verify.certificates import Texts, certificate
+from koord.verify.solving import Deadline
+from koord.verify.verdicts import Outcome, Report
+
+
+def certify(
+    loaded: LoadedProgram, system: System, report: Report, path: str, timeout_s: float | None
+) -> None:
+    """Write the certificate of the claims that hold in all rounds; say what is not in it."""
+    holding = [
+        verdict.claim
+        for verdict in report.verdicts
+        if verdict.outcome is Outcome.HOLDS and verdict.rounds is None
+    ]
+    texts = Texts(loaded.source, loaded.reading.properties, loaded.reading.settings)
+    deadline = Deadline.after(timeout_s)
+    made = certificate(system, texts, holding, deadline, __version__) if holding else None
+    if made is None:
+        _note("no claim is shown by induction in all rounds, so there is nothing to certify")
+        return
+    write_atomically(path, json.dumps(made.document, indent=1).encode())
+    if made.left_out:
+        _note(f"not in the certificate, as not inductive: {', '.join(made.left_out)}")
+
+
+def _note(text: str) -> None:
+    print(f"koord verify: {text}", file=sys.stderr)

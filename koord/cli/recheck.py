@@ -1,0 +1,189 @@
+"""``koord recheck FILE``: settle the obligations of a certificate with another solver."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass
+
+from koord.cli.arguments import add_json, check_files, seconds
+from koord.cli.diagnostics import report_error
+from koord.cli.exits import Exit
+from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_program, whole_file
+from koord.cli.progress import LiveLine
+from koord.cli.terminal import Paint, Style, style_of, visible
+from koord.recheck.certificate import Certificate, read, refused
+from koord.recheck.checking import Outcome, Rechecked, recheck
+from koord.recheck.settling import Settled
+from koord.recheck.solving import Answer, MissingSolverError, version
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.source import NOWHERE
+
+#: Raised when the JSON changes in a way that its readers must know of.
+JSON_VERSION = 1
+
+_SOLVERS = ("cvc5",)
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Which certificate is to be rechecked, and how the answer is shown."""
+
+    name: str
+    raw: bytes
+    program: InputFile | None  #: the program that it should be about
+    timeout_s: float | None
+    seed: int
+    as_json: bool
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "certificate",
+        metavar="FILE",
+        help="a certificate that `koord verify --certificate` wrote; - is standard input",
+    )
+    parser.add_argument(
+        "--program", metavar="FILE", help="refuse the certificate unless it is about this program"
+    )
+    parser.add_argument(
+        "--solver", choices=_SOLVERS, default=_SOLVERS[0], help="which solver is asked (cvc5)"
+    )
+    parser.add_argument(
+        "--timeout", metavar="SECONDS", type=seconds, help="give up after this time (never)"
+    )
+    parser.add_argument("--seed", metavar="N", type=int, default=0, help="of the solver (0)")
+    add_json(parser, "the verdict")
+    parser.epilog = (
+        "exit codes: 0 confirmed, 1 refuted, 2 a damaged certificate or no solver, 3 unknown"
+    )
+
+
+def main(arguments: argparse.Namespace) -> int:
+    given = arguments.program
+    check_files([arguments.certificate, *([given] if given is not None else [])])
+    return _recheck(
+        Request(
+            name=STDIN_NAME if arguments.certificate == DASH else arguments.certificate,
+            raw=read_bytes(arguments.certificate),
+            program=read_program(given) if given is not None else None,
+            timeout_s=arguments.timeout,
+            seed=arguments.seed % 2**31,
+            as_json=arguments.json,
+        )
+    )
+
+
+def _recheck(request: Request) -> Exit:
+    try:
+        certificate = read(request.raw, request.name)
+        if request.program is not None:
+            _check_program(request, certificate, request.program)
+        with LiveLine(sys.stderr) as line:
+            found = recheck(certificate, request.timeout_s, request.seed, line.show)
+        solver = version()
+    except MissingSolverError:
+        report_error(_no_solver(), as_json=request.as_json)
+        return Exit.BAD_INPUT
+    except KoordError as error:
+        report_error(error, as_json=request.as_json)
+        return Exit.BAD_INPUT
+    if request.as_json:
+        print(json.dumps(_as_json(certificate, found, solver), indent=2))
+    else:
+        for text in _lines(certificate, found, solver, style_of(sys.stdout)):
+            print(text)
+    codes = {
+        Outcome.CONFIRMED: Exit.OK,
+        Outcome.REFUTED: Exit.VIOLATED,
+        Outcome.UNKNOWN: Exit.UNKNOWN,
+    }
+    return codes[found.outcome]
+
+
+def _check_program(request: Request, certificate: Certificate, program: InputFile) -> None:
+    if program.source.text != certificate.program.text:
+        raise refused(
+            request.name,
+            "K941",
+            f"the certificate is about another text than {program.source.name}",
+            "write the certificate anew with `koord verify --certificate`",
+        )
+
+
+def _no_solver() -> KoordError:
+    message = "cvc5 is not installed, and a second opinion needs a second solver"
+    hint = "install it with `pip install 'koord[recheck]'`, or `pip install cvc5`"
+    return KoordError((Diagnostic("K942", Severity.ERROR, whole_file("cvc5"), message, hint),))
+
+
+def _lines(certificate: Certificate, found: Rechecked, solver: str, style: Style) -> list[str]:
+    robots = len(certificate.kinds)
+    team = f"{robots} robot{'' if robots == 1 else 's'}"
+    lines = [
+        f"{visible(certificate.program.name)}: {team}, delta {certificate.delta_s} s, {solver}",
+        "claimed: " + visible(", ".join(name for name, _, _ in certificate.claims)),
+        "",
+    ]
+    unmet = [one for one in found.settled if one.answer is not Answer.UNSAT]
+    lines += [f"  {len(found.settled) - len(unmet)} of {len(found.settled)} obligations are met"]
+    for one in unmet:
+        lines += [f"  {_WORDS[one.answer]}: {visible(one.name)}: {visible(one.claim)}"]
+        if one.answer is Answer.SAT:
+            lines += ["    from a configuration in which the invariant holds, such as"]
+            lines += [f"      {visible(text)}" for text in one.state]
+    same = sum(opinion.answer is Answer.UNSAT for opinion in found.opinions)
+    lines += [f"  {same} of {len(certificate.given)} scripts in the certificate are agreed with"]
+    paint = {
+        Outcome.CONFIRMED: Paint.ADDED,
+        Outcome.REFUTED: Paint.ERROR,
+        Outcome.UNKNOWN: Paint.WARNING,
+    }[found.outcome]
+    verdict = style.paint(found.outcome.value, paint)
+    why = f": {visible(found.reason)}" if found.reason else ""
+    place = ""
+    if found.span is not NOWHERE and found.reason:
+        place = f" ({visible(found.span.file)}:{found.span.line}:{found.span.column})"
+    return [*lines, "", f"{verdict}{why}{place} [{found.seconds:.1f} s]"]
+
+
+_WORDS = {Answer.SAT: "does not follow", Answer.UNKNOWN: "not settled", Answer.UNSAT: "met"}
+
+
+def _as_json(certificate: Certificate, found: Rechecked, solver: str) -> dict[str, object]:
+    place: dict[str, object] | None = None
+    if found.span is not NOWHERE:
+        span = found.span
+        place = {"file": span.file, "line": span.line, "column": span.column}
+    return {
+        "version": JSON_VERSION,
+        "verdict": found.outcome.value,
+        "reason": found.reason,
+        "place": place,
+        "solver": solver,
+        "program": certificate.program.name,
+        "robots": len(certificate.kinds),
+        "claims": [name for name, _, _ in certificate.claims],
+        "obligations": [_settled_json(one) for one in found.settled],
+        "scripts": [
+            {
+                "name": opinion.name,
+                "answer": "unreadable" if opinion.answer is None else _MET[opinion.answer],
+            }
+            for opinion in found.opinions
+        ],
+        "seconds": round(found.seconds, 3),
+    }
+
+
+_MET = {Answer.SAT: "not met", Answer.UNKNOWN: "unknown", Answer.UNSAT: "met"}
+
+
+def _settled_json(one: Settled) -> dict[str, object]:
+    return {
+        "name": one.name,
+        "answer": _MET[one.answer],
+        "claim": one.claim,
+        "configuration": list(one.state),
+    }

@@ -1,0 +1,362 @@
+"""Certificates as they are read: nothing in a file is believed before it is looked at.
+
+The invariant is parsed as Koord, beside the program; the claims are taken from the program.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from hashlib import sha256
+
+from koord.recheck.obligations import Claim, Kind
+from koord.recheck.world import World
+from koord.syntax import ast, core
+from koord.syntax.core import PropertyKind
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.elaborate import elaborate
+from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.parser import parse
+from koord.syntax.source import Source, Span
+
+FORMAT = "koord certificate"
+VERSION = 1
+
+#: More robots than this no certificate is about: obligations grow with their number.
+MOST_ROBOTS = 1000
+
+_INVARIANTS = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
+_MOST_DEPTH = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Conjunct:
+    """A part of the invariant: its text, and over how many rounds it is inductive."""
+
+    name: str
+    depth: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """A script that came with the certificate."""
+
+    name: str
+    smt2: str
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """What a certificate says."""
+
+    name: str
+    program: Source
+    properties: tuple[Source, ...]
+    settings: Settings
+    kinds: tuple[int, ...]
+    delta_s: Fraction
+    claims: tuple[tuple[str, Kind, str], ...]
+    invariant: tuple[Conjunct, ...]
+    rests_on: dict[str, tuple[str, ...]]
+    given: tuple[Given, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A certificate with its program: what to recheck."""
+
+    world: World
+    #: The invariant's conjuncts, and what is claimed beside statements about configurations.
+    claims: tuple[Claim, ...]
+    #: Statements that are claimed without being conjuncts: they have to follow.
+    consequences: tuple[core.Property, ...]
+
+
+def refused(name: str, code: str, message: str, hint: str | None = None) -> KoordError:
+    """Why a certificate is of no use."""
+    return KoordError((Diagnostic(code, Severity.ERROR, Span(name, 0, 0, 0, 0), message, hint),))
+
+
+# --- reading --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """A part of the document, with its place in it."""
+
+    file: str
+    path: str
+    value: object
+
+    def wrong(self, wanted: str) -> KoordError:
+        return refused(self.file, "K940", f"{self.path or 'the document'} is not {wanted}")
+
+    def field(self, name: str) -> _Reader:
+        if not isinstance(self.value, dict):
+            raise self.wrong("an object")
+        if name not in self.value:
+            raise refused(self.file, "K940", f"{self.path or 'the document'} has no {name!r}")
+        path = f"{self.path}.{name}" if self.path else name
+        return _Reader(self.file, path, self.value[name])
+
+    def items(self) -> list[_Reader]:
+        if not isinstance(self.value, list):
+            raise self.wrong("a list")
+        return [
+            _Reader(self.file, f"{self.path}[{k}]", value) for k, value in enumerate(self.value)
+        ]
+
+    def text(self) -> str:
+        if not isinstance(self.value, str):
+            raise self.wrong("a text")
+        return self.value
+
+    def number(self, low: int, high: int) -> int:
+        value = self.value
+        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+            raise self.wrong(f"an integer from {low} to {high}")
+        return value
+
+    def fraction(self) -> Fraction:
+        text = self.text()
+        try:
+            if len(text) > 200 or "e" in text.lower():
+                raise ValueError
+            return Fraction(text)
+        except (ValueError, ZeroDivisionError):
+            raise self.wrong("a fraction such as 1/10") from None
+
+    def names(self) -> tuple[str, ...]:
+        return tuple(item.text() for item in self.items())
+
+
+def read(raw: bytes, name: str) -> Certificate:
+    """The certificate in a file. Raises KoordError (K940, K941)."""
+    try:
+        document = json.loads(raw.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        story = " ".join(str(error).split())[:200]
+        raise refused(name, "K940", f"not a JSON document: {story}") from None
+    top = _Reader(name, "", document)
+    if top.field("format").value != FORMAT:
+        raise top.field("format").wrong(repr(FORMAT))
+    if top.field("version").value != VERSION:
+        raise top.field("version").wrong(f"{VERSION}, the version that this koord reads")
+    program = _source(top.field("program"))
+    properties = tuple(_source(part) for part in top.field("properties").items())
+    delta = top.field("delta").fraction()
+    if delta <= 0:
+        raise top.field("delta").wrong("positive")
+    kinds = tuple(k.number(0, MOST_ROBOTS) for k in top.field("kinds").items())
+    if not 0 < len(kinds) <= MOST_ROBOTS:
+        raise top.field("kinds").wrong(f"a list of 1 to {MOST_ROBOTS} robots")
+    return Certificate(
+        name,
+        program,
+        properties,
+        Settings(_parameters(top.field("parameters")), _tasks(top.field("tasks"))),
+        kinds,
+        delta,
+        tuple(_claim(part) for part in top.field("claims").items()),
+        tuple(_conjunct(part) for part in top.field("invariant").items()),
+        {
+            part: top.field("rests_on").field(part).names()
+            for part in ("assumptions", "contracts", "summaries")
+        },
+        tuple(
+            Given(part.field("name").text(), part.field("smt2").text())
+            for part in top.field("obligations").items()
+        ),
+    )
+
+
+def _source(reader: _Reader) -> Source:
+    text = reader.field("text").text()
+    found = sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()
+    if found != reader.field("sha256").text():
+        raise refused(
+            reader.file,
+            "K941",
+            f"{reader.path}.text is not the text that was certified: its SHA-256 differs",
+            "write the certificate anew with `koord verify --certificate`",
+        )
+    return Source(reader.field("name").text(), text)
+
+
+def _parameters(reader: _Reader) -> dict[str, ParamValue]:
+    if not isinstance(reader.value, dict):
+        raise reader.wrong("an object")
+    return {str(name): _parameter(reader.field(str(name))) for name in reader.value}
+
+
+def _parameter(reader: _Reader) -> ParamValue:
+    value = reader.value
+    if isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, list):
+        return tuple(_parameter(part) for part in reader.items())
+    return reader.field("fraction").fraction()
+
+
+def _tasks(reader: _Reader) -> tuple[tuple[Fraction, Fraction, Fraction], ...] | None:
+    if reader.value is None:
+        return None
+    tasks = []
+    for task in reader.items():
+        numbers = [part.fraction() for part in task.items()]
+        if len(numbers) != 3:
+            raise task.wrong("a point of three numbers")
+        tasks.append((numbers[0], numbers[1], numbers[2]))
+    return tuple(tasks)
+
+
+def _claim(reader: _Reader) -> tuple[str, Kind, str]:
+    kind = reader.field("kind")
+    known = {k.value: k for k in Kind}
+    if kind.value not in known:
+        raise kind.wrong("one of " + ", ".join(known))
+    return reader.field("name").text(), known[str(kind.value)], reader.field("subject").text()
+
+
+def _conjunct(reader: _Reader) -> Conjunct:
+    return Conjunct(
+        reader.field("name").text(),
+        reader.field("depth").number(1, _MOST_DEPTH),
+        reader.field("text").text(),
+    )
+
+
+# --- the program, with the invariant beside it ----------------------------------------------------
+
+
+def opened(certificate: Certificate) -> Opened:
+    """The program with the invariant. Raises KoordError, and NotRecheckedError."""
+    name = certificate.name
+    sources = (certificate.program, *certificate.properties)
+    sections: list[ast.Section] = []
+    for number, source in enumerate(sources):
+        parsed = parse(source)
+        _stop_at_errors(name, source.name, parsed.diagnostics)
+        for section in parsed.program.sections:
+            if number == 0 or isinstance(section, _OF_PROPERTIES):
+                sections.append(section)
+    stated = [section for section in sections if isinstance(section, ast.Invariant)]
+    conjuncts = [_parsed(name, conjunct) for conjunct in certificate.invariant]
+    rest = [s for s in sections if not isinstance(s, ast.Invariant | ast.Eventually | ast.LeadsTo)]
+    own = [replace(s, name=ast.Ident(f"stated {k}", span=s.span)) for k, s in enumerate(stated)]
+    beside = [
+        replace(s, name=ast.Ident(f"conjunct {k}", span=s.span)) for k, s in enumerate(conjuncts)
+    ]
+    core_program = _elaborated(certificate, [*rest, *own, *beside])
+    whole = _elaborated(certificate, sections)
+    if any(kind >= len(core_program.agents) for kind in certificate.kinds):
+        raise refused(name, "K940", "kinds names a kind of robot that the program has not")
+    if _rests_on(whole) != certificate.rests_on:
+        raise refused(
+            name, "K941", "rests_on does not name what the program assumes and is promised"
+        )
+    names = [p.name for p in whole.properties if p.kind in _INVARIANTS]
+    if not certificate.claims:
+        raise refused(name, "K941", "nothing is claimed")
+    _check_given(certificate)
+    return _joined(certificate, core_program, names)
+
+
+def _check_given(certificate: Certificate) -> None:
+    """The scripts that belong to a proof are all there."""
+    there = {given.name for given in certificate.given}
+    for depth in sorted({conjunct.depth for conjunct in certificate.invariant} or {1}):
+        over = "" if depth == 1 else f", over {depth} rounds"
+        names = [f"initiation{over}"]
+        for k in range(1, depth):
+            names += [f"base of {turn} in round {k}{over}" for turn in _TURNS]
+        names += [f"consecution of {turn}{over}" for turn in _TURNS]
+        for name in names:
+            if name not in there:
+                raise refused(certificate.name, "K941", f"the obligation {name!r} is missing")
+
+
+_TURNS = ("the program turns", "the environment's turn")
+
+
+_OF_PROPERTIES = (ast.Assume, ast.Invariant, ast.FunDef, ast.ParamDecl)
+
+
+def _joined(certificate: Certificate, program: core.Program, names: list[str]) -> Opened:
+    """What is claimed, in terms of the program that holds the invariant as well."""
+    name = certificate.name
+    by_name = {p.name: p for p in program.properties}
+    own = {given: by_name[f"stated {k}"] for k, given in enumerate(names)}
+    claims = [
+        Claim(conjunct.name, Kind.STATEMENT, by_name[f"conjunct {k}"], depth=conjunct.depth)
+        for k, conjunct in enumerate(certificate.invariant)
+    ]
+    kept = {(c.stated.condition, c.stated.kind) for c in claims if c.stated is not None}
+    consequences = []
+    for claimed, kind, subject in certificate.claims:
+        if kind is not Kind.STATEMENT:
+            depth = max([conjunct.depth for conjunct in certificate.invariant], default=1)
+            _check_subject(name, program, kind, subject)
+            claims.append(Claim(claimed, kind, None, subject, depth))
+        elif claimed not in own:
+            raise refused(name, "K941", f"the program states no invariant {claimed!r}")
+        elif (own[claimed].condition, own[claimed].kind) not in kept:
+            consequences.append(replace(own[claimed], name=claimed))
+    world = World(program, certificate.kinds, certificate.delta_s)
+    return Opened(world, tuple(claims), tuple(consequences))
+
+
+def _check_subject(name: str, program: core.Program, kind: Kind, subject: str) -> None:
+    known = {
+        Kind.LOST_UPDATE: {d.variable.name for d in program.allwrite},
+        Kind.CONTRACT: {c.name for a in program.agents for m in a.modules for c in m.contracts},
+    }
+    if kind in known and subject not in known[kind]:
+        raise refused(name, "K941", f"the program has no {subject!r} to claim a {kind.value} of")
+
+
+def _parsed(name: str, conjunct: Conjunct) -> ast.Invariant:
+    """The one invariant that a text holds."""
+    place = f"{name}: invariant {conjunct.name}"
+    parsed = parse(Source(place, conjunct.text))
+    _stop_at_errors(name, place, parsed.diagnostics)
+    sections = parsed.program.sections
+    if len(sections) != 1 or not isinstance(sections[0], ast.Invariant):
+        raise refused(name, "K940", f"the text of {conjunct.name!r} is not one invariant of Koord")
+    return sections[0]
+
+
+def _elaborated(certificate: Certificate, sections: list[ast.Section]) -> core.Program:
+    tree = ast.Program(tuple(sections), ())
+    elaborated = elaborate(tree, certificate.settings)
+    _stop_at_errors(certificate.name, certificate.program.name, elaborated.diagnostics)
+    if elaborated.program is None:
+        raise refused(certificate.name, "K940", "the certificate holds no program")
+    return elaborated.program
+
+
+def _stop_at_errors(name: str, where: str, diagnostics: Sequence[Diagnostic]) -> None:
+    for found in diagnostics:
+        if found.severity is Severity.ERROR:
+            place = f"{where}:{found.span.line}:{found.span.column}"
+            raise refused(
+                name, "K941", f"the text has errors: {place}: {found.code}: {found.message}"
+            )
+
+
+def _rests_on(program: core.Program) -> dict[str, tuple[str, ...]]:
+    contracts = [
+        contract.name
+        for agent in program.agents
+        for module in agent.modules
+        if module.environment is None
+        for contract in module.contracts
+    ]
+    return {
+        "assumptions": tuple(assumption.name for assumption in program.assumptions),
+        "contracts": tuple(contracts),
+        "summaries": tuple(e.name for e in program.externals if e.requires or e.ensures),
+    }

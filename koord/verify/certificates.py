@@ -1,0 +1,211 @@
+"""Certificates: what a proof for all rounds consists of, for others to check.
+
+The claims and the invariant are Koord; the obligations are SMT-LIB 2, as the encoding here has
+them. ``koord recheck`` makes obligations of its own: it does not rely on these
+(``specs/certificates/README.md``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from koord.semantics.configurations import System
+from koord.semantics.domain import disjunction
+from koord.syntax import ast, core
+from koord.syntax.core import PropertyKind
+from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.parser import parse
+from koord.syntax.printer import print_program
+from koord.syntax.source import Source
+from koord.verify.abstraction import abstracted
+from koord.verify.bmc import Unrolling, violations
+from koord.verify.claims import Claim, Phase, claims_of
+from koord.verify.engines import MAX_DEPTH, PROOF_S
+from koord.verify.induction import prove, step_scripts
+from koord.verify.solving import Deadline, Effort
+
+FORMAT = "koord certificate"
+VERSION = 1
+
+#: What the configurations are called that a step looks at.
+_MOMENTS = {
+    Phase.INIT: "initiation",
+    Phase.INSIDE: "consecution inside a round",
+    Phase.MIDDLE: "consecution of the program turns",
+    Phase.END: "consecution of the environment's turn",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Texts:
+    """What a program was read from."""
+
+    program: Source
+    properties: tuple[Source, ...]
+    settings: Settings
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """A document to be written as JSON, and the claims that are not in it although they hold."""
+
+    document: dict[str, object]
+    left_out: tuple[str, ...]
+
+
+def certificate(
+    system: System, texts: Texts, holding: Sequence[Claim], deadline: Deadline, version: str
+) -> Certificate | None:
+    """The certificate of those claims that are inductive together; None if there are none.
+
+    ``holding`` are claims that hold in all rounds, whoever found that out.
+    """
+    subject, depths = _inductive(system, holding, deadline)
+    if not depths:
+        return None
+    originals = dict(zip(claims_of(subject), claims_of(system), strict=True))
+    depth_of = {originals[claim].name: depth for claim, depth in depths.items()}
+    document: dict[str, object] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "made_by": f"koord {version}",
+        "program": _text(texts.program),
+        "properties": [_text(source) for source in texts.properties],
+        "parameters": {name: _value(v) for name, v in texts.settings.params.items()},
+        "tasks": None
+        if texts.settings.tasks is None
+        else [[str(x) for x in task] for task in texts.settings.tasks],
+        "kinds": list(system.kinds),
+        "delta": str(system.delta_s),
+        "claims": [
+            {"name": c.name, "kind": c.kind.value, "subject": c.subject}
+            for c in map(originals.__getitem__, depths)
+        ],
+        "invariant": list(_invariant(system.program, texts, depth_of)),
+        "rests_on": rests_on(system.program),
+        "obligations": [
+            {"name": name, "smt2": text} for name, text in _obligations(subject, depths)
+        ],
+    }
+    left_out = tuple(claim.name for claim in holding if claim.name not in depth_of)
+    return Certificate(document, left_out)
+
+
+def _text(source: Source) -> dict[str, str]:
+    return {"name": source.name, "text": source.text, "sha256": digest(source.text)}
+
+
+def digest(text: str) -> str:
+    """The SHA-256 of a text in UTF-8, in hexadecimal."""
+    from hashlib import sha256
+
+    return sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()
+
+
+def _value(value: ParamValue) -> object:
+    if isinstance(value, tuple):
+        return [_value(part) for part in value]
+    if isinstance(value, bool | int | str):
+        return value
+    return {"fraction": str(value)}
+
+
+# --- the claims -----------------------------------------------------------------------------------
+
+
+def _inductive(
+    system: System, holding: Sequence[Claim], deadline: Deadline
+) -> tuple[System, dict[Claim, int]]:
+    """The claims that induction alone shows, each with the number of rounds that takes."""
+    names = {claim.name for claim in holding}
+    best: tuple[System, dict[Claim, int]] = (system, {})
+    for subject in _subjects(system):
+        claims = [claim for claim in claims_of(subject) if claim.name in names]
+        found: dict[Claim, int] = {}
+        effort = Effort.of_seconds(PROOF_S)
+        for depth in range(1, MAX_DEPTH + 1):
+            left = [claim for claim in claims if claim not in found]
+            if not left or deadline.passed():
+                break
+            proved = prove(subject, left, list(found), deadline, effort, depth=depth).proved
+            found |= dict.fromkeys(proved, depth)
+        if len(found) > len(best[1]):
+            best = (subject, {claim: found[claim] for claim in claims if claim in found})
+        if len(found) == len(names):
+            break
+    return best
+
+
+def _subjects(system: System) -> Iterator[System]:
+    abstraction = abstracted(system.program)
+    if abstraction is not None:
+        yield replace(system, program=abstraction.program)
+    yield system
+
+
+def _invariant(
+    program: core.Program, texts: Texts, depth_of: Mapping[str, int]
+) -> Iterator[dict[str, object]]:
+    """The conjuncts as they are written in the program and its files of properties."""
+    kinds = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
+    names = [p.name for p in program.properties if p.kind in kinds]
+    sections = [
+        section
+        for source in (texts.program, *texts.properties)
+        for section in parse(source).program.sections
+        if isinstance(section, ast.Invariant)
+    ]
+    for name, section in zip(names, sections, strict=True):
+        if name in depth_of:
+            written = print_program(ast.Program((section,), (), span=section.span))
+            yield {"name": name, "depth": depth_of[name], "text": written.rstrip("\n")}
+
+
+def rests_on(program: core.Program) -> dict[str, list[str]]:
+    """The names of the assumptions, contracts and summaries that a proof may have used."""
+    return {
+        "assumptions": [assumption.name for assumption in program.assumptions],
+        "contracts": [
+            contract.name
+            for agent in program.agents
+            for module in agent.modules
+            if module.environment is None
+            for contract in module.contracts
+        ],
+        "summaries": [e.name for e in program.externals if e.requires or e.ensures],
+    }
+
+
+# --- the obligations ------------------------------------------------------------------------------
+
+
+def _obligations(system: System, depths: Mapping[Claim, int]) -> Iterator[tuple[str, str]]:
+    """Names and scripts: each is to be unsatisfiable."""
+    for depth in sorted(set(depths.values())):
+        assumed = [claim for claim, d in depths.items() if d <= depth]
+        asked = [claim for claim, d in depths.items() if d == depth]
+        over = "" if depth == 1 else f", over {depth} rounds"
+        yield from _base(system, asked, depth, over)
+        for phase, script in step_scripts(system, assumed, asked, depth):
+            yield f"{_MOMENTS[phase]}{over}", script
+
+
+def _base(
+    system: System, asked: Sequence[Claim], depth: int, over: str
+) -> Iterator[tuple[str, str]]:
+    """INIT, and the rounds before the first one that the step is about."""
+    unrolling = Unrolling(system)
+    d, solver, number = unrolling.encoder.d, unrolling.solver, 0
+    for moment in unrolling.moments():
+        found = list(violations(system, d, moment, asked).values())
+        for _, needed in found:
+            solver.add(needed)
+        where = f" in round {number + 1}" if moment.phase is not Phase.INIT else ""
+        name = _MOMENTS[moment.phase].replace("consecution", "base") + where
+        script = solver.script([disjunction(d, [violated for violated, _ in found])])
+        yield f"{name}{over}", script
+        if moment.phase in (Phase.INIT, Phase.END):
+            number += moment.phase is Phase.END
+            if number + 1 == depth:
+                return
