@@ -214,15 +214,21 @@ class Terms:
         return self._constant(z3.simplify(z3.substitute(term, *pairs)))
 
     def put(self, term: Term, values: Sequence[tuple[Term, Term]]) -> Term:
-        """A term with other terms in the place of constants, otherwise as it is."""
+        """A term with other integers in the place of some, otherwise as it is."""
         if not isinstance(term, z3.ExprRef) or not values:
             return term
-        pairs = [
-            (old, self.lifted(new, old.sort()))
-            for old, new in values
-            if isinstance(old, z3.ExprRef)
-        ]
-        return z3.substitute(term, *pairs)
+        count = len(values)
+        before, after = (z3.Ast * count)(), (z3.Ast * count)()
+        # Not by z3.substitute, which looks at the sorts of everything each time.
+        made = [self.lifted(new, self._int) for _, new in values]
+        for k, (old, _) in enumerate(values):
+            assert isinstance(old, z3.ExprRef)
+            before[k], after[k] = old.as_ast(), made[k].as_ast()
+        ctx = self.context
+        found = z3.Z3_substitute(ctx.ref(), term.as_ast(), count, before, after)
+        put = z3.z3._to_expr_ref(found, ctx)
+        assert isinstance(put, z3.ExprRef)
+        return put
 
     def symbol(self, term: Term) -> str:
         """The name of the symbol that a term applies."""

@@ -213,8 +213,9 @@ class Book:
         doubted = bool(scheme.atom) and (scheme.atom, False) in self._wanted
         if (needed or doubted) and not scheme.active:
             scheme.active = True
-            for fact in scheme.facts:
-                self._want(fact, scheme.atom)
+            # One formula: names are put into it at once.
+            scheme.facts = [conjunction(self.unknowns.terms, scheme.facts)]
+            self._want(scheme.facts[0], scheme.atom)
             self._want(scheme.doubt, scheme.atom)
         for context, born in list(scheme.contexts):
             if born > limit:
