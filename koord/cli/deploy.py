@@ -1,0 +1,294 @@
+"""``koord deploy FILE CONFIG``: run a program on a robot, or on processes for all of them."""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+import signal
+import sys
+import time
+from argparse import ArgumentTypeError
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import FrameType
+
+from koord.cli.arguments import add_files, add_settings, check_files, delta, rounds, settings
+from koord.cli.config import read_configuration
+from koord.cli.deployed import Board, summary
+from koord.cli.diagnostics import Report
+from koord.cli.exits import Exit
+from koord.cli.files import check_writable, whole_file
+from koord.cli.inputs import Reading, load_programs
+from koord.runtime.compile import compiled
+from koord.runtime.compile.loading import loaded
+from koord.runtime.configuration.model import Configuration
+from koord.runtime.deploy.ideal import unanswered
+from koord.runtime.deploy.local import launched
+from koord.runtime.deploy.networks import local_plan, transport_of
+from koord.runtime.deploy.recording import NoLibraryError, Record
+from koord.runtime.deploy.running import Job, Runner
+from koord.runtime.deploy.status import Status
+from koord.runtime.robot import Robot
+from koord.runtime.transports.transport import TransportError
+from koord.semantics.configurations import dealt
+from koord.syntax import core
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.elaborate.settings import Settings
+
+#: Where ports for robots on this machine are looked for.
+_FIRST_PORT, _PORTS = 20_000, 30_000
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    add_files(parser, several=False)
+    parser.add_argument("config", metavar="CONFIG", help="the configuration of the run (.yaml)")
+    parser.add_argument("--pid", metavar="I", type=int, help="run the robot with this pid")
+    parser.add_argument(
+        "--all-local", action="store_true", help="run all robots, as processes on this machine"
+    )
+    parser.add_argument(
+        "--rounds", metavar="R", type=rounds, help="end after so many rounds (go on until Ctrl-C)"
+    )
+    parser.add_argument(
+        "--delta",
+        metavar="SECONDS",
+        type=delta,
+        help="the length of a round, instead of the configuration's",
+    )
+    parser.add_argument(
+        "--as-fast-as-possible", action="store_true", help="begin each round when the last is over"
+    )
+    parser.add_argument("--run", metavar="NAME", help="the name of the run, the same for all")
+    parser.add_argument(
+        "--state",
+        metavar="DIR",
+        help="where a robot notes where it is, to go on after a crash (.koord)",
+    )
+    parser.add_argument(
+        "--fresh", action="store_true", help="forget what was noted: this is a first start"
+    )
+    parser.add_argument("--record", metavar="FILE", help="record what robots do, as MCAP")
+    add_settings(parser)
+    parser.epilog = (
+        "exit codes: 0 the rounds were done, 1 a fault ended the run, 2 errors in the input, "
+        "3 robots stopped before all rounds were done, 130 stopped with Ctrl-C (a second one "
+        "stops at once)"
+    )
+
+
+def main(arguments: argparse.Namespace) -> int:
+    check_files([arguments.file, arguments.config, *arguments.properties])
+    if arguments.all_local == (arguments.pid is not None):
+        raise ArgumentTypeError("say --pid I for one robot, or --all-local for all of them")
+    if arguments.record is not None:
+        check_writable(arguments.record)
+    report = Report()
+    job = _job(arguments, report)
+    report.print(sys.stderr, as_json=False)
+    if job is None or report.errors:
+        return Exit.BAD_INPUT
+    deploy = _all if arguments.all_local else _one
+    try:
+        return deploy(arguments, job)
+    except TransportError as error:
+        raise _refused("K933", job.configuration.name, error.message, error.hint or None) from None
+
+
+# --- what is to be run ----------------------------------------------------------------------------
+
+
+def _job(arguments: argparse.Namespace, report: Report) -> Job | None:
+    configuration = read_configuration(arguments.config, report)
+    if configuration is None:
+        return None
+    reading = Reading.of(arguments)
+    if configuration.world is not None and configuration.world.tasks:
+        places = tuple(
+            (Fraction(x), Fraction(y), Fraction(z)) for x, y, z in configuration.world.tasks
+        )
+        reading = replace(reading, settings=Settings(settings(arguments.settings), places))
+    programs = load_programs([arguments.file], reading, report)
+    if not programs:
+        return None
+    program = programs[0].program
+    classes = loaded(compiled(program))
+    kinds = _kinds(program, configuration, report)
+    _check_functions(classes, configuration, report)
+    key, run = _secret(arguments, configuration, report)
+    delta_s = arguments.delta if arguments.delta is not None else configuration.delta_s
+    if arguments.as_fast_as_possible:
+        configuration = replace(configuration, delta_s=0.0)
+    return Job(
+        classes, kinds, configuration, key, run, float(delta_s), arguments.rounds, journals=None
+    )
+
+
+def _kinds(program: core.Program, configuration: Configuration, report: Report) -> tuple[int, ...]:
+    """Of which kind each robot is: as configured, or dealt round."""
+    names = [agent.name for agent in program.agents]
+    robots = configuration.robots
+    if all(robot.kind is None for robot in robots):
+        return dealt(program, len(robots)).kinds
+    kinds = []
+    for robot in robots:
+        if robot.kind in names:
+            kinds.append(names.index(robot.kind))
+            continue
+        known = ", ".join(str(name) for name in names)
+        story = f"robot {robot.pid} is of kind {robot.kind}, which the program does not have"
+        report.add((_diagnostic("K932", configuration.name, story, f"its kinds are {known}"),))
+    return tuple(kinds)
+
+
+def _check_functions(
+    classes: tuple[type[Robot], ...], configuration: Configuration, report: Report
+) -> None:
+    missing = sorted({name for one in classes for name in unanswered(one.EXTERNALS)})
+    if missing:
+        story = f"robots without a platform have no {', '.join(missing)}"
+        hint = "write these functions in Koord, with a body"
+        report.add((_diagnostic("K932", configuration.name, story, hint),))
+
+
+def _secret(
+    arguments: argparse.Namespace, configuration: Configuration, report: Report
+) -> tuple[bytes, str]:
+    """The key and the name of the run; on one machine nobody else needs to know them."""
+    run = arguments.run or configuration.talk.run
+    if arguments.all_local:
+        return secrets.token_bytes(32), f"{run} {secrets.token_hex(4)}"
+    if configuration.talk.key is None:
+        story = "the robots have no key in common"
+        hint = f"add: network: {{key: {secrets.token_hex(16)}}}"
+        report.add((_diagnostic("K932", configuration.name, story, hint),))
+        return b"", run
+    return configuration.talk.key, run
+
+
+def _diagnostic(code: str, name: str, story: str, hint: str | None) -> Diagnostic:
+    return Diagnostic(code, Severity.ERROR, whole_file(name), story, hint)
+
+
+def _refused(code: str, name: str, story: str, hint: str | None) -> KoordError:
+    return KoordError((_diagnostic(code, name, story, hint),))
+
+
+# --- running it -----------------------------------------------------------------------------------
+
+
+@dataclass
+class Interrupts:
+    """How often Ctrl-C was pressed: first it stops safely, then at once."""
+
+    count: int = 0
+    at_once: Callable[[], None] = lambda: None
+
+    def __enter__(self) -> Interrupts:
+        self._before = signal.signal(signal.SIGINT, self._pressed)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        signal.signal(signal.SIGINT, self._before)
+
+    def _pressed(self, number: int, frame: FrameType | None) -> None:
+        self.count += 1
+        if self.count > 1:
+            self.at_once()
+            raise KeyboardInterrupt
+
+
+def _one(arguments: argparse.Namespace, job: Job) -> int:
+    """One robot, in this process."""
+    pid = arguments.pid
+    if not 0 <= pid < job.robots:
+        story = f"there is no robot {pid}"
+        hint = f"the pids are 0 to {job.robots - 1}"
+        raise _refused("K932", job.configuration.name, story, hint)
+    journals = Path(arguments.state or ".koord")
+    try:
+        journals.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _refused(
+            "K903", str(journals), f"cannot be written: {error.strerror}", None
+        ) from None
+    job = replace(job, journals=journals)
+    journal = job.journal(pid)
+    if arguments.fresh and journal is not None:
+        journal.forget()
+    runner = Runner(job, pid, transport_of(job.configuration, job.run, pid))
+    with ExitStack() as stack:
+        record = _recording(arguments, stack)
+        runner.keeps_moments = record is not None
+        interrupts = stack.enter_context(Interrupts())
+        board = stack.enter_context(Board(job.robots, job.rounds))
+
+        def report(status: Status) -> None:
+            board.show({pid: status})
+            if record is not None:
+                now = time.time_ns()
+                record.moments(tuple(runner.moments), now)
+                record.status(status, now)
+                runner.moments.clear()
+
+        last = runner.run(lambda: interrupts.count > 0, report)
+        report(last)
+    return _ended({pid: last}, job, interrupts)
+
+
+def _all(arguments: argparse.Namespace, job: Job) -> int:
+    """All robots, each in a process."""
+    with ExitStack() as stack:
+        record = _recording(arguments, stack)
+        folder = arguments.state or stack.enter_context(TemporaryDirectory(prefix="koord-"))
+        job = replace(job, journals=Path(folder))
+        port = _FIRST_PORT + secrets.randbelow(_PORTS)
+        plan = local_plan(job.configuration, job.robots, port)
+        fleet = launched(job, plan, keeps_moments=record is not None)
+        stack.callback(fleet.join)
+        stack.callback(fleet.kill)
+        interrupts = stack.enter_context(Interrupts(at_once=fleet.kill))
+        board = stack.enter_context(Board(job.robots, job.rounds))
+        told = False
+        while not fleet.is_over:
+            for status, moments in fleet.news(0.2):
+                if record is not None:
+                    now = time.time_ns()
+                    record.moments(moments, now)
+                    record.status(status, now)
+            board.show(fleet.statuses)
+            if interrupts.count and not told:
+                told = True
+                fleet.stop()
+            if fleet.failures:
+                raise fleet.failures[0]
+        board.show(fleet.statuses)
+    return _ended(fleet.statuses, job, interrupts)
+
+
+def _recording(arguments: argparse.Namespace, stack: ExitStack) -> Record | None:
+    if arguments.record is None:
+        return None
+    file = stack.enter_context(Path(arguments.record).open("wb"))  # noqa: SIM115
+    try:
+        record = Record(file)
+    except NoLibraryError:
+        raise ArgumentTypeError(
+            "--record needs the MCAP library: pip install 'koord[record]'"
+        ) from None
+    stack.callback(record.close)
+    return record
+
+
+def _ended(statuses: dict[int, Status], job: Job, interrupts: Interrupts) -> int:
+    print(summary(statuses, job))
+    faults = [status.fault for status in statuses.values() if status.fault is not None]
+    if faults:
+        return Exit.VIOLATED
+    if interrupts.count:
+        return Exit.INTERRUPTED
+    done = [status for status in statuses.values() if status.is_over or job.rounds is None]
+    return Exit.OK if statuses and len(done) == len(statuses) else Exit.UNKNOWN

@@ -1,0 +1,110 @@
+"""The live table of a deployed run, and its summary."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from koord.runtime.deploy.running import Job
+from koord.runtime.deploy.status import Status
+
+#: More robots than this do not fit on a screen; the rest is told in the last row.
+MOST_ROWS = 24
+
+
+class Board:
+    """A table that is drawn anew while robots run; nothing is drawn where nobody looks."""
+
+    def __init__(self, robots: int, rounds: int | None) -> None:
+        self._robots = robots
+        self._rounds = rounds
+        self._console = Console(stderr=True)
+        self._live: Live | None = None
+        self._shown_at = 0.0
+
+    def __enter__(self) -> Board:
+        if self._console.is_terminal:
+            self._live = Live(console=self._console, auto_refresh=False, transient=True)
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def show(self, statuses: Mapping[int, Status]) -> None:
+        """How the robots are doing now."""
+        now = time.monotonic()
+        if self._live is None or now < self._shown_at + 0.2:
+            return
+        self._shown_at = now
+        self._live.update(table(statuses, self._rounds), refresh=True)
+
+
+def table(statuses: Mapping[int, Status], rounds: int | None) -> Table:
+    """A row for each robot."""
+    first = max((status.round for status in statuses.values()), default=0)
+    made = Table(title=None if rounds is None else f"{rounds} rounds", box=None, pad_edge=False)
+    for name in ("robot", "round", "lag", "ran", "skipped", "late", "dropped", "coordinator"):
+        made.add_column(name, justify="right")
+    made.add_column("")
+    for pid in sorted(statuses)[:MOST_ROWS]:
+        status = statuses[pid]
+        made.add_row(
+            str(pid),
+            str(status.round),
+            str(first - status.round),
+            str(status.ran),
+            str(status.skipped),
+            str(status.late),
+            str(sum(n for _, n in status.drops)),
+            "-" if status.coordinator is None else str(status.coordinator),
+            story(status),
+        )
+    if len(statuses) > MOST_ROWS:
+        made.add_row("…", "", "", "", "", "", "", "", f"and {len(statuses) - MOST_ROWS} more")
+    return made
+
+
+def story(status: Status) -> str:
+    """What is to be said of a robot besides."""
+    if status.fault is not None:
+        return f"fault: {status.fault}"
+    if status.is_over:
+        return "done"
+    if status.is_mute:
+        return "came back without its journal: runs no events"
+    return "" if status.holding is None else f"holds: {status.holding.value}"
+
+
+def summary(statuses: Mapping[int, Status], job: Job) -> str:
+    """A deployed run in some lines."""
+    if not statuses:
+        return "no robot has said anything"
+    everyone = list(statuses.values())
+    done = max(status.round for status in everyone)
+    behind = [str(status.pid) for status in everyone if status.round < done]
+    drops: dict[str, int] = {}
+    for status in everyone:
+        for reason, count in status.drops:
+            drops[reason] = drops.get(reason, 0) + count
+    sent = sum(status.sent for status in everyone)
+    ran = sum(status.ran for status in everyone)
+    skipped = sum(status.skipped for status in everyone)
+    lines = [
+        f"{done} rounds of {len(everyone)} robots: "
+        f"{ran} events, {skipped} skips, {sum(s.late for s in everyone)} of them late",
+        f"{sent} datagrams sent, {sent / max(1, done + 1):.1f} a round; "
+        f"longest round {max(s.longest_s for s in everyone):.3f} s; "
+        f"{max(s.overdue for s in everyone)} rounds overdue",
+        f"epoch {max(s.epoch for s in everyone)}; dropped: "
+        + (", ".join(f"{n} {reason}" for reason, n in sorted(drops.items())) or "nothing"),
+    ]
+    if behind:
+        lines.append(f"not at the last round: {', '.join(behind)}")
+    lines += [f"robot {s.pid}: {story(s)}" for s in everyone if s.fault is not None]
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""Compiled programs on the round-commit protocol: one robot a process."""

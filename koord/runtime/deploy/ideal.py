@@ -1,0 +1,219 @@
+"""Robots without a platform: points that go where they are told, at a given speed.
+
+Which port is which is told by its name, as in the library of the language: ``psn`` and ``reached``
+are what a motion module senses, ``path``, ``route``, ``target`` and ``waypoint`` where it is sent.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from random import Random
+from typing import Any
+
+from koord.runtime.motion.world import Point, World
+from koord.runtime.robot import Key, Robot, Turn
+from koord.runtime.shapes import Array, Record, Scalar, Shape, blank, default, element_of
+from koord.runtime.shapes import Sequence as ListOf
+
+_GOALS = ("path", "route", "target", "waypoint", "goal")
+
+#: Robots that begin nowhere in particular stand in a row, so far apart.
+APART_M = 1.0
+
+DEFAULT_SPEED_MPS = 1.0
+
+
+def unanswered(functions: Mapping[str, Shape]) -> tuple[str, ...]:
+    """The external functions among those that :class:`Ideal` cannot answer."""
+    return tuple(name for name in functions if _plain_name(name) not in _LIBRARY)
+
+
+def _plain_name(name: str) -> str:
+    """Of functions with one name all but the first are numbered."""
+    return re.sub(r"_\d+$", "", name)
+
+
+class Ideal:
+    """The host of one robot: its sensors, its library, chance."""
+
+    def __init__(
+        self,
+        program: type[Robot],
+        pid: int,
+        robots: int,
+        delta_s: float,
+        seed: int,
+        position: Point | None = None,
+        speed_mps: float | None = None,
+        world: World | None = None,
+    ) -> None:
+        self.program = program
+        self.pid = pid
+        self.robots = robots
+        self.world = world if world is not None else World()
+        self.position: Point = position if position is not None else self._place(pid)
+        self.holding = False
+        self._step_m = delta_s * (speed_mps if speed_mps is not None else DEFAULT_SPEED_MPS)
+        self._random = Random(f"{seed} {pid}")
+        self._done = 0  #: way-points of the path that lie behind
+        self._path: tuple[Point, ...] = ()
+
+    def _place(self, pid: int) -> Point:
+        """A place in the world for each robot, in rows from the low corner."""
+        low, high = self.world.low, self.world.high
+        columns = max(1, int((high[0] - low[0] - APART_M) / APART_M))
+        row, column = divmod(pid, columns)
+        return (low[0] + (column + 1) * APART_M, low[1] + (row + 1) * APART_M, low[2])
+
+    # --- the host of a compiled robot -----------------------------------------------------------
+
+    def start(self, robot: int | None, name: str) -> Any:
+        """[INIT]: where it is, tasks somewhere, and otherwise the plainest value there is."""
+        shape = self._shape(name, shared=robot is None)
+        robots = self.robots
+        if name.endswith("_psn"):
+            return self._as(shape, self.position)
+        if isinstance(shape, Array) and _is_task(shape.element):
+            return tuple(self._task(shape.element, k, robots) for k in range(shape.size))
+        return default(shape, robots)
+
+    def _shape(self, name: str, *, shared: bool) -> Shape:
+        """The shape of a variable; of an allread one, that of the robot's own entry."""
+        program = self.program
+        known = None if shared else program.LOCALS.get(name) or program.PORTS.get(name)
+        if known is not None:
+            return known
+        (shape,) = [v.shape for v in program.SHARED.variables if v.name == name]
+        return shape if shared else element_of(shape)
+
+    def _task(self, shape: Shape, number: int, robots: int) -> Any:
+        """A task somewhere in the world, the same for all robots."""
+        assert isinstance(shape, Record)
+        values = list(default(shape, robots))
+        low, high = self.world.low, self.world.high
+        draw = Random(f"task {number}")
+        spot = tuple(draw.uniform(a + 0.5, b - 0.5) for a, b in zip(low[:2], high[:2], strict=True))
+        values[0] = (*spot, low[2])
+        return tuple(values)
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        """[ENV-FREE]: δ later. The point has gone on, unless it holds."""
+        readings: dict[str, Any] = {}
+        for name in robot.SENSORS:
+            module, _, port = name.rpartition("_")
+            shape = robot.PORTS[name]
+            if port == "psn":
+                self._move(self._goals(robot, module))
+                readings[name] = self._as(shape, self.position)
+        for name in robot.SENSORS:
+            module, _, port = name.rpartition("_")
+            if port == "reached":
+                readings[name] = self._done >= len(self._path)
+            elif name not in readings and getattr(robot, name) is None:
+                readings[name] = default(robot.PORTS[name], robot.numAgents)
+        return readings
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        return _LIBRARY[_plain_name(function)](self, *arguments)
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        if isinstance(low, float):
+            return self._random.uniform(low, high)
+        return self._random.randint(low, high)
+
+    # --- motion ---------------------------------------------------------------------------------
+
+    def _goals(self, robot: Robot, module: str) -> tuple[Point, ...]:
+        """The way that the program sends the robot, if it sends it anywhere."""
+        for port in _GOALS:
+            sent = getattr(robot, f"{module}_{port}", None)
+            shape = robot.PORTS.get(f"{module}_{port}")
+            if sent is None or shape is None:
+                continue
+            if isinstance(shape, ListOf):
+                return tuple(_point(one) for one in sent if one is not None)
+            if isinstance(sent, tuple) and any(part is None for part in sent):
+                continue
+            return (_point(sent),)
+        return ()
+
+    def _move(self, path: tuple[Point, ...]) -> None:
+        if path != self._path:
+            self._path, self._done = path, 0
+        left = 0.0 if self.holding else self._step_m
+        while self._done < len(path):
+            goal = path[self._done]
+            far = math.dist(self.position, goal)
+            if far > left:
+                if far > 0 and left > 0:
+                    self.position = _towards(self.position, goal, left / far)
+                return
+            self.position, left = goal, left - far
+            self._done += 1
+
+    def _as(self, shape: Shape, point: Point) -> Any:
+        """A place as the program has it: a record of two or three, or one number."""
+        if isinstance(shape, Scalar):
+            return point[0]
+        if isinstance(shape, Record):
+            return tuple(point[: len(shape.fields)])
+        return blank(shape, 0)
+
+
+def _is_task(shape: Shape) -> bool:
+    return isinstance(shape, Record) and shape.make.__name__ == "Task"
+
+
+def _point(sent: Any) -> Point:
+    """Any of the forms of a place as three coordinates."""
+    if isinstance(sent, int | float):
+        return (float(sent), 0.0, 0.0)
+    x, y, *z = sent
+    return (float(x), float(y), float(z[0]) if z else 0.0)
+
+
+def _towards(start: Point, goal: Point, part: float) -> Point:
+    x, y, z = (a + (b - a) * part for a, b in zip(start, goal, strict=True))
+    return (x, y, z)
+
+
+# --- the library, where there is nothing in the way ---------------------------------------------
+
+
+def _find_path(host: Ideal, start: Any, goal: Any, obstacles: Any = ()) -> Any:
+    return (tuple(start), tuple(goal))
+
+
+def _path_from_task(host: Ideal, first: Any, task: Any = None) -> Any:
+    """``getPathFromTask(task)`` or ``getPathFromTask(start, task)``."""
+    start, of = (host.position, first) if task is None else (first, task)
+    return (tuple(start), tuple(of[0]))
+
+
+def _paths_clear(host: Ideal, one: Any, other: Any) -> bool:
+    """Whether two paths keep apart, seen at points half as far from each other."""
+    ours, theirs = _samples(one), _samples(other)
+    return all(math.dist(a, b) > APART_M / 2 for a in ours for b in theirs)
+
+
+def _samples(path: Sequence[Any]) -> list[Point]:
+    points = [_point(one) for one in path]
+    samples = points[:1]
+    for a, b in pairwise(points):
+        pieces = max(1, math.ceil(math.dist(a, b) / (APART_M / 4)))
+        samples += [_towards(a, b, k / pieces) for k in range(1, pieces + 1)]
+    return samples
+
+
+_LIBRARY: dict[str, Any] = {
+    "sqrt": lambda host, x: math.sqrt(x),
+    "findPath": _find_path,
+    "getPathFromTask": _path_from_task,
+    "pathsClear": _paths_clear,
+    "willCollide": lambda host, task: False,
+}

@@ -1,0 +1,98 @@
+"""What a robot writes down of itself, so that a crash takes none of it. (R-SNAPSHOT)
+
+The shared store comes back from the others; a robot's locals, ports and pending proposal are known
+to nobody else. A journal is one file that is replaced whole, so it is never half-written.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from koord.runtime.encoding import (
+    FlatProposal,
+    NotPlainError,
+    big_int,
+    encode,
+    flat_proposal,
+    proposal_of,
+)
+from koord.runtime.proposals import Proposal
+
+#: Attributes in the order of the program's locals and ports, each plain.
+Attributes = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """Where a robot was.
+
+    It had acted on all rounds before ``round``; ``turns`` environment turns are still to come.
+    ``buffers`` are the attributes after each attempt of its last proposal, by event.
+    """
+
+    program: str
+    round: int
+    status: int
+    turns: int
+    attributes: Attributes
+    position: tuple[float, float, float]
+    proposal: Proposal | None
+    buffers: tuple[tuple[int | None, Attributes], ...]
+
+
+_Flat = tuple[
+    str,
+    int,
+    int,
+    int,
+    tuple[Any, ...],
+    tuple[float, float, float],
+    FlatProposal | None,
+    tuple[tuple[int | None, tuple[Any, ...]], ...],
+]
+
+_DECODER = msgspec.msgpack.Decoder(_Flat, ext_hook=big_int)
+
+
+class Journal:
+    """The file of one robot in one run."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._new = path.with_suffix(".new")
+
+    def write(self, page: Page) -> None:
+        """Replace what is there. Raises OSError."""
+        proposal = None if page.proposal is None else flat_proposal(page.proposal)
+        flat = (
+            page.program,
+            page.round,
+            page.status,
+            page.turns,
+            page.attributes,
+            page.position,
+            proposal,
+            page.buffers,
+        )
+        self._new.write_bytes(encode(flat))
+        os.replace(self._new, self.path)
+
+    def read(self) -> Page | None:
+        """What is there; None if there is nothing, or nothing that can be used."""
+        try:
+            flat = _DECODER.decode(self.path.read_bytes())
+            program, round_, status, turns, attributes, position, proposal, buffers = flat
+            made = None if proposal is None else proposal_of(proposal)
+        except (OSError, msgspec.MsgspecError, NotPlainError, ValueError):
+            return None
+        return Page(program, round_, status, turns, attributes, position, made, buffers)
+
+    def forget(self) -> None:
+        """The run is over: nobody comes back to it."""
+        self.path.unlink(missing_ok=True)
+        self._new.unlink(missing_ok=True)

@@ -1,0 +1,131 @@
+"""All robots of a run as processes on this machine."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+
+from koord.runtime.deploy.running import Job, Moment, Runner
+from koord.runtime.deploy.status import Status
+from koord.runtime.transports.transport import Transport, TransportError
+from koord.runtime.transports.udp import Plan, Udp
+
+#: What a robot's process says: how it is doing and what it did, or why it could not begin.
+News = tuple[Status, tuple[Moment, ...]] | TransportError
+
+_STOP = b"stop"
+
+
+@dataclass(slots=True)
+class Fleet:
+    """The processes, and what they said last."""
+
+    processes: list[BaseProcess]
+    ends: list[Connection]
+    statuses: dict[int, Status] = field(default_factory=dict)
+    failures: list[TransportError] = field(default_factory=list)
+
+    @property
+    def alive(self) -> int:
+        """How many processes are running."""
+        return sum(process.is_alive() for process in self.processes)
+
+    def news(self, timeout_s: float) -> Iterator[tuple[Status, tuple[Moment, ...]]]:
+        """What has been said, waiting so long at most for something."""
+        open_ends = [end for end in self.ends if not end.closed]
+        if not open_ends:
+            time.sleep(timeout_s)
+            return
+        for ready in wait(open_ends, timeout_s):
+            assert isinstance(ready, Connection)
+            try:
+                said: News = ready.recv()
+            except (EOFError, OSError):
+                ready.close()
+                continue
+            if isinstance(said, TransportError):
+                self.failures.append(said)
+                continue
+            status, moments = said
+            self.statuses[status.pid] = status
+            yield status, moments
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nobody will say anything more."""
+        return all(end.closed for end in self.ends)
+
+    def stop(self) -> None:
+        """Ask all to stop safely."""
+        for end in self.ends:
+            if not end.closed:
+                try:
+                    end.send_bytes(_STOP)
+                except OSError:
+                    end.close()
+
+    def kill(self) -> None:
+        """End all processes at once."""
+        for process in self.processes:
+            if process.is_alive():
+                process.kill()
+
+    def join(self) -> None:
+        """Wait until all processes have ended."""
+        for process in self.processes:
+            process.join()
+
+
+def launched(job: Job, plan: Plan, *, keeps_moments: bool = False) -> Fleet:
+    """Start a process for each robot."""
+    processes: list[BaseProcess] = []
+    ends: list[Connection] = []
+    for pid in range(job.robots):
+        ours, theirs = multiprocessing.Pipe()
+        process = _process((job, plan, pid, theirs, keeps_moments))
+        process.start()
+        theirs.close()
+        processes.append(process)
+        ends.append(ours)
+    return Fleet(processes, ends)
+
+
+def _process(arguments: tuple[Job, Plan, int, Connection, bool]) -> BaseProcess:
+    """A process that has all modules already, where the system can do that."""
+    if "fork" in multiprocessing.get_all_start_methods():
+        fork = multiprocessing.get_context("fork")
+        return fork.Process(target=_robot, args=arguments, daemon=True)
+    return multiprocessing.Process(target=_robot, args=arguments, daemon=True)
+
+
+def _robot(job: Job, plan: Plan, pid: int, end: Connection, keeps_moments: bool) -> None:
+    """The process of one robot. Ctrl-C goes to all of them; the first process tells what to do."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        transport: Transport = Udp(plan, pid)
+    except TransportError as error:
+        end.send(error)
+        return
+    runner = Runner(job, pid, transport)
+    runner.keeps_moments = keeps_moments
+    parent = os.getppid()
+
+    def report(status: Status) -> None:
+        moments = tuple(runner.moments)
+        runner.moments.clear()
+        try:
+            end.send((status, moments))
+        except OSError:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    def is_told_to_stop() -> bool:
+        return os.getppid() != parent or end.poll()
+
+    report(runner.run(is_told_to_stop, report))
+    end.close()

@@ -1,0 +1,266 @@
+"""A compiled robot as the node of the protocol sees it. (R-BEGIN) (R-COMMIT) (R-SNAPSHOT)"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgspec
+
+from koord.runtime.deciding import decide, rotating
+from koord.runtime.deploy.ideal import Ideal
+from koord.runtime.deploy.journal import Attributes, Journal, Page
+from koord.runtime.encoding import big_int, encode
+from koord.runtime.operations import FaultError
+from koord.runtime.proposals import (
+    INIT_ROUND,
+    Asked,
+    Attempt,
+    Decision,
+    Fault,
+    Proposal,
+    Taken,
+)
+from koord.runtime.protocol.entries import Entry, Ran
+from koord.runtime.protocol.events import Reason
+from koord.runtime.robot import Buffer, Robot, Status, Written
+from koord.runtime.shapes import ShapeError, from_plain, to_plain
+from koord.runtime.store import Store
+
+_STATUSES = {Asked.TO_STOP: Status.STOPPED, Asked.TO_STOP_TOGETHER: Status.ASKED}
+
+_STORE = msgspec.msgpack.Decoder(tuple[tuple[Any, ...], tuple[int, ...]], ext_hook=big_int)
+
+
+class DivergedError(Exception):
+    """The store is not what the decision says that it is: a mistake in koord, or in memory."""
+
+
+class Member:
+    """One robot: its program, its copy of the store, its journal."""
+
+    def __init__(self, robot: Robot, host: Ideal, journal: Journal | None, program: str) -> None:
+        """``program`` is a digest of the program's text, so that no other's journal is read."""
+        self.robot = robot
+        self.host = host
+        self.store = Store(robot.SHARED, robot.numAgents)
+        self.statuses = [Status.RUNNING] * robot.numAgents
+        self.round = INIT_ROUND  #: the first round that it has not acted on
+        self.mute = False  #: it has lost its locals, and can only hold what others decide
+        self.holding: Reason | None = None
+        self.fault: Fault | None = None
+        self.output: list[Written] = []  #: not yet shown
+        self.seen: Callable[[Entry, Taken | None], None] = _nobody
+        self._journal = journal
+        self._program = program
+        self._turns = 0
+        self._proposal: Proposal | None = None
+
+    # --- rounds ---------------------------------------------------------------------------------
+
+    def propose(self, round_: int) -> Proposal | None:
+        """Sense, run the first enabled event into a buffer, write that down, and propose it."""
+        before = self._proposal
+        if self.mute or round_ < self.round:
+            return None
+        if before is not None and before.round >= round_:
+            return before if before.round == round_ else None
+        fault = self._begin() if round_ == INIT_ROUND else self._sense()
+        if fault is not None:
+            made = Proposal(self.robot.pid, round_, (Attempt(None, fault=fault),))
+        elif round_ == INIT_ROUND:
+            made = self.robot.propose_init()
+        else:
+            made = self.robot.propose(round_)
+        self._proposal = made
+        self._write_down()
+        return made
+
+    def _begin(self) -> Fault | None:
+        """What the allwrite variables hold before any robot's INIT. [INIT]"""
+        robot = self.robot
+        try:
+            robot.declare()
+        except FaultError as error:
+            return robot.located(error.fault)
+        self.store.declare(vars(robot))
+        vars(robot).update(self.store.values)
+        return None
+
+    def _sense(self) -> Fault | None:
+        """The environment's turns since the last program turn. [ENV-TRANS]"""
+        while self._turns:
+            self._turns -= 1
+            fault = self.robot.evolve(self.host.read(self.robot))
+            if fault is not None:
+                return self.robot.located(fault)
+        return None
+
+    def commit(self, entry: Entry, kept: Taken | None) -> None:
+        """Act on what was decided. [SHARED-ASSIGN] [SKIP] [STOP]"""
+        decision = entry.decision
+        if decision.fault is not None:
+            self.fault = decision.fault.fault
+            return
+        if entry.round == INIT_ROUND and self._proposal is None:
+            self._begin()
+        changed = self.store.apply(decision.writes)
+        if decision.digest and decision.digest != self.store.digest():
+            raise DivergedError(f"the store differs after round {entry.round}")
+        self._note_statuses(decision)
+        if entry.round < self.round:  # acted on before a crash
+            vars(self.robot).update(changed)
+            return
+        self._act(kept, changed)
+        self._after(entry.round)
+        self.seen(entry, kept)
+
+    def _act(self, kept: Taken | None, changed: dict[str, Any]) -> None:
+        if kept is None or self.mute:
+            self.robot.discard(changed)
+            return
+        self.output += self.robot.commit(kept.event, changed)
+
+    def _after(self, round_: int) -> None:
+        if round_ != INIT_ROUND:
+            self._turns += 1
+        self._at(round_ + 1)
+
+    def _at(self, round_: int) -> None:
+        """All rounds before this one have been acted on."""
+        self.round = round_
+        if self.statuses[self.robot.pid] is Status.STOPPED:
+            self.robot.status = Status.STOPPED
+        self._write_down()
+
+    def _note_statuses(self, decision: Decision) -> None:
+        """[STOP] [END-PROG]"""
+        for taken in decision.ran:
+            asked = _STATUSES.get(taken.asked)
+            if asked is not None and self.statuses[taken.robot] is not Status.STOPPED:
+                self.statuses[taken.robot] = asked
+        if Status.RUNNING not in self.statuses:
+            self.statuses = [Status.STOPPED] * len(self.statuses)
+
+    @property
+    def all_stopped(self) -> bool:
+        """Whether no robot will run an event any more."""
+        return all(status is Status.STOPPED for status in self.statuses)
+
+    def hold(self, reason: Reason | None) -> None:
+        """Come to a safe stop; None: go on."""
+        self.holding = reason
+        self.host.holding = reason is not None
+
+    def decided(self, round_: int, proposals: Sequence[Proposal | None]) -> Decision:
+        """The decision of a round, now and then with the digest of the store after it."""
+        there = {robot: p for robot, p in enumerate(proposals) if p is not None}
+        robots = len(proposals)
+        decision = decide(round_, there, rotating(max(round_, 0), robots))
+        if round_ == INIT_ROUND or round_ % (1 + robots // 16) or decision.fault is not None:
+            return decision
+        after = Store(self.store.layout, robots)
+        after.values = dict(self.store.values)
+        try:
+            after.apply(decision.writes)
+        except ShapeError:
+            return decision  # told where it is applied
+        return Decision(
+            decision.round, decision.ran, decision.skipped, decision.writes, after.digest()
+        )
+
+    # --- coming back ----------------------------------------------------------------------------
+
+    def show(self) -> bytes:
+        statuses = tuple(status.value for status in self.statuses)
+        return encode((self.store.snapshot(), statuses))
+
+    def install(self, round_: int, store: bytes, ran: Ran | None) -> None:
+        """Take over a store; what of the own turn happened is told by ``ran``."""
+        snapshot, statuses = _STORE.decode(store)
+        if round_ == INIT_ROUND:
+            return  # nothing has been agreed on yet
+        self.store.restore(snapshot)
+        self.statuses = [Status(status) for status in statuses]
+        changed = dict(self.store.values)
+        mine = self._proposal
+        if round_ <= self.round:
+            vars(self.robot).update(changed)
+            return
+        missed = round_ - max(self.round, 0)
+        if mine is not None and ran is not None and ran.round == mine.round >= self.round:
+            self._act(Taken(self.robot.pid, ran.event), changed)
+        elif ran is not None and ran.round >= self.round:
+            self.mute = True  # it was let through with something that it no longer knows
+        else:
+            self.robot.discard(changed)
+        self._turns += missed
+        self._at(round_)
+
+    def come_back(self) -> bool:
+        """Go on from the journal. Without one the robot stays mute."""
+        page = self._journal.read() if self._journal is not None else None
+        if page is None or page.program != self._program:
+            self.mute = True
+            return False
+        robot = self.robot
+        try:
+            if page.round == INIT_ROUND:
+                self._begin()
+            vars(robot).update(self._attributes(page.attributes))
+            buffers = {event: self._buffer(event, plain) for event, plain in page.buffers}
+        except (ShapeError, ValueError):
+            self.mute = True
+            return False
+        robot._buffers = buffers
+        robot.status = Status(page.status)
+        self.round, self._turns, self._proposal = page.round, page.turns, page.proposal
+        self.host.position = page.position
+        return True
+
+    def forget(self) -> None:
+        """The run is over."""
+        if self._journal is not None:
+            self._journal.forget()
+
+    # --- the journal ----------------------------------------------------------------------------
+
+    def _write_down(self) -> None:
+        if self._journal is None or self.mute:
+            return
+        robot, proposal = self.robot, self._proposal
+        pending = proposal is not None and proposal.round >= self.round
+        buffers = robot._buffers.items() if pending else ()
+        page = Page(
+            self._program,
+            self.round,
+            robot.status.value,
+            self._turns,
+            self._plain(vars(robot)),
+            self.host.position,
+            proposal,
+            tuple((event, self._plain(b.state)) for event, b in buffers if b.state),
+        )
+        self._journal.write(page)
+
+    def _plain(self, state: dict[str, Any]) -> Attributes:
+        own = {**self.robot.LOCALS, **self.robot.PORTS}
+        return tuple(to_plain(shape, state[name]) for name, shape in own.items())
+
+    def _attributes(self, plain: Attributes) -> dict[str, Any]:
+        own = {**self.robot.LOCALS, **self.robot.PORTS}
+        robots = self.robot.numAgents
+        return {
+            name: from_plain(shape, value, robots, unset=True)
+            for (name, shape), value in zip(own.items(), plain, strict=True)
+        }
+
+    def _buffer(self, event: int | None, plain: Attributes) -> Buffer:
+        buffer = Buffer(event)
+        buffer.state = {**vars(self.robot), **self._attributes(plain)}
+        assert self._proposal is None
+        return buffer
+
+
+def _nobody(entry: Entry, kept: Taken | None) -> None:
+    """Nobody looks at what was committed."""

@@ -1,0 +1,45 @@
+"""From a configuration to a transport."""
+
+from __future__ import annotations
+
+from typing import assert_never
+
+from koord.runtime.configuration.forms import Carrier
+from koord.runtime.configuration.model import Configuration
+from koord.runtime.transports.routed import Routed
+from koord.runtime.transports.transport import Transport
+from koord.runtime.transports.udp import Plan, Reach, Udp, on_this_machine
+
+
+def plan_of(configuration: Configuration) -> Plan:
+    """Who is where, for UDP."""
+    talk = configuration.talk
+    addresses = tuple(robot.address for robot in configuration.robots)
+    match talk.carrier:
+        case Carrier.MULTICAST:
+            assert talk.shared is not None
+            # The group has a port of its own, below those of robots on one machine.
+            local = all(ip.startswith("127.") for ip, _ in addresses)
+            interface = "127.0.0.1" if local else talk.interface
+            return Plan(addresses, Reach.GROUP, (talk.shared, talk.port), interface)
+        case Carrier.BROADCAST:
+            assert talk.shared is not None
+            return Plan(addresses, Reach.SUBNET, (talk.shared, talk.port))
+        case Carrier.UNICAST | Carrier.ZENOH:
+            return Plan(addresses)
+        case _:
+            assert_never(talk.carrier)
+
+
+def local_plan(configuration: Configuration, robots: int, port: int) -> Plan:
+    """All robots on this machine, each with a port, whatever addresses they will have outside."""
+    unicast = configuration.talk.carrier is Carrier.UNICAST
+    return on_this_machine(robots, port, group=None) if unicast else on_this_machine(robots, port)
+
+
+def transport_of(configuration: Configuration, run: str, pid: int) -> Transport:
+    """The network of one robot. Raises TransportError."""
+    talk = configuration.talk
+    if talk.carrier is Carrier.ZENOH:
+        return Routed(run, pid, len(configuration.robots), talk.connect, talk.listen)
+    return Udp(plan_of(configuration), pid)

@@ -1,0 +1,175 @@
+"""Running one robot until its run is over, or until it is told to stop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from hashlib import blake2b
+from pathlib import Path
+
+from koord.runtime.configuration.model import Configuration
+from koord.runtime.deploy.ideal import Ideal
+from koord.runtime.deploy.journal import Journal
+from koord.runtime.deploy.member import Member
+from koord.runtime.deploy.status import Status, Tally, status_of
+from koord.runtime.peer import Clock, Peer
+from koord.runtime.proposals import INIT_ROUND, Taken
+from koord.runtime.protocol.entries import Entry
+from koord.runtime.protocol.setup import Setup, Timing
+from koord.runtime.protocol.state import fresh, returning
+from koord.runtime.robot import Robot, Written
+from koord.runtime.transports.transport import Transport
+from koord.runtime.wire.codec import Run
+
+#: How often a robot says how it is doing.
+REPORT_S = 0.25
+
+#: How long a robot stays to answer others after its last round, in rounds.
+LINGERING = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A run, as every robot of it has to know it."""
+
+    classes: tuple[type[Robot], ...]
+    kinds: tuple[int, ...]
+    configuration: Configuration
+    key: bytes
+    run: str
+    delta_s: float
+    rounds: int | None
+    journals: Path | None  #: the folder that robots write down in where they are
+
+    @property
+    def robots(self) -> int:
+        return len(self.kinds)
+
+    @property
+    def owing(self) -> frozenset[int]:
+        """The robots whose programs have urgent events. [SKIP] (R-OWED)"""
+        return frozenset(
+            pid
+            for pid, kind in enumerate(self.kinds)
+            if any(event.urgent for event in self.classes[kind].EVENTS)
+        )
+
+    @property
+    def program(self) -> str:
+        """What tells programs apart, for journals."""
+        text = repr([(c.SOURCE, c.SHARED, dict(c.LOCALS), dict(c.PORTS)) for c in self.classes])
+        return blake2b(text.encode(), digest_size=8).hexdigest()
+
+    def journal(self, pid: int) -> Journal | None:
+        """Where a robot writes down where it is."""
+        if self.journals is None:
+            return None
+        name = blake2b(self.run.encode(), digest_size=6).hexdigest()
+        return Journal(self.journals / f"{name}-{pid}.journal")
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What a robot did in a round, for the record."""
+
+    pid: int
+    round: int
+    event: str | None
+    position: tuple[float, float, float]
+    output: tuple[Written, ...]
+    late: bool
+    took_s: float
+
+
+class Runner:
+    """One robot of a run. ``report`` gets its status now and then, ``seen`` each of its rounds."""
+
+    def __init__(
+        self, job: Job, pid: int, transport: Transport, clock: Clock = time.monotonic
+    ) -> None:
+        self.job = job
+        self.tally = Tally()
+        self.moments: list[Moment] = []  #: not yet taken by anyone
+        self.keeps_moments = False
+        self._clock = clock
+        self._committed_at: float | None = None
+        place = job.configuration.robots[pid]
+        program = job.classes[job.kinds[pid]]
+        host = Ideal(
+            program,
+            pid,
+            job.robots,
+            job.delta_s,
+            job.configuration.seed,
+            place.position,
+            place.vehicle.speed_mps,
+            job.configuration.world,
+        )
+        robot = program(pid, job.kinds, job.delta_s, host)
+        self.member = Member(robot, host, job.journal(pid), job.program)
+        self.member.seen = self._saw
+        setup = Setup(
+            job.robots,
+            Timing.of(job.delta_s if job.configuration.delta_s > 0 else 0.0, job.robots),
+            owing=job.owing,
+            rounds=job.rounds,
+            first=job.configuration.leader,
+            decide=self.member.decided,
+        )
+        incarnation = time.time_ns()
+        journal = job.journal(pid)
+        if journal is not None and journal.read() is not None:
+            self.member.come_back()
+            state = returning(setup, pid, incarnation)
+        else:
+            state = fresh(setup, pid, incarnation)
+        run = Run(job.run, job.key, job.robots)
+        self.peer = Peer(run, setup, state, self.member, transport, clock)
+
+    def _saw(self, entry: Entry, kept: Taken | None) -> None:
+        pid, tally, now = self.member.robot.pid, self.tally, self._clock()
+        late = pid in entry.late
+        took_s = 0.0
+        if entry.round != INIT_ROUND:
+            tally.ran += kept is not None
+            tally.skipped += kept is None
+            tally.late += late
+            if self._committed_at is not None:
+                took_s = now - self._committed_at
+                tally.longest_s = max(tally.longest_s, took_s)
+                tally.overdue += took_s > 1.5 * self.job.delta_s > 0
+        self._committed_at = now
+        if self.keeps_moments:
+            event = None if kept is None or kept.event is None else kept.event
+            name = None if event is None else self.member.robot.EVENTS[event].name
+            output = tuple(self.member.output)
+            position = self.member.host.position
+            self.moments.append(Moment(pid, entry.round, name, position, output, late, took_s))
+        self.member.output.clear()
+
+    @property
+    def status(self) -> Status:
+        return status_of(self.peer, self.member, self.tally)
+
+    def run(self, is_told_to_stop: Callable[[], bool], report: Callable[[Status], None]) -> Status:
+        """Until the run is over, everybody has stopped, or somebody says so."""
+        self.peer.start()
+        next_report = self._clock()
+        leave_at: float | None = None
+        while True:
+            self.peer.turn(REPORT_S / 4)
+            now = self._clock()
+            if now >= next_report:
+                next_report = now + REPORT_S
+                report(self.status)
+                if is_told_to_stop():
+                    break
+            if leave_at is None and (self.peer.node.over or self.member.all_stopped):
+                leave_at = now + max(LINGERING * self.job.delta_s, 0.5)
+            if leave_at is not None and now >= leave_at:
+                self.member.forget()
+                break
+        self.member.hold(None if self.peer.node.over else self.member.holding)
+        self.peer.transport.close()
+        return self.status

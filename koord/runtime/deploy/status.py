@@ -1,0 +1,66 @@
+"""How a robot is doing, as numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from koord.runtime.deploy.member import Member
+from koord.runtime.peer import Peer
+from koord.runtime.protocol.events import Reason
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """One robot at one moment. Rounds count from 0; -1 is INIT."""
+
+    pid: int
+    round: int
+    coordinator: int | None
+    epoch: int
+    holding: Reason | None
+    ran: int  #: rounds in which it was let through
+    skipped: int
+    late: int  #: rounds that its proposal came too late for
+    overdue: int  #: rounds that began more than half a δ late
+    longest_s: float  #: the longest round
+    sent: int  #: datagrams
+    received: int
+    drops: tuple[tuple[str, int], ...]
+    is_over: bool
+    is_mute: bool
+    fault: str | None = None
+
+
+@dataclass(slots=True)
+class Tally:
+    """What a robot counts while it runs."""
+
+    ran: int = 0
+    skipped: int = 0
+    late: int = 0
+    overdue: int = 0
+    longest_s: float = 0.0
+
+
+def status_of(peer: Peer, member: Member, tally: Tally) -> Status:
+    """How a robot is doing."""
+    state = peer.node.state
+    fault = member.fault
+    return Status(
+        pid=state.pid,
+        round=state.round,
+        coordinator=state.leader,
+        epoch=state.promised,
+        holding=state.holding,
+        ran=tally.ran,
+        skipped=tally.skipped,
+        late=tally.late,
+        overdue=tally.overdue,
+        longest_s=tally.longest_s,
+        sent=peer.counts.datagrams,
+        received=peer.counts.received,
+        drops=tuple((drop.value, n) for drop, n in peer.drops.items()),
+        is_over=state.ended,
+        is_mute=member.mute,
+        fault=None if fault is None else f"{fault.place}: {fault.kind.value}",
+    )
