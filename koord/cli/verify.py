@@ -66,6 +66,7 @@ class Request:
     violations: int  #: how many different ones of each claim
     seed: int
     trace: str | None  #: the file for the trace of a violation
+    certificate: str | None  #: the file for what a proof consists of
     plot: str | None  #: the file for a picture of a sweep
     found: str | None  #: the file for invariants that were found
     explain: bool  #: show the steps that break claims which are not inductive
@@ -108,6 +109,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_settings(parser)
     add_trace(parser, "the trace of a violation")
     parser.add_argument(
+        "--certificate",
+        metavar="FILE",
+        help="write to FILE what the proofs consist of, for `koord recheck`",
+    )
+    parser.add_argument(
         "--plot", metavar="FILE", help="draw time against robots, for --robots 2..10 (.svg, .png)"
     )
     parser.add_argument(
@@ -134,6 +140,12 @@ def main(arguments: argparse.Namespace) -> int:
         if len(request.fleets) > 1:
             raise argparse.ArgumentTypeError("--trace takes one number of robots at a time")
         check_writable(request.trace)
+    if request.certificate is not None:
+        if len(arguments.files) > 1 or len(request.fleets) > 1 or request.fleets[0].any_number:
+            raise argparse.ArgumentTypeError(
+                "--certificate takes one program and one number of robots"
+            )
+        check_writable(request.certificate)
     if request.plot is not None:
         _check_plot(arguments.files, request)
     if request.found is not None:
@@ -185,6 +197,7 @@ def _request(arguments: argparse.Namespace) -> Request:
         violations=arguments.violations,
         seed=arguments.seed,
         trace=arguments.trace,
+        certificate=arguments.certificate,
         plot=arguments.plot,
         found=arguments.found,
         explain=arguments.explain,
@@ -230,6 +243,10 @@ def _verify(program: LoadedProgram, request: Request, told: list[dict[str, objec
         _keep(program, system, report, request.trace)
     if request.found is not None:
         _save(program, report, request.found)
+    if request.certificate is not None and not report.interrupted:
+        from koord.cli.certifying import certify
+
+        certify(program, system, report, request.certificate, request.timeout_s)
     return _exit(report)
 
 
