@@ -43,6 +43,11 @@ ALLOWED = {
 GUARDED = (
     ("z3", ("koord/verify/",), 2),
     ("lark", ("koord/syntax/parser",), 3),
+    ("ompl", ("koord/runtime/motion/",), 1),
+    ("osqp", ("koord/runtime/motion/",), 1),
+    ("shapely", ("koord/runtime/motion/",), 1),
+    ("pymunk", ("koord/sim/",), 1),
+    ("numba", ("koord/sim/",), 1),
 )
 
 #: Where printing, reading ``argv`` and exiting belong.

@@ -202,5 +202,14 @@ INPUT_CATALOGUE = dict(
             "`koord verify` uses. It is not installed with koord unless one asks for it: "
             "`pip install 'koord[recheck]'`.",
         ),
+        _entry(
+            "K950",
+            "a library is not installed",
+            "Vehicles, planners and controllers rest on libraries that koord does not install "
+            "unless one asks for them, because verifying programs needs none.\n\n"
+            "The message names the library and the hint the extra that has it: "
+            "`pip install 'koord[sim]'` for the simulator and for motion on robots, "
+            "`pip install 'koord[fast]'` for compiled vehicle models.",
+        ),
     ]
 )

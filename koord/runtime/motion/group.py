@@ -21,7 +21,6 @@ from koord.runtime.motion.planning import Planner, Pose, suits
 from koord.runtime.motion.routes import Pace, Routes
 from koord.runtime.motion.world import Point, World
 
-
 #: A path that begins so near to a robot begins where it is.
 _BESIDE_M = 0.1
 

@@ -13,11 +13,11 @@ FAST = ("numba",)
 
 
 def missing(library: str, extra: str) -> KoordError:
-    """The error that names a library which cannot be imported, and how to get it. (K940)"""
+    """The error that names a library which cannot be imported, and how to get it. (K950)"""
     return KoordError(
         (
             Diagnostic(
-                "K940",
+                "K950",
                 Severity.ERROR,
                 NOWHERE,
                 f"{library} is needed for this and is not installed",

@@ -60,7 +60,7 @@ def test_a_missing_library_is_named_with_its_cure(library: str, module: str) -> 
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
     )
-    assert done.stdout.startswith(f"K940 {library} is needed")
+    assert done.stdout.startswith(f"K950 {library} is needed")
     assert "pip install 'koord[" in done.stdout
 
 
