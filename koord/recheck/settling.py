@@ -64,12 +64,12 @@ class Settling:
         self, name: str, attempt: Attempt, without: Sequence[str], *, quick: bool = False
     ) -> Settled:
         t = self.values.t
-        known = {id(part) for fact in attempt.hypotheses for part in conjuncts(t, fact)}
+        known = {id(part) for fact in attempt.hypotheses for part in _parts(fact)}
         goals = []
         for goal in attempt.goals:
             if goal.claim in without:
                 continue
-            left = [part for part in conjuncts(t, goal.holds) if id(part) not in known]
+            left = [part for part in _parts(goal.holds) if id(part) not in known]
             if any(part.value is not True for part in left):
                 goals.append(replace(goal, holds=t.conjunction(left)))
         if not goals:
@@ -171,6 +171,11 @@ class Settling:
                     yield one.what
             else:
                 yield f"{one.what} = {value}"
+
+
+def _parts(term: Term) -> tuple[Term, ...]:
+    """The parts of a conjunction as it is written."""
+    return term.args if term.head == "and" else (term,)
 
 
 def conjuncts(t: Terms, term: Term) -> list[Term]:
