@@ -95,8 +95,9 @@ def summary(statuses: Mapping[int, Status], job: Job) -> str:
     sent = sum(status.sent for status in everyone)
     ran = sum(status.ran for status in everyone)
     skipped = sum(status.skipped for status in everyone)
+    whose = f"{job.robots} robots" if len(everyone) > 1 else f"robot {everyone[0].pid}"
     lines = [
-        f"{done} rounds of {len(everyone)} robots: "
+        f"{done} rounds of {whose}: "
         f"{ran} events, {skipped} skips, {sum(s.late for s in everyone)} of them late",
         f"{sent} datagrams sent, {sent / max(1, done + 1):.1f} a round; "
         f"longest round {max(s.longest_s for s in everyone):.3f} s; "

@@ -31,7 +31,7 @@ MOST_BIG_INT_BYTES = 1 << 16
 
 _FAULT_KINDS = tuple(FaultKind)
 
-type_of_plain = (bool, int, float, str, type(None))
+_SCALARS = (bool, int, float, str, type(None))
 
 # What is written, as types that msgspec checks: tuples instead of named fields, to save bytes.
 FlatWrite = tuple[int, tuple[Any, ...], Any]
@@ -75,11 +75,11 @@ def big_int(code: int, data: memoryview) -> int:
     return int.from_bytes(data, "big", signed=True)
 
 
-def _plain(value: Any) -> Plain:
+def plain(value: Any) -> Plain:
     """A decoded value with tuples for lists. Raises NotPlainError for what Koord has not."""
     if isinstance(value, list | tuple):
-        return tuple(_plain(item) for item in value)
-    if isinstance(value, type_of_plain):
+        return tuple(plain(item) for item in value)
+    if isinstance(value, _SCALARS):
         return value
     raise NotPlainError(f"a {type(value).__name__}")
 
@@ -142,7 +142,7 @@ def _attempt_of(flat: FlatAttempt) -> Attempt:
 
 def _write_of(flat: FlatWrite) -> Write:
     variable, path, value = flat
-    return Write(variable, tuple(_plain(step) for step in path), _plain(value))
+    return Write(variable, tuple(plain(step) for step in path), plain(value))
 
 
 def _asked_of(number: int) -> Asked:

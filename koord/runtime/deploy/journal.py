@@ -19,6 +19,7 @@ from koord.runtime.encoding import (
     big_int,
     encode,
     flat_proposal,
+    plain,
     proposal_of,
 )
 from koord.runtime.proposals import Proposal
@@ -88,9 +89,11 @@ class Journal:
             flat = _DECODER.decode(self.path.read_bytes())
             program, round_, status, turns, attributes, position, proposal, buffers = flat
             made = None if proposal is None else proposal_of(proposal)
+            own = tuple(map(plain, attributes))
+            kept = tuple((event, tuple(map(plain, state))) for event, state in buffers)
         except (OSError, msgspec.MsgspecError, NotPlainError, ValueError):
             return None
-        return Page(program, round_, status, turns, attributes, position, made, buffers)
+        return Page(program, round_, status, turns, own, position, made, kept)
 
     def forget(self) -> None:
         """The run is over: nobody comes back to it."""

@@ -1,0 +1,145 @@
+"""``koord deploy``, ``koord config`` and ``koord schema``, as they are called."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from koord.cli.exits import Exit
+from koord.cli.main import main
+
+EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
+SUM = str(EXAMPLES / "sum_of_ids.krd")
+
+
+@pytest.fixture
+def three(tmp_path: Path) -> str:
+    path = tmp_path / "three.yaml"
+    path.write_text("num_robots: 3\ndelta: 0.02\n", encoding="utf-8")
+    return str(path)
+
+
+def test_all_robots_run_on_this_machine(three: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code = main(["deploy", SUM, three, "--all-local", "--rounds", "6"])
+    out, err = capsys.readouterr()
+    assert code == Exit.OK, err
+    assert out.startswith("6 rounds of 3 robots: ")
+    assert "dropped: nothing" in out
+
+
+@pytest.mark.slow
+def test_a_run_is_recorded(three: str, tmp_path: Path) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    path = tmp_path / "run.mcap"
+    assert main(["deploy", SUM, three, "--all-local", "--rounds", "6", "--record", str(path)]) == 0
+    with path.open("rb") as file:
+        messages = [
+            (channel.topic, json.loads(message.data))
+            for _, channel, message in reader.make_reader(file).iter_messages()
+        ]
+    rounds = {(topic, m["round"]) for topic, m in messages if topic.startswith("/robots/")}
+    assert rounds >= {(f"/robots/{pid}", r) for pid in range(3) for r in range(-1, 6)}
+    assert any(topic == "/status" for topic, _ in messages)
+
+
+@pytest.mark.slow
+def test_a_fault_ends_the_run_for_all(
+    three: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = tmp_path / "fault.krd"
+    program.write_text(
+        "local:\n    int n = 3\nCount:\n    pre: true\n    eff: n = 6 / (n - pid)\n",
+        encoding="utf-8",
+    )
+    code = main(["deploy", str(program), three, "--all-local", "--rounds", "50"])
+    out, err = capsys.readouterr()
+    assert code == Exit.VIOLATED, out + err
+    assert "division by zero" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "--pid I for one robot, or --all-local"),
+        (["--all-local", "--pid", "1"], "--pid I for one robot, or --all-local"),
+        (["--pid", "1"], "no key in common"),
+    ],
+)
+def test_what_is_missing_is_told(
+    three: str, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["deploy", SUM, three, *words]) == Exit.BAD_INPUT
+    assert said in capsys.readouterr().err
+
+
+def test_a_pid_that_nobody_has_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    config = tmp_path / "c.yaml"
+    config.write_text("num_robots: 2\nnetwork: {key: sixteen letters ok}\n", encoding="utf-8")
+    assert main(["deploy", SUM, str(config), "--pid", "2"]) == Exit.BAD_INPUT
+    err = capsys.readouterr().err
+    assert "K932" in err
+    assert "the pids are 0 to 1" in err
+
+
+def test_functions_that_robots_do_not_have_are_told(
+    three: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mapping = str(EXAMPLES / "mapping.krd")
+    assert main(["deploy", mapping, three, "--all-local"]) == Exit.BAD_INPUT
+    assert "pickFrontierPos" in capsys.readouterr().err
+
+
+def test_kinds_that_the_program_does_not_have_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = tmp_path / "c.yaml"
+    config.write_text("agents: [{pid: 0, kind: Boat}]\n", encoding="utf-8")
+    program = str(EXAMPLES / "cars_and_drones.krd")
+    assert main(["deploy", program, str(config), "--all-local"]) == Exit.BAD_INPUT
+    assert "kind Boat" in capsys.readouterr().err
+
+
+def test_an_address_of_another_machine_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = tmp_path / "c.yaml"
+    config.write_text(
+        "agents: [{pid: 0, on_device: a}]\ndevices: {a: {ip: 192.0.2.1}}\n"
+        "network: {key: sixteen letters ok, transport: unicast}\n",
+        encoding="utf-8",
+    )
+    words = ["deploy", SUM, str(config), "--pid", "0", "--state", str(tmp_path)]
+    assert main(words) == Exit.BAD_INPUT
+    err = capsys.readouterr().err
+    assert "K933" in err
+    assert "192.0.2.1" in err
+
+
+# --- configurations -------------------------------------------------------------------------------
+
+
+def test_a_good_configuration_is_told_in_a_line(
+    three: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["config", "check", three]) == Exit.OK
+    assert "3 robots (CAR), multicast to 239.255.75.1, rounds of 0.02 s" in capsys.readouterr().out
+
+
+def test_a_bad_configuration_is_told_with_its_lines(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text("num_robots: 3\nseeed: 4\ndelta: x\n", encoding="utf-8")
+    assert main(["config", "check", str(path)]) == Exit.BAD_INPUT
+    out = capsys.readouterr().out
+    assert f"{path}:2:1: error K931: there is no field `seeed` here" in out
+    assert "did you mean `seed`?" in out
+    assert f"{path}:3:8: error K931" in out
+
+
+def test_the_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema"]) == Exit.OK
+    schema = json.loads(capsys.readouterr().out)
+    assert "num_robots" in json.dumps(schema)
