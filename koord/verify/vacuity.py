@@ -10,7 +10,7 @@ from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.walk import nodes
 from koord.verify.bmc import Unrolling
-from koord.verify.claims import Claim
+from koord.verify.claims import NO_FAULT, Claim
 from koord.verify.footprint import footprint
 from koord.verify.ledger import Ledger
 from koord.verify.reaching import inside_rounds, never_broken, seen, unbroken
@@ -72,8 +72,12 @@ def _unmet(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacui
         unmet = [never for never in pending if never in left.claims]
         always = never_broken(ledger, unmet, deadline, effort)
         blocked = _blocked(ledger, unmet, deadline, effort)
+        verdict = ledger.verdicts.get(NO_FAULT)
+        faults = verdict is not None and verdict.outcome is Outcome.VIOLATED
         for never in unmet:
-            yield _told(wishes[never], rounds, never in always, never in blocked)
+            told = _told(wishes[never], rounds, never in always, never in blocked)
+            # An event that faults ends the run, and so was not seen to run.
+            yield replace(told, detail=f"{told.detail} without a fault") if faults else told
 
 
 def _blocked(

@@ -204,6 +204,9 @@ def test_contradictory_assumptions_are_told() -> None:
     message = refusal("K920", lambda: drive(b.program(), 1))
     assert "meets the assumption Odd" in message
     assert "tries" in message
+    # Without a name of its own it has one that nobody wrote.
+    b.assumptions[0] = replace(b.assumptions[0], name="assume_1")
+    assert "that meets this assumption" in refusal("K920", lambda: drive(b.program(), 1))
 
 
 def test_assumptions_about_fixed_starts_are_told_at_once() -> None:

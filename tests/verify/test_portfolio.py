@@ -379,6 +379,16 @@ def test_a_search_that_ends_makes_it_certain_too() -> None:
     assert asked.empty == ["event Never: can never run"]
 
 
+def test_an_event_that_always_faults_is_not_said_to_be_impossible() -> None:
+    """[FAULT]: it can be tried, though a run in which it is goes no further."""
+    b = Build()
+    x = b.local("x", INT, 1)
+    b.event("Divide", TRUE, x.set(x / 0))
+    asked = ask(b.program(), robots=1, rounds=2)
+    assert asked.outcome("no fault") is Outcome.VIOLATED
+    assert asked.empty == ["event Divide: can never run without a fault"]
+
+
 def test_an_event_whose_round_cannot_end_is_told() -> None:
     """What follows an event, told as the conjunction of cases that exclude each other."""
     b = Build()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import dataclass
 
@@ -175,7 +176,9 @@ def _no_start(
 ) -> KoordError:
     assumption = unmet(d, system, configuration, inputs)
     assert assumption is not None
-    name = f"the assumption {assumption.name}" if assumption.name else "an assumption"
+    # Those without a name were given one that no reader of the program knows.
+    named = not re.fullmatch(r"assume_\d+", assumption.name)
+    name = f"the assumption {assumption.name}" if named else "this assumption"
     tries = f"in {START_TRIES} tries " if inputs.starts or inputs.answers else ""
     return _refusal(
         "K920",
