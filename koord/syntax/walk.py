@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any
 
 from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType
 
@@ -16,8 +18,17 @@ def nodes(node: object) -> Iterator[object]:
     if isinstance(node, tuple):
         for part in node:
             yield from nodes(part)
-    elif is_dataclass(node) and not isinstance(node, _TYPES):
+        return
+    names = _below(type(node))
+    if names is not None:
         yield node
-        for field in fields(node):
-            if field.name != "span":
-                yield from nodes(getattr(node, field.name))
+        for name in names:
+            yield from nodes(getattr(node, name))
+
+
+@cache
+def _below(class_: Any) -> tuple[str, ...] | None:
+    """The fields of a node that hold parts of it; None for what is no node."""
+    if not is_dataclass(class_) or issubclass(class_, _TYPES):
+        return None
+    return tuple(field.name for field in fields(class_) if field.name != "span")
