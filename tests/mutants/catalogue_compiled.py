@@ -41,7 +41,6 @@ COMPILER = (
         "if isinstance(e.right, core.Const) and e.right.value:",
         "if isinstance(e.right, core.Const) or e.right.type:",
         (FAULTS,),
-        quick=True,
     ),
     Mutant(
         "a fault is told of at the whole division",
@@ -49,7 +48,6 @@ COMPILER = (
         "where = Code(scope.place(e.right.span))",
         "where = Code(scope.place(e.span))",
         (FAULTS,),
-        quick=True,
     ),
     Mutant(
         "any index is inside of an array",
@@ -57,14 +55,13 @@ COMPILER = (
         "return isinstance(type_.size, int) and 0 <= value < type_.size",
         "return True",
         (FAULTS,),
-        quick=True,
     ),
     Mutant(
         "a loop's bound is any array's size",
         "runtime/compile/expressions.py",
         "return isinstance(size, int) and value <= size",
         "return isinstance(size, int)",
-        (GENERATED,),
+        (FAULTS,),
     ),
     Mutant(
         "what is unset is read",
@@ -72,7 +69,6 @@ COMPILER = (
         'check = "whole" if is_tree(type_) else "known"',
         'check = "whole"\n        if not is_tree(type_):\n            return code',
         (FAULTS,),
-        quick=True,
     ),
     Mutant(
         "a key forgets the loops around it",
@@ -101,7 +97,6 @@ COMPILER = (
         "if plain and not (items.faults and wanted.faults):",
         "if plain:",
         (FAULTS,),
-        quick=True,
     ),
     Mutant(
         "an item is appended before it is evaluated",
@@ -109,7 +104,6 @@ COMPILER = (
         "if not (value.faults and other.faults):",
         "if value.faults or not value.faults:",
         (FAULTS,),
-        quick=True,
     ),
     Mutant(
         "a queue is popped at its end",
@@ -153,7 +147,6 @@ COMPILER = (
         'parts.append("urgent=True")',
         "pass",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "INIT is thought to be over while it runs",
@@ -178,7 +171,6 @@ VALUES = (
         "if 0 <= index < len(items):",
         "if -len(items) <= index < len(items):",
         (FAULTS,),
-        quick=True,
     ),
     Mutant(
         "a write below nothing is no fault",
@@ -186,7 +178,6 @@ VALUES = (
         "                raise FaultError(FaultKind.KEY, places[position + 1])",
         "                return",
         (FAULTS,),
-        quick=True,
     ),
     Mutant(
         "every equal element is removed",
@@ -215,7 +206,6 @@ VALUES = (
         "            return path[:position], changed[step]",
         "            return path[:position], value",
         (ROUNDS,),
-        quick=True,
     ),
 )
 
@@ -227,7 +217,6 @@ ENGINE = (
         "        for buffer in self._buffers.values():\n            self.__dict__ = buffer.state\n"
         "        self.__dict__.update(changed)\n        self.ran = None",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "an event runs on the robot itself",
@@ -235,7 +224,6 @@ ENGINE = (
         "            self.__dict__ = before\n        return buffer",
         "            self.__dict__ = buffer.state\n        return buffer",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "others' writes are not seen",
@@ -243,7 +231,6 @@ ENGINE = (
         "        self.__dict__ = buffer.state\n        self.__dict__.update(changed)",
         "        self.__dict__ = buffer.state",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "trystop undoes stop",
@@ -251,7 +238,6 @@ ENGINE = (
         "if self._buffer.asked is Asked.NOTHING:",
         "if self._buffer.asked:",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "an urgent event has no second",
@@ -259,7 +245,6 @@ ENGINE = (
         "chosen += [buffer for buffer in owed if buffer not in chosen]",
         "chosen += [buffer for buffer in owed if not chosen]",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "an urgent event whose pre faults obliges",
@@ -281,7 +266,6 @@ ENGINE = (
         "taken.update(attempt.locks)",
         "taken.discard(-1)",
         (DECIDING,),
-        quick=True,
     ),
     Mutant(
         "the first write to a location counts",
@@ -289,7 +273,6 @@ ENGINE = (
         "        writes += attempt.writes\n",
         "        writes[:0] = attempt.writes\n",
         (DECIDING,),
-        quick=True,
     ),
     Mutant(
         "who skips comes first",
@@ -304,7 +287,6 @@ ENGINE = (
         "if first < len(items):",
         "items += [write.value] * (first - len(items) + 1)\n                if first < len(items):",
         (STORE,),
-        quick=True,
     ),
     Mutant(
         "two stores look alike",
@@ -312,7 +294,6 @@ ENGINE = (
         "return blake2b(repr(self.snapshot()).encode(), digest_size=DIGEST_BYTES).digest()",
         "return blake2b(repr(self.layout).encode(), digest_size=DIGEST_BYTES).digest()",
         (STORE,),
-        quick=True,
     ),
     Mutant(
         "asking to stop is enough for oneself",
@@ -320,7 +301,6 @@ ENGINE = (
         "if self.ended is None and all(r.status is not Status.RUNNING for r in self.robots):",
         "if self.ended is None and any(r.status is not Status.RUNNING for r in self.robots):",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "a fault may be anywhere",
@@ -328,7 +308,6 @@ ENGINE = (
         "if str(fault.span) == place:",
         "if str(fault.span) != place[:0]:",
         (JUDGING,),
-        quick=True,
     ),
 )
 

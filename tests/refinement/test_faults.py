@@ -23,6 +23,21 @@ CASES = {
     "index of an array": ("to = pair[two]", FaultKind.INDEX, "two]"),
     "write at an index": ("list[two] = 1", FaultKind.INDEX, "two] ="),
     "write at a negative index": ("pair[zero - 1] = 1", FaultKind.INDEX, "zero - 1]"),
+    "a loop that goes on behind an array": (
+        "for k = 0, 3:\n      pair[k] = pair[k - k]",
+        FaultKind.UNSET,
+        "pair[k - k]",
+    ),
+    "a loop that writes behind an array": (
+        "for k = 0, 3:\n      pair[k] = k",
+        FaultKind.INDEX,
+        "k] = k",
+    ),
+    "a loop that reads behind an array": (
+        "pair = [1, 2]\n    for k = 0, 3:\n      to = pair[k]",
+        FaultKind.INDEX,
+        "k]",
+    ),
     "write into a row": ("rows[two][0] = 1", FaultKind.INDEX, "two]["),
     "integer division": ("to = 1 / zero", FaultKind.DIVISION, "zero"),
     "division": ("nought = 1.0 / nought", FaultKind.DIVISION, "nought"),

@@ -12,7 +12,7 @@ from koord.syntax.walk import nodes
 from tests.refinement.running import seeds
 
 #: Runs in every run of the tests, and in the slow ones.
-FEW, MANY = 150, 2_000
+FEW, MANY = 300, 4_000
 ROUNDS = 4
 
 
