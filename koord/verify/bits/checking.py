@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from koord.verify.bits.clauses import STRONG, Clauses
+from koord.verify.bits.clauses import OTHER, Clauses
 from koord.verify.bits.graph import Graph
 from koord.verify.bits.pdr import Cube, Question
 
@@ -18,11 +18,11 @@ def holds_always(g: Graph, question: Question, cubes: Sequence[Cube]) -> bool:
     now = [_cube(g, cube, [latch.literal for latch in question.latches]) for cube in cubes]
     first = [_cube(g, cube, [latch.init for latch in question.latches]) for cube in cubes]
     then = [_cube(g, cube, [latch.next for latch in question.latches]) for cube in cubes]
-    start = Clauses(g, STRONG)
+    start = Clauses(g, OTHER)
     start.require(question.opens)
     initiated = not start.solve([start.of(g.any_of(first))])
     start.close()
-    step = Clauses(g, STRONG)
+    step = Clauses(g, OTHER)
     for literal in (*question.given, *(x ^ 1 for x in now)):
         step.require(literal)
     safe = not step.solve([step.of(question.bad)])

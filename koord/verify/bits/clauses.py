@@ -18,9 +18,11 @@ TRUE_SIDE = 1
 FALSE_SIDE = 2
 BOTH_SIDES = 3
 
-#: For questions that come one after the other by the thousand, and for few hard ones.
+#: Which can be interrupted, and is quick where questions come by the thousand.
 QUICK = "glucose4"
-STRONG = "cadical195"
+
+#: Which cannot, and shares nothing with the other: for what was found to be asked again.
+OTHER = "cadical195"
 
 
 @dataclass(slots=True)
@@ -31,7 +33,7 @@ class Clauses:
     """
 
     graph: Graph
-    engine: str = STRONG
+    engine: str = QUICK
     _solver: Any = field(init=False)
     _numbers: dict[int, int] = field(default_factory=dict)
     _sides: dict[int, int] = field(default_factory=dict)
@@ -78,7 +80,7 @@ class Clauses:
             return Answer.SAT if self.solve(assumptions) else Answer.UNSAT
         if left <= 0:
             return Answer.UNKNOWN
-        if self.engine == STRONG:  # which knows no interruption
+        if self.engine == OTHER:  # which knows no interruption
             return Answer.SAT if self.solve(assumptions) else Answer.UNSAT
         timer = Timer(left, self._solver.interrupt)
         timer.start()

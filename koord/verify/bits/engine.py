@@ -14,6 +14,7 @@ from koord.verify.bits import pdr
 from koord.verify.bits.checking import holds_always
 from koord.verify.bits.clauses import QUICK, TRUE_SIDE, Clauses
 from koord.verify.bits.graph import FALSE
+from koord.verify.bits.narrowing import everything, narrowed
 from koord.verify.bits.renaming import images
 from koord.verify.bits.runs import recording
 from koord.verify.bits.transition import LEVELS, Circuit, circuit_of
@@ -216,30 +217,31 @@ class _Run:
     def _search(self) -> None:
         """IC3 on the claims that are left, all at once, until each is settled or gives up."""
         circuit, g = self.circuit, self.circuit.d.graph
+        narrow = exchange = True
         while claims := self.open():
-            bad = g.any_of([x for c in claims for _, x in circuit.bad[c]])
-            question = self._question(g.either(bad, self._lost()))
-            found = self._searched(question, claims)
+            given = [circuit.held[c] for c in self.ledger.proved() if c in circuit.held]
+            question = (narrowed if narrow else everything)(circuit, claims, given)
+            found = self._searched(question, claims, exchange=exchange)
             match found:
                 case pdr.Invariant():
-                    assert holds_always(g, question, found.cubes)
-                    self._holds(claims)
+                    if holds_always(g, question, found.cubes):
+                        self._holds(claims)
+                        return
+                    # Robots were exchanged that are not alike in every bit.
+                    assert exchange, "an invariant that is none"
+                    exchange = False
                 case pdr.Reached(rounds=rounds):
                     before = len(claims)
                     self._unroll(rounds)
                     if len(self.open()) == before:
-                        return
+                        if not narrow:
+                            return
+                        narrow = False
                 case pdr.Unfinished():
                     return
 
-    def _question(self, bad: int) -> pdr.Question:
-        circuit, g = self.circuit, self.circuit.d.graph
-        given = tuple(circuit.held[c] for c in self.ledger.proved() if c in circuit.held)
-        latches = pdr.reduced(circuit.latches, g.cone, [bad, circuit.steps, *given])
-        return pdr.Question(latches, circuit.opens, circuit.steps, bad, given)
-
     def _searched(
-        self, question: pdr.Question, claims: Sequence[Claim]
+        self, question: pdr.Question, claims: Sequence[Claim], *, exchange: bool
     ) -> pdr.Invariant | pdr.Reached | pdr.Unfinished:
         g, ledger = self.circuit.d.graph, self.ledger
         properties = tuple(c.stated for c in claims if c.stated is not None)
@@ -248,7 +250,7 @@ class _Run:
             clauses,
             question,
             ledger.deadline,
-            images(ledger.system, properties, question.latches),
+            images(ledger.system, properties if exchange else None, question.latches),
             lambda frame, cubes: ledger.progress(f"bits, IC3, frame {frame}, {cubes} clauses"),
             limit=FEW_QUESTIONS if self.sparing else None,
         )

@@ -59,12 +59,17 @@ class Unfinished:
 
 @dataclass(slots=True)
 class Search:
-    """One run of IC3. ``images`` gives what a cube becomes when robots change places."""
+    """One run of IC3.
+
+    ``images`` gives what a cube becomes when robots change places; None if that is not to be said
+    of it in cubes. Images of what is excluded are excluded as well, unasked as long as all that was
+    learned has images, for then frames are symmetric.
+    """
 
     clauses: Clauses
     question: Question
     deadline: Deadline
-    images: Callable[[Cube], Iterable[Cube]] = lambda cube: ()
+    images: Callable[[Cube], Iterable[Cube] | None] = lambda cube: None
     progress: Callable[[int, int], None] = lambda frame, cubes: None
     limit: int | None = None  #: so many questions are asked at most
     frames: list[set[Cube]] = field(default_factory=list)
@@ -80,6 +85,7 @@ class Search:
     _first: dict[int, bool] = field(default_factory=dict)  #: what latches are after INIT, if known
     _counter: int = 0
     _spent: int = 0
+    _lopsided: bool = False  #: whether something without images was learned
     _depth: int = 0
     _weight: dict[int, float] = field(default_factory=dict)
 
@@ -309,9 +315,19 @@ class Search:
         for x in cube:
             self._weight[x] = self._weight.get(x, 0.0) + 1.0
         self._add(cube, level)
-        for image in self.images(cube):
-            if all(image not in frame for frame in self.frames[level:]):
+        images = self.images(cube)
+        if images is None:
+            self._lopsided = True
+            return
+        for image in images:
+            if all(image not in frame for frame in self.frames[level:]) and (
+                not self._lopsided or self._is_kept_out(image, level)
+            ):
                 self._add(image, level)
+
+    def _is_kept_out(self, cube: Cube, level: int) -> bool:
+        """Whether neither INIT nor the frame before leads to a cube."""
+        return not self._starts_in(cube) and self._leads_to(level - 1, cube) is not None
 
     def _add(self, cube: Cube, level: int) -> None:
         for frame in self.frames[1:level]:

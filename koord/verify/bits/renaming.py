@@ -7,7 +7,7 @@ hold would show when the invariant is checked.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 from math import perm
@@ -24,15 +24,17 @@ MANY = 400
 
 
 def images(
-    system: System, properties: tuple[core.Property, ...], latches: Sequence[Latch]
-) -> Callable[[Cube], Iterator[Cube]]:
-    """What a cube becomes when robots that may do so change places."""
+    system: System, properties: tuple[core.Property, ...] | None, latches: Sequence[Latch]
+) -> Callable[[Cube], list[Cube] | None]:
+    """What a cube becomes when robots that may do so change places; for None they may not."""
+    if properties is None:
+        return lambda cube: None
     # Functions that stand for list expressions come last in the program, and are spoken of before.
     externals = tuple(sorted(system.program.externals, key=lambda e: bool(e.ensures)))
     ordered = replace(system, program=replace(system.program, externals=externals))
     found = symmetry_of(ordered, properties)
     if not isinstance(found, Symmetry):
-        return lambda cube: iter(())
+        return lambda cube: None
     return _Renaming(system, found, latches).of
 
 
@@ -70,17 +72,28 @@ class _Renaming:
             self._places.append(place)
             self._numbers[place] = number
 
-    def of(self, cube: Cube) -> Iterator[Cube]:
+    def of(self, cube: Cube) -> list[Cube] | None:
+        """The images of a cube, or None if they are not cubes, or too many."""
         places = [self._places[abs(x) - 1] for x in cube]
+        if None in places:
+            return None
         robots = sorted({r for place in places if place is not None for r in place.robots})
-        for group in self.symmetry.groups:
-            if robots and set(robots) <= set(group) and None not in places:
-                if perm(len(group), len(robots)) > MANY:
-                    return
-                for others in permutations(group, len(robots)):
-                    image = self._image(cube, places, dict(zip(robots, others, strict=True)))
-                    if image is not None and image != cube:
-                        yield image
+        moving = [r for r in robots if any(r in group for group in self.symmetry.groups)]
+        groups = [group for group in self.symmetry.groups if set(group) & set(moving)]
+        if not groups:
+            return [] if not robots else None
+        if len(groups) > 1 or len(moving) < len(robots):
+            return None
+        if perm(len(groups[0]), len(robots)) > MANY:
+            return None
+        found: list[Cube] = []
+        for others in permutations(groups[0], len(robots)):
+            image = self._image(cube, places, dict(zip(robots, others, strict=True)))
+            if image is None:
+                return None
+            if image != cube:
+                found.append(image)
+        return found
 
     def _image(
         self, cube: Cube, places: Sequence[_Place | None], to: dict[int, int]

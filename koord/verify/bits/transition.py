@@ -61,7 +61,9 @@ class Circuit:
 
     ``opens`` holds of the inputs of INIT that lead to a configuration, ``steps`` of a state and
     inputs that make a whole round. ``bad`` says of each claim in which phase of a round it breaks
-    and when, ``bad_start`` when INIT breaks it, and ``held`` when the state itself keeps it.
+    and when, ``bad_start`` when INIT breaks it, and ``held`` when the state itself keeps it. ``bad`` is what is
+    ``broken`` together with all that is ``needed`` for the phase to come; ``steps`` is what is needed
+    for a whole round and no fault.
     ``lost`` is when lists outgrow their room: behind it nothing is known.
     """
 
@@ -72,6 +74,9 @@ class Circuit:
     lost: int
     bad_start: dict[Claim, int]
     bad: dict[Claim, tuple[tuple[Phase, int], ...]]
+    broken: dict[Claim, tuple[tuple[Phase, int], ...]]
+    needed: dict[Phase, tuple[int, ...]]
+    faults: tuple[int, ...]  #: of the program's turns, and of the environment's
     held: dict[Claim, int]
     opening: Opening
     start: Configuration[Bits]
@@ -231,10 +236,12 @@ class _Builder:
             Phase.END: [*base, *ended, sound],
         }
         bad: dict[Claim, tuple[tuple[Phase, int], ...]] = {claim: () for claim in self.claims}
+        broken = dict(bad)
         for moment, (violated, _) in zip(moments, found, strict=True):
             for claim, when in violated.items():
                 here_bad = g.both(g.all_of(needs[moment.phase]), when)
                 bad[claim] = (*bad[claim], (moment.phase, here_bad))
+                broken[claim] = (*broken[claim], (moment.phase, when))
         latches = [
             Latch(name, x, initially[0].get(x, FALSE), after[0].get(x, FALSE))
             for name, x in landing.names.items()
@@ -247,6 +254,9 @@ class _Builder:
             g_lost,
             {claim: g.both(g.all_of(opens), when) for claim, when in starts.items()},
             bad,
+            broken,
+            {phase: tuple(parts) for phase, parts in needs.items()},
+            (sound ^ 1, sound_end ^ 1),
             {claim: when ^ 1 for claim, when in kept.items()},
             p.opening,
             p.start,
