@@ -36,7 +36,10 @@ def scan_to_map(grid: Grid, scan: Sequence[Point], range_m: float) -> dict[int, 
     way = ends - origin
     length = np.hypot(way[:, 0], way[:, 1])
     unit = way / np.maximum(length, 1e-12)[:, None]
-    hit = length < range_m - 1e-9
+    # What was met at the corner of a cell may belong to any of four.
+    place = (ends - np.array(grid.origin)) / grid.cell_m
+    corner = (np.abs(place - np.round(place)) * grid.cell_m < 2 * _INTO_M).all(1)
+    hit = (length < range_m - 1e-9) & ~corner
     seen = dict.fromkeys(_cells(grid, origin, unit, length), False)
     inside = ends[hit] + _INTO_M * unit[hit]
     seen.update(dict.fromkeys(_number(grid, inside), True))
