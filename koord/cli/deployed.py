@@ -107,5 +107,5 @@ def summary(statuses: Mapping[int, Status], job: Job) -> str:
     ]
     if behind:
         lines.append(f"not at the last round: {', '.join(behind)}")
-    lines += [f"robot {s.pid}: {story(s)}" for s in everyone if s.fault is not None]
+    lines += sorted({story(status) for status in everyone if status.fault is not None})
     return "\n".join(lines)

@@ -50,7 +50,7 @@ def test_a_fault_ends_the_run_for_all(
 ) -> None:
     program = tmp_path / "fault.krd"
     program.write_text(
-        "local:\n    int n = 3\nCount:\n    pre: true\n    eff: n = 6 / (n - pid)\n",
+        "local:\n    int n = 3\nCount:\n    pre: true\n    eff: n = 6 / (pid - 1)\n",
         encoding="utf-8",
     )
     code = main(["deploy", str(program), three, "--all-local", "--rounds", "50"])
