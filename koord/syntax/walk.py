@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
-from functools import cache
-from typing import Any
 
 from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType
 
 #: Types are dataclasses too, but no part of the program text.
 _TYPES = (RecordType, ArrayType, ListType, QueueType, MapType)
+
+#: What was looked up, by class: a program has many nodes of few classes.
+_BELOW: dict[type, tuple[str, ...] | None] = {}
 
 
 def nodes(node: object) -> Iterator[object]:
@@ -26,9 +27,11 @@ def nodes(node: object) -> Iterator[object]:
             yield from nodes(getattr(node, name))
 
 
-@cache
-def _below(class_: Any) -> tuple[str, ...] | None:
+def _below(class_: type) -> tuple[str, ...] | None:
     """The fields of a node that hold parts of it; None for what is no node."""
-    if not is_dataclass(class_) or issubclass(class_, _TYPES):
-        return None
-    return tuple(field.name for field in fields(class_) if field.name != "span")
+    if class_ not in _BELOW:
+        known = None
+        if is_dataclass(class_) and class_ not in _TYPES:
+            known = tuple(field.name for field in fields(class_) if field.name != "span")
+        _BELOW[class_] = known
+    return _BELOW[class_]
