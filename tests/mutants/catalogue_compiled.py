@@ -60,7 +60,7 @@ COMPILER = (
         "a loop's bound is any array's size",
         "runtime/compile/expressions.py",
         "return isinstance(size, int) and value <= size",
-        "return isinstance(size, int)",
+        "return isinstance(size, int) and value >= 0",
         (FAULTS,),
     ),
     Mutant(

@@ -21,6 +21,8 @@ CASES = {
     "index of a list": ("to = list[two]", FaultKind.INDEX, "two]"),
     "negative index": ("to = list[zero - 1]", FaultKind.INDEX, "zero - 1]"),
     "index of an array": ("to = pair[two]", FaultKind.INDEX, "two]"),
+    "constant index of an array": ("to = pair[7]", FaultKind.INDEX, "7]"),
+    "write at a constant index": ("pair[7] = 1", FaultKind.INDEX, "7] ="),
     "write at an index": ("list[two] = 1", FaultKind.INDEX, "two] ="),
     "write at a negative index": ("pair[zero - 1] = 1", FaultKind.INDEX, "zero - 1]"),
     "a loop that goes on behind an array": (
