@@ -251,7 +251,8 @@ ENGINE = (
         "runtime/robot.py",
         "if (b := self.try_event(k)) is not None and not b.in_pre]",
         "if (b := self.try_event(k)) is not None]",
-        ("tests/refinement/test_values.py",),
+        (ROUNDS,),
+        quick=True,
     ),
     Mutant(
         "answers are kept for the next round",

@@ -104,10 +104,9 @@ def test_stop_and_trystop() -> None:
 
 
 def test_a_stop_outlasts_a_wish_to_stop_together() -> None:
-    it = fleet("local:\n  int n = 0\nE:\n  eff:\n    stop\n    trystop()\n    n = 1\n"
-               "F:\n  pre: pid == 1\n  eff:\n    n = 2\n", 1)  # fmt: skip
+    it = fleet("E:\n  pre: pid == 0\n  eff:\n    stop\n    trystop()\n")
     it.program_turns(Deployed())
-    assert it.robots[0].status is Status.STOPPED
+    assert [robot.status for robot in it.robots] == [Status.STOPPED, Status.RUNNING]
     assert it.robots[0].propose(1).attempts == ()
 
 
@@ -137,6 +136,15 @@ def test_an_urgent_robot_is_not_unwilling() -> None:
     free = fleet(URGENT.replace("urgent ", ""), 1).robots[0]
     assert free.propose(0, willing=False).attempts == ()
     assert not free.propose(0, willing=False).urgent
+
+
+def test_an_urgent_event_whose_pre_cannot_be_evaluated_does_not_oblige() -> None:
+    """[SKIP]"""
+    it = fleet("local:\n  int n = 0\nurgent E:\n  pre: 1 / n > 0\n  eff:\n    n = 1\n", 1)
+    offered = it.robots[0].propose(0, willing=False)
+    assert not offered.urgent
+    assert offered.attempts == ()
+    assert it.robots[0].propose(0).attempts[0].fault is not None
 
 
 def test_the_deployed_order_of_choice_is_that_of_the_program() -> None:

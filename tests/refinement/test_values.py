@@ -82,6 +82,44 @@ CASES = {
         "allread:\n  int[] x = 1\nlocal:\n  int n = 0\ninit:\n  n = x[pid]\n  n = x[0]\n"
         "Go:\n  eff:\n    n = x[numAgents - 1]\n"
     ),
+    "requires with quantifiers": (
+        "def fun far(int[] xs, int k) -> int: extern\n"
+        "  requires: (forall i in 0, length(xs): xs[i] >= i) and (exists x in xs: x == k)\n"
+        "local:\n  int[] xs = [0, 1]\n  int n = 0\nGo:\n  eff:\n    n = far(xs, n + pid)\n"
+        "    if n > 3 or n < 0: n = 0\n    append(xs, n)\n"
+    ),
+    "requires that asks": (
+        "def fun near(int k) -> bool: extern\n"
+        "def fun far(int k) -> int: extern\n  requires: near(k) or k < 9\n  ensures: result > k\n"
+        "local:\n  int n = 0\nGo:\n  eff:\n    for k = 0, 3:\n      n = far(n)\n"
+    ),
+    "asked anew in every loop": (
+        "def fun pick(int k) -> int: extern fresh\n  ensures: result >= 0 and (k <= 0 or result < k)\n"
+        "def fun twice(int k) -> int:\n  int n = 0\n  for i = 0, 2:\n    n = n + pick(k)\n"
+        "  return n\n"
+        "local:\n  int n = 0\n  int[] xs = [4, 5]\nGo:\n  eff:\n    for i, x in xs:\n"
+        "      for k = 0, 2:\n        n = n + pick(x + k) + twice(x)\n    for x in xs:\n"
+        "      xs[pick(2)] = pick(9)\n"
+    ),
+    "roots, distances, middles": (
+        "using Motion:\n  sensors:\n    pos psn\n  actuators:\n    pos target\n"
+        "local:\n  float d = 0.0\n  pos p = pos(1.0, 2.0, 2.0)\n  pos[] many = []\n"
+        "Go:\n  eff:\n    d = distance(p, Motion.psn) + norm(p) + abs(-2.5)\n"
+        "    p = midpoint(p, Motion.psn) - p * 0.5 + -p / 3.0\n    append(many, p)\n"
+        "    Motion.target = midpoint(many)\n    d = sqrt(d)\n"
+    ),
+    "neighbours, tasks": (
+        "allwrite:\n  Task[2] list\nallread:\n  int[] x = pid\nlocal:\n  int n = 0\n  Task t\n"
+        "init:\n  for i = 0, 2:\n    list[i] = Task(loc = pos(0.0, 1.0, 0.0), id = i)\n"
+        "Go:\n  pre: not allAssigned(list)\n  eff:\n    atomic:\n"
+        "      t = getAvailableNextTask(list)\n      assign(list[t.id], pid)\n"
+        "    for k in getNeighbors(pid):\n      n = n + x[k]\n    x[pid] = n\n"
+    ),
+    "output of every type": (
+        "enum Mode: idle, busy\nlocal:\n  Mode m = busy\n  float x = 0.1\n  int[] xs = [1]\n"
+        'Go:\n  eff:\n    stdout << "mode " << m << x << xs << true << pos(1.0, 2.0, x)\n'
+        "    x = x + x / 3.0\n"
+    ),
     "a pre that faults does not oblige": (
         "local:\n  int n = 0\nurgent Odd:\n  pre: 1 / n > 0\n  eff:\n    n = n + 1\n"
         "Even:\n  eff:\n    n = n + 2\n"
