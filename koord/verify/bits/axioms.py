@@ -1,9 +1,9 @@
 """What summaries say of all opaque values, said of those tokens that come into question.
 
 An axiom is a statement about atoms over variables. It is required of tokens where all of its atoms
-but one were asked about (the one may be of its own function only, and of no computed token), and where
-two tokens may be equal, what is known of the one is known of the other. To leave out instances is
-sound: it allows more.
+but one were asked about (the one may be of its own function only, and of no computed token), and
+where two tokens may be equal, what is known of the one is known of the other. To leave out
+instances is sound: it allows more.
 """
 
 from __future__ import annotations
@@ -280,7 +280,7 @@ def _read(
         m.memory.bound[promise.variable.slot] = held(cast(Any, d), cast(Any, value))
         promise = promise.body
     met = conjunction(cast(Any, d), [statement(m, e) for e in external.requires])
-    holds = literal(cast(Bits, d.binary(BinaryOp.IMPLIES, cast(Bits, met), statement(m, promise))))
+    holds = literal(d.binary(BinaryOp.IMPLIES, cast(Bits, met), statement(m, promise)))
     atoms = d.opaques.atoms[PATTERNS]
     d.opaques.atoms[PATTERNS] = before
     inputs = {node for node in d.graph.cone([holds]) if d.graph.is_input(node)}

@@ -1,7 +1,8 @@
 """What a state is made of: what each scalar of a configuration may be, from one round to the next.
 
-A *leaf* stands for one scalar, a constant of the text or what is known of its values. Leaves have the
-place of scalars in configurations, so a configuration of leaves says which states are looked at.
+A *leaf* stands for one scalar, a constant of the text or what is known of its values. Leaves have
+the place of scalars in configurations, so a configuration of leaves says which states are looked
+at.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Ranged:
-    """A number of a range, before it is divided by ``scale``; or any at all, where it ``strays``."""
+    """A number of a range, before it is divided by ``scale``; any at all where it ``strays``."""
 
     low: int
     high: int

@@ -27,7 +27,8 @@ OTHER = "cadical195"
 
 @dataclass(slots=True)
 class Clauses:
-    """A solver over one graph, which takes in what is asked about. Literals of it are signed numbers.
+    """A solver over one graph, which takes in what is asked about. Literals of it are signed
+    numbers.
 
     A conjunction is written down only in the directions in which somebody needs it.
     """

@@ -252,7 +252,7 @@ class BitDomain:
                 return Choice("", ((Known(value), TRUE),))
 
     def for_all(self, variables: Sequence[Bits], body: Bits) -> Bits:
-        """Whether a Boolean holds whatever its variables are: may be either, if it depends on them."""
+        """Whether a Boolean holds whatever its variables are: may be either if it hangs on them."""
         if not isinstance(body, Bit):
             return body
         return Bit(self.graph.input("for all"))

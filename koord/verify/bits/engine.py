@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from koord.semantics.machine import NotFiniteError
@@ -149,7 +149,7 @@ class _Run:
                 return
             self.completed += 1
 
-    def _looked(self, copy: Copy, bad: dict[Claim, tuple[tuple[Phase, int], ...]]) -> bool:
+    def _looked(self, copy: Copy, bad: Mapping[Claim, tuple[tuple[Phase, int], ...]]) -> bool:
         """Settle the claims that break in one step. False if time ran out."""
         unrolled, deadline = self.unrolled, self.ledger.deadline
         for claim in self.open():

@@ -1,7 +1,7 @@
 """And-inverter graphs: Boolean functions built of conjunction and negation, each kept once.
 
-A *literal* is an even number for a node and the odd one behind it for its negation; 0 is false and 1
-is true. Nodes come after what they are made of, so a walk in order of number is bottom-up.
+A *literal* is an even number for a node and the odd one behind it for its negation; 0 is false and
+1 is true. Nodes come after what they are made of, so a walk in order of number is bottom-up.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Graph:
             a, b = b, a
         if a == FALSE or a == b ^ 1:
             return FALSE
-        if a == TRUE or a == b:
+        if a in (TRUE, b):
             return b
         known = self._known.get((a, b))
         if known is not None:
@@ -61,7 +61,7 @@ class Graph:
         return simpler
 
     def _absorbed(self, a: int, b: int) -> int | None:
-        """``a and b`` where ``b`` is a conjunction of something with ``a``, or the negation of one."""
+        """``a and b`` where ``b`` is a conjunction with ``a`` in it, or the negation of one."""
         node = b >> 1
         first, second = self.left[node], self.right[node]
         if first == _LEAF:

@@ -31,9 +31,7 @@ def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) ->
     inputs: set[int] = set()
     while roots:
         inputs = _closed(g, by_node, roots, inputs)
-        roots = [
-            x for x in pending if about[x] & inputs and about[x] & relations <= inputs
-        ]
+        roots = [x for x in pending if about[x] & inputs and about[x] & relations <= inputs]
         kept.update(roots)
         pending = [x for x in pending if x not in kept]
     steps = g.all_of(kept)
@@ -56,9 +54,7 @@ def everything(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) 
     return Question(latches, circuit.opens, circuit.steps, violated, known)
 
 
-def _closed(
-    g: Graph, latches: dict[int, Latch], roots: list[int], known: set[int]
-) -> set[int]:
+def _closed(g: Graph, latches: dict[int, Latch], roots: list[int], known: set[int]) -> set[int]:
     """The inputs and latches that literals depend on, now or later, and those known before."""
     found = set(known)
     while roots:

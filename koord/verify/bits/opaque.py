@@ -1,9 +1,9 @@
 """Opaque values: of these only equality and uninterpreted relations are known.
 
 At any moment finitely many of them exist. A *token* is one that came about: what a variable held at
-the start of a round, an answer, a function of other tokens. A value that is not known is a *choice* of
-tokens under conditions that exclude each other. What is known of tokens are *atoms*: one literal for
-each relation and each tuple of tokens that somebody asks about.
+the start of a round, an answer, a function of other tokens. A value that is not known is a *choice*
+of tokens under conditions that exclude each other. What is known of tokens are *atoms*: one literal
+for each relation and each tuple of tokens that somebody asks about.
 """
 
 from __future__ import annotations

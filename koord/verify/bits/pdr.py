@@ -1,9 +1,9 @@
 """IC3, also called PDR: an invariant of a circuit found clause by clause, for all rounds.
 
-Frame k is a set of clauses that hold of every state after at most k rounds. A state of the last frame
-that breaks a claim is an *obligation*: it is excluded by a clause, with what led to it if need be, or
-led back to INIT. When two frames are alike, they are an invariant. See Een, Mishchenko, Brayton,
-*Efficient implementation of property directed reachability* (2011).
+Frame k is a set of clauses that hold of every state after at most k rounds. A state of the last
+frame that breaks a claim is an *obligation*: it is excluded by a clause, with what led to it if
+need be, or led back to INIT. When two frames are alike, they are an invariant. See Een, Mishchenko,
+Brayton, *Efficient implementation of property directed reachability* (2011).
 """
 
 from __future__ import annotations
@@ -231,9 +231,7 @@ class Search:
     def _is_excluded(self, cube: Cube, level: int) -> bool:
         """Whether a clause of the frame keeps the whole cube out."""
         literals = set(cube)
-        return any(
-            literals.issuperset(other) for frame in self.frames[level:] for other in frame
-        )
+        return any(literals.issuperset(other) for frame in self.frames[level:] for other in frame)
 
     def _generalised(self, cube: Cube, level: int, depth: int = 0) -> Cube:
         """A part of a cube that the frame before does not lead to either, as small as is easy."""

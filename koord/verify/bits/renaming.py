@@ -1,4 +1,5 @@
-"""Which other cubes of states are excluded when one is: those where robots changed places. [SYMMETRY]
+"""Which other cubes of states are excluded when one is: those where robots changed places.
+[SYMMETRY]
 
 Bits are told apart by name. Nothing hangs on it that a name is read aright: a clause that does not
 hold would show when the invariant is checked.

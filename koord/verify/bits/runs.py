@@ -54,7 +54,7 @@ class Assignment:
             case Choice():
                 return self.name(value)
             case Number():
-                found = self.number(value)
+                found: Constant = self.number(value)
                 if isinstance(type_, StringType | StreamType):
                     return self.d.text_of(int(found))
                 return found

@@ -61,10 +61,10 @@ class Circuit:
 
     ``opens`` holds of the inputs of INIT that lead to a configuration, ``steps`` of a state and
     inputs that make a whole round. ``bad`` says of each claim in which phase of a round it breaks
-    and when, ``bad_start`` when INIT breaks it, and ``held`` when the state itself keeps it. ``bad`` is what is
-    ``broken`` together with all that is ``needed`` for the phase to come; ``steps`` is what is needed
-    for a whole round and no fault.
-    ``lost`` is when lists outgrow their room: behind it nothing is known.
+    and when, ``bad_start`` when INIT breaks it, and ``held`` when the state itself keeps it.
+    ``bad`` is what is ``broken`` together with all that is ``needed`` for the phase to come;
+    ``steps`` is what is needed for a whole round and no fault. ``lost`` is when lists outgrow their
+    room: behind it nothing is known.
     """
 
     d: BitDomain

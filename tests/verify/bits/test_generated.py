@@ -11,14 +11,14 @@ from random import Random
 
 import pytest
 
+from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
+from koord.refinement.generating.programs import system
 from koord.semantics.search.engine import survey
 from koord.semantics.search.findings import Exhausted, Subject
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
 from koord.verify.verdicts import Engine, Outcome
 from tests.agreement.test_engines import NAMES
-from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
-from koord.refinement.generating.programs import system
 from tests.verify.bits.asking import on_bits
 
 ROUNDS = 2
@@ -51,6 +51,7 @@ def compare(seed: int, profile: Profile) -> Counter[str]:
                 count["holds, and all runs seen" if every else "holds"] += 1
                 count["by bits"] += verdict.engine is Engine.BITS
             case Outcome.HOLDS:
+                assert verdict.rounds is not None
                 assert breaks is None or breaks > verdict.rounds, where
                 count["holds for some rounds"] += 1
             case Outcome.UNKNOWN:
