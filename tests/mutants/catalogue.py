@@ -29,7 +29,6 @@ SEMANTICS = (
         "state = _to_move(configuration, robot)\n    if d",
         "state = replace(_to_move(configuration, robot), copy=configuration.store)\n    if d",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "a lock is never taken",
@@ -37,7 +36,6 @@ SEMANTICS = (
         "taken=configuration.taken | entered,",
         "taken=configuration.taken,",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "the loser of a lock keeps its local writes",
@@ -45,7 +43,6 @@ SEMANTICS = (
         'raise IllegalStepError("ATOMIC", f"{name} of robot {robot} enters a taken lock class")',
         "turned = replace(turned, allread={}, allwrite={})",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "the order of INIT is ignored",
@@ -95,7 +92,6 @@ SEMANTICS = (
         "self.guard = self.both(guard, condition)\n        value",
         "value",
         (AGREEMENT,),
-        quick=True,
     ),
     Mutant(
         "faults in guards are ignored",
@@ -103,7 +99,6 @@ SEMANTICS = (
         "broken = m.either(broken, fault)",
         "del fault",
         (BMC,),
-        quick=True,
     ),
     Mutant(
         "what is unset counts as set",
@@ -111,7 +106,6 @@ SEMANTICS = (
         "return storage.value, storage.is_set",
         "return storage.value, d.const(True, BOOL)",
         (BMC,),
-        quick=True,
     ),
     Mutant(
         "integers are divided toward zero",
@@ -119,7 +113,6 @@ SEMANTICS = (
         "return left // right",
         "return int(left / right)",
         (TERMS,),
-        quick=True,
     ),
     Mutant(
         "a break leaves two loops",
@@ -127,7 +120,6 @@ SEMANTICS = (
         "    m.memory.broke = outer\n",
         "    m.memory.broke = m.either(outer, m.memory.broke)\n",
         (RUN,),
-        quick=True,
     ),
     Mutant(
         "a queue gives its last",
@@ -135,7 +127,6 @@ SEMANTICS = (
         "position = zero if isinstance(s.place.type, QueueType) else last",
         "position = last",
         (RUN,),
-        quick=True,
     ),
     Mutant(
         "remove takes the last equal element",
@@ -146,11 +137,10 @@ SEMANTICS = (
     ),
     Mutant(
         "a model reads the values after the turn",
-        "semantics/expressions.py",
+        "semantics/places.py",
         "(m.memory.after if place.primed else m.memory.ports)",
         "(m.memory.after if place.primed or m.in_environment else m.memory.ports)",
         (BMC,),
-        quick=True,
     ),
     Mutant(
         "what a contract ensures is not assumed",
@@ -158,7 +148,6 @@ SEMANTICS = (
         'm.require("ENV-CONTRACT", kept, ',
         'm.require("ENV-CONTRACT", m.truth(True), ',
         (BMC,),
-        quick=True,
     ),
     Mutant(
         "a contract is assumed whether or not its requires holds",
@@ -166,7 +155,6 @@ SEMANTICS = (
         "return m.d.binary(BinaryOp.IMPLIES, required, ensured)",
         "return ensured if required is not None else required",
         (BMC,),
-        quick=True,
     ),
     Mutant(
         "nobody is excused by impossible answers, but by all",
@@ -212,7 +200,7 @@ SEMANTICS = (
     ),
     Mutant(
         "a quantifier over one kind ranges over all",
-        "semantics/expressions.py",
+        "semantics/quantifiers.py",
         "if agent is None or kind == agent:",
         "if agent is None or kind is not None:",
         (BMC,),
@@ -230,7 +218,6 @@ SEMANTICS = (
         "        if mask.parts:\n            triples = zip(target.parts",
         "        if mask.parts and not target.parts:\n            triples = zip(target.parts",
         (ROUNDS, BMC),
-        quick=True,
     ),
     Mutant(
         "lost updates ignore the keys of a map",
@@ -238,7 +225,6 @@ SEMANTICS = (
         "met.append(conjunction(d, [condition, other, equal(d, key, their_key)]))",
         "met.append(conjunction(d, [condition, other]))",
         (BMC,),
-        quick=True,
     ),
     Mutant(
         "lost updates ignore elements and fields",
@@ -257,7 +243,6 @@ VERIFY = (
         "constraints += _at_most_one(d, [disjunction(d, x) for x in entering.values()])",
         "del entering",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "a robot may run two events",
@@ -272,7 +257,6 @@ VERIFY = (
         "self.d, [selectable, running, *(x.condition for x in turned.legality)]",
         "self.d, [selectable, *(x.condition for x in turned.legality)]",
         (BMC,),
-        quick=True,
     ),
     Mutant(
         "END-PROG stops nobody in the formula",
@@ -280,7 +264,6 @@ VERIFY = (
         "        if d.known(asked) is not False:\n            stopped",
         "        if d.known(asked) is None and d.known(asked) is True:\n            stopped",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "urgent events oblige nobody",
@@ -295,7 +278,6 @@ VERIFY = (
         "if not self._urgent and not self._stops_show:",
         "if self._urgent or True:",
         (ROUNDS, BMC),
-        quick=True,
     ),
     Mutant(
         "nobody sees a round that a skip has begun",
@@ -310,7 +292,6 @@ VERIFY = (
         "changed = joined(d, changed, source, mask)",
         "changed = joined(d, current, source, mask)",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "an order need not be transitive",
@@ -325,7 +306,6 @@ VERIFY = (
         "precedes(d, robot, other, before)])",
         "precedes(d, other, robot, before)])",
         (ROUNDS, WITNESS),
-        quick=True,
     ),
     Mutant(
         "winners are chosen without regard to the order",
@@ -333,7 +313,6 @@ VERIFY = (
         "conjunction(d, [flags[other][location], precedes(d, robot, other, before)])",
         "conjunction(d, [flags[other][location], robot < other])",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "what is written in loops does not race",
@@ -348,7 +327,6 @@ VERIFY = (
         "needed += [holds, *(x.condition for x in legality)]",
         "needed += [holds][:0]",
         (BMC,),
-        quick=True,
     ),
     Mutant(
         "a faulted configuration has successors",
@@ -370,7 +348,6 @@ VERIFY = (
         "counterexample = judge(recording, claim, moment.phase)",
         'counterexample = Counterexample(recording, moment.configuration.round, moment.phase, "")',
         (PORTFOLIO, ABSTRACTION),
-        quick=True,
     ),
     Mutant(
         "induction assumes what it is to prove",
@@ -378,7 +355,6 @@ VERIFY = (
         "                self._last = taken\n",
         "                self._last = taken\n                self._assumed.append(taken.middle)\n",
         (INDUCTION,),
-        quick=True,
     ),
     Mutant(
         "induction skips the middle of the round",
@@ -386,7 +362,6 @@ VERIFY = (
         "self._asked = [taken.middle, taken.end]",
         "self._asked = [taken.end]",
         (INDUCTION,),
-        quick=True,
     ),
     Mutant(
         "induction does not look inside the round",
@@ -464,7 +439,6 @@ VERIFY = (
         "self.constraints += [self._axiom(external, promise) for promise in external.ensures]",
         "pass",
         (SYMBOLS, ABSTRACTION),
-        quick=True,
     ),
     Mutant(
         "the axiom of a summary is negated",
@@ -472,7 +446,6 @@ VERIFY = (
         "self.d.binary(BinaryOp.IMPLIES, met, statement(m, promise))",
         "self.d.unary(core.UnaryOp.NOT, statement(m, promise))",
         (SYMBOLS, ABSTRACTION),
-        quick=True,
     ),
     Mutant(
         "what is written in atomic blocks is never written",
@@ -480,7 +453,6 @@ VERIFY = (
         "case core.ForRange(body=body) | core.ForEach(body=body) | core.Atomic(body=body):",
         "case core.ForRange(body=body) | core.ForEach(body=body):",
         (FOOTPRINT,),
-        quick=True,
     ),
     Mutant(
         "lists keep their length whatever is written",
@@ -502,7 +474,6 @@ VERIFY = (
         "return show(type_)",
         'return "opaque" if show(type_) else ""',
         (ABSTRACTION,),
-        quick=True,
     ),
     Mutant(
         "a callers duty is looked into by nobody",
@@ -524,7 +495,6 @@ VERIFY = (
         "order = _order(reader, symbolic.before) or tuple(range(system.robots))",
         "order = tuple(range(system.robots))",
         (WITNESS,),
-        quick=True,
     ),
     Mutant(
         "any two writes that meet are a lost update",

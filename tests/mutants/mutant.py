@@ -13,17 +13,13 @@ VARIABLE = "KOORD_MUTANT"
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """``old`` stands exactly once in the file; ``tests`` are those of which one must fail.
-
-    A ``quick`` mutant is tried in every run of the tests, the others in `make slow`.
-    """
+    """``old`` stands exactly once in the file; ``tests`` are those of which one must fail."""
 
     name: str
     file: str
     old: str
     new: str
     tests: tuple[str, ...]
-    quick: bool = False
 
     @property
     def path(self) -> Path:

@@ -18,7 +18,6 @@ PROTOCOL = (
         "taken.update(attempt.locks)",
         "taken.clear()",
         (ROUNDS, EXPLORATION),
-        quick=True,
     ),
     Mutant(
         "who loses a lock does not try its other events",
@@ -40,7 +39,6 @@ PROTOCOL = (
         "if len(holders) < turn.setup.majority:",
         "if not holders:",
         (ROUNDS, EXPLORATION),
-        quick=True,
     ),
     Mutant(
         "acknowledgements of another epoch count",
@@ -48,7 +46,6 @@ PROTOCOL = (
         "if message.epoch == state.promised and message.digest == held.digest:",
         "if message.digest == held.digest:",
         (ELECTIONS,),
-        quick=True,
     ),
     Mutant(
         "acknowledgements of another entry count",
@@ -63,7 +60,6 @@ PROTOCOL = (
         "return self.roster[robot] == incarnation",
         "return incarnation >= 0",
         (ELECTIONS,),
-        quick=True,
     ),
     Mutant(
         "a robot helps to decide on its own return",
@@ -85,7 +81,6 @@ PROTOCOL = (
         "if missing and (not desk.overdue or owed(turn) & frozenset(missing)):",
         "if missing and not desk.overdue:",
         (ROUNDS, CHAOS),
-        quick=True,
     ),
     Mutant(
         "nobody is waited for",
@@ -115,7 +110,6 @@ PROTOCOL = (
         "        return\n",
         "    turn.change(tentative=None)\n",
         (ELECTIONS, EXPLORATION, CHAOS),
-        quick=True,
     ),
     Mutant(
         "robots act on the decision, and not on the commit",
@@ -124,7 +118,6 @@ PROTOCOL = (
         "    turn.change(tentative=Held(message.epoch, entry, mark))\n"
         "    commit(turn, Held(message.epoch, entry, mark))\n    if state.is_voter:",
         (ROUNDS, EXPLORATION),
-        quick=True,
     ),
     Mutant(
         "a commit of another entry is acted on",
@@ -147,7 +140,6 @@ PROTOCOL = (
         "        return False",
         "if epoch < state.promised:\n        turn.send(sender, Overruled(state.promised))",
         (ELECTIONS,),
-        quick=True,
     ),
     Mutant(
         "who is not admitted acknowledges",
@@ -186,7 +178,6 @@ PROTOCOL = (
         "message.position.round + 1)\n        return\n    if not state.is_voter",
         "    if not state.is_voter",
         (ELECTIONS, EXPLORATION),
-        quick=True,
     ),
     Mutant(
         "a vote promises nothing",
@@ -194,7 +185,6 @@ PROTOCOL = (
         "        turn.promise(epoch)\n        turn.follow_nobody()\n        turn.watch_leader()",
         "        turn.follow_nobody()\n        turn.watch_leader()",
         (ELECTIONS, EXPLORATION),
-        quick=True,
     ),
     Mutant(
         "votes of another epoch count",
@@ -202,7 +192,6 @@ PROTOCOL = (
         "if isinstance(state.office, Candidate) and message.epoch == state.promised:",
         "if isinstance(state.office, Candidate):",
         (ELECTIONS,),
-        quick=True,
     ),
     Mutant(
         "who hears its coordinator supports another",
@@ -263,7 +252,6 @@ WIRE_MISTAKES = (
         "if not compare_digest(proof.digest(), datagram[end:]):",
         "if len(proof.digest()) != len(datagram[end:]):",
         (WIRE,),
-        quick=True,
     ),
     Mutant(
         "the header is not covered by the proof",
@@ -278,7 +266,6 @@ WIRE_MISTAKES = (
         "digest = blake2b(run.encode(), key=shared_key",
         "digest = blake2b(b'', key=shared_key",
         (WIRE,),
-        quick=True,
     ),
     Mutant(
         "replays are let in",

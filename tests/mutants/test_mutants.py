@@ -6,16 +6,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
 from tests.mutants.catalogue import MUTANTS
 from tests.mutants.harness import tried, untouched
 from tests.mutants.mutant import Mutant
+from tests.mutants.quick import QUICK
 
-
-def cases() -> list[object]:
-    return [pytest.param(m, id=m.name, marks=[pytest.mark.slow]) for m in MUTANTS]
+BY_NAME = {mutant.name: mutant for mutant in MUTANTS}
 
 
 def test_names_are_unique_and_mistakes_are_many() -> None:
@@ -32,7 +32,19 @@ def test_every_mistake_can_be_made(mutant: Mutant) -> None:
     assert mutant.tests
 
 
-@pytest.mark.parametrize("mutant", cases())
+@pytest.mark.parametrize("name", sorted(QUICK))
+def test_some_mistakes_are_caught_by_the_test_for_them(name: str) -> None:
+    assert tried(replace(BY_NAME[name], tests=(QUICK[name],))).caught_by, f"not noticed: {name}"
+
+
+def test_those_are_of_all_kinds() -> None:
+    folders = Counter(BY_NAME[name].file.partition("/")[0] for name in QUICK)
+    assert folders["semantics"] >= 10
+    assert folders["verify"] >= 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda m: m.name)
 def test_every_mistake_is_caught(mutant: Mutant) -> None:
     assert tried(mutant).caught_by, f"no test notices: {mutant.name}"
 
