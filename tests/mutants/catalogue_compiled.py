@@ -252,7 +252,6 @@ ENGINE = (
         "if (b := self.try_event(k)) is not None and not b.in_pre]",
         "if (b := self.try_event(k)) is not None]",
         (ROUNDS,),
-        quick=True,
     ),
     Mutant(
         "answers are kept for the next round",

@@ -94,7 +94,8 @@ CASES = {
         "local:\n  int n = 0\nGo:\n  eff:\n    for k = 0, 3:\n      n = far(n)\n"
     ),
     "asked anew in every loop": (
-        "def fun pick(int k) -> int: extern fresh\n  ensures: result >= 0 and (k <= 0 or result < k)\n"
+        "def fun pick(int k) -> int: extern fresh\n"
+        "  ensures: result >= 0 and (k <= 0 or result < k)\n"
         "def fun twice(int k) -> int:\n  int n = 0\n  for i = 0, 2:\n    n = n + pick(k)\n"
         "  return n\n"
         "local:\n  int n = 0\n  int[] xs = [4, 5]\nGo:\n  eff:\n    for i, x in xs:\n"
