@@ -309,7 +309,9 @@ def test_a_faulted_run_ends() -> None:
     x, q = b.local("x", INT, 0), b.local("q", INT, 0)
     b.event("Slip", TRUE, x.set(5), x.set(e(1, INT) / q), x.set(9), urgent=True)
     b.invariant("Zero", forall(I, x.at(I).eq(0)))
-    assert bounded(b.program(), rounds=3).rounds == {"no fault": 1}
+    checked = bounded(b.program(), rounds=3)
+    assert checked.rounds == {"no fault": 1}
+    assert not checked.bounded.unreplayed
 
 
 def test_a_fault_in_init_counts_where_the_assumptions_hold() -> None:
