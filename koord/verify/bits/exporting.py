@@ -1,0 +1,180 @@
+"""A circuit for other tools: AIGER for model checkers, VMT and SMT-LIB for solvers.
+
+In a circuit of its own INIT is a first step: latches are false before it. A latch ``valid`` says that
+there was such a step and that all steps since were legal; nothing is bad without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from koord.verify.bits.graph import FALSE, Graph
+from koord.verify.bits.transition import Circuit, Latch
+from koord.verify.bits.unrolling import Copy
+
+
+class Format(Enum):
+    """What a circuit is written as."""
+
+    AIGER = "aiger"  #: ASCII, version 1.9, one bad literal for each claim
+    VMT = "vmt"  #: a transition system in SMT-LIB, for tools like nuXmv and ic3ia
+    SMT2 = "smt2"  #: the question whether a claim breaks within the bound, for any SMT solver
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """A transition system whose latches all start false, with what is never to hold, by name."""
+
+    graph: Graph
+    inputs: tuple[int, ...]
+    latches: tuple[Latch, ...]
+    bad: tuple[tuple[str, int], ...]
+
+
+def machine_of(circuit: Circuit) -> Machine:
+    """The circuit with INIT as its first step."""
+    g = circuit.d.graph
+    begun, valid = g.input("begun"), g.input("valid")
+    lost = g.both(valid, circuit.lost)
+    bad = []
+    for claim, phases in circuit.bad.items():
+        when = g.both(valid, g.any_of(x for _, x in phases))
+        first = g.both(begun ^ 1, circuit.bad_start.get(claim, FALSE))
+        bad.append((claim.name, g.any_of((when, first, g.both(lost, circuit.steps)))))
+    legal = g.choose(begun, g.both(valid, circuit.steps), circuit.opens)
+    latches = [Latch("begun", begun, FALSE, 1), Latch("valid", valid, FALSE, legal)]
+    for latch in circuit.latches:
+        then = g.choose(begun, latch.next, latch.init)
+        latches.append(Latch(latch.name, latch.literal, FALSE, then))
+    own = {latch.literal >> 1 for latch in latches}
+    roots = [*(latch.next for latch in latches), *(x for _, x in bad)]
+    inputs = tuple(2 * n for n in g.cone(roots) if g.is_input(n) and n not in own)
+    return Machine(g, inputs, tuple(latches), tuple(bad))
+
+
+def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> Iterator[str]:
+    """The lines of a file. ``rounds`` is how far an SMT-LIB question goes."""
+    match format_:
+        case Format.AIGER:
+            return _aiger(machine_of(circuit), comment)
+        case Format.VMT:
+            return _vmt(machine_of(circuit), comment)
+        case Format.SMT2:
+            return _smt2(machine_of(circuit), rounds, comment)
+
+
+# --- AIGER ----------------------------------------------------------------------------------------
+
+
+def _aiger(of: Machine, comment: str) -> Iterator[str]:
+    g = of.graph
+    numbers = {0: 0}
+    for literal in (*of.inputs, *(latch.literal for latch in of.latches)):
+        numbers[literal >> 1] = len(numbers)
+    leaves = len(numbers)
+    nodes = [n for n in _cone(of) if not g.is_input(n)]
+    for node in nodes:
+        numbers[node] = len(numbers)
+
+    def number(literal: int) -> int:
+        return 2 * numbers[literal >> 1] + (literal & 1)
+
+    counts = [len(numbers) - 1, len(of.inputs), len(of.latches), 0, len(nodes), len(of.bad)]
+    assert leaves == 1 + len(of.inputs) + len(of.latches)
+    yield f"aag {' '.join(map(str, counts))}"
+    yield from (str(number(literal)) for literal in of.inputs)
+    yield from (f"{number(latch.literal)} {number(latch.next)}" for latch in of.latches)
+    yield from (str(number(literal)) for _, literal in of.bad)
+    for node in nodes:
+        pair = sorted((number(g.left[node]), number(g.right[node])), reverse=True)
+        yield f"{number(2 * node)} {pair[0]} {pair[1]}"
+    yield from (f"i{k} {g.names[x >> 1]}" for k, x in enumerate(of.inputs))
+    yield from (f"l{k} {latch.name}" for k, latch in enumerate(of.latches))
+    yield from (f"b{k} {name}" for k, (name, _) in enumerate(of.bad))
+    yield "c"
+    yield comment
+
+
+def _cone(of: Machine) -> list[int]:
+    return of.graph.cone([*(latch.next for latch in of.latches), *(x for _, x in of.bad)])
+
+
+# --- SMT-LIB --------------------------------------------------------------------------------------
+
+
+def _vmt(of: Machine, comment: str) -> Iterator[str]:
+    g = of.graph
+    yield f"; {comment}"
+    names = {0: "false"}
+    for literal in of.inputs:
+        names[literal >> 1] = _symbol(g.names[literal >> 1], literal)
+        yield f"(declare-fun {names[literal >> 1]} () Bool)"
+    for latch in of.latches:
+        name = names[latch.literal >> 1] = _symbol(latch.name, latch.literal)
+        then = _symbol(f"next {latch.name}", latch.literal)
+        yield f"(declare-fun {name} () Bool)"
+        yield f"(declare-fun {then} () Bool)"
+        yield f"(define-fun |.{latch.literal}| () Bool (! {name} :next {then}))"
+    yield from _definitions(g, _cone(of), names)
+    starts = _all(f"(not {names[latch.literal >> 1]})" for latch in of.latches)
+    yield f"(define-fun |.init| () Bool (! {starts} :init true))"
+    steps = _all(
+        f"(= {_symbol(f'next {latch.name}', latch.literal)} {_term(latch.next, names)})"
+        for latch in of.latches
+    )
+    yield f"(define-fun |.trans| () Bool (! {steps} :trans true))"
+    for k, (name, literal) in enumerate(of.bad):
+        yield f"; {name}"
+        yield (
+            f"(define-fun |.bad{k}| () Bool (! {_term(literal ^ 1, names)} :invar-property {k}))"
+        )
+
+
+def _smt2(of: Machine, rounds: int, comment: str) -> Iterator[str]:
+    """Satisfiable if a claim breaks in INIT or in one of so many rounds."""
+    to = Graph()
+    state = {latch.literal >> 1: FALSE for latch in of.latches}
+    bad = []
+    for number in range(rounds + 1):
+        step = Copy(of.graph, to, f"#{number}", dict(state))
+        bad += [step.of(literal) for _, literal in of.bad]
+        state = {latch.literal >> 1: step.of(latch.next) for latch in of.latches}
+    question = to.any_of(bad)
+    yield f"; {comment}"
+    yield "(set-logic QF_UF)"
+    names = {0: "false"}
+    nodes = to.cone([question])
+    for node in nodes:
+        if to.is_input(node):
+            names[node] = _symbol(to.names[node], 2 * node)
+            yield f"(declare-fun {names[node]} () Bool)"
+    yield from _definitions(to, nodes, names)
+    yield f"(assert {_term(question, names)})"
+    yield "(check-sat)"
+
+
+def _definitions(g: Graph, nodes: Sequence[int], names: dict[int, str]) -> Iterator[str]:
+    for node in nodes:
+        if not g.is_input(node):
+            both = f"(and {_term(g.left[node], names)} {_term(g.right[node], names)})"
+            yield f"(define-fun n{node} () Bool {both})"
+            names[node] = f"n{node}"
+
+
+def _term(literal: int, names: dict[int, str]) -> str:
+    name = names[literal >> 1]
+    return f"(not {name})" if literal & 1 else name
+
+
+def _symbol(name: str, literal: int) -> str:
+    """A name that occurs once, in bars."""
+    return f"|{name.replace('|', '!').replace(chr(92), '/')} {literal >> 1}|"
+
+
+def _all(terms: Iterable[str]) -> str:
+    return f"(and true {' '.join(terms)})"
+
+
+__all__ = ["Format", "Machine", "exported", "machine_of"]

@@ -1,0 +1,61 @@
+"""Reading AIGER (ASCII) back, by its specification and not by what writes it; and running it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Aiger:
+    """A file: literals of inputs, latches with what they become, bad ones, conjunctions."""
+
+    inputs: list[int]
+    latches: list[tuple[int, int]]
+    bad: list[int]
+    conjunctions: list[tuple[int, int, int]]
+    names: dict[str, str]
+
+    def step(self, state: Sequence[bool], inputs: Sequence[bool]) -> tuple[list[bool], list[bool]]:
+        """The next state, and which bad literals hold now."""
+        value = {0: False}
+        value |= {x >> 1: b for x, b in zip(self.inputs, inputs, strict=True)}
+        value |= {x >> 1: b for (x, _), b in zip(self.latches, state, strict=True)}
+
+        def of(literal: int) -> bool:
+            return value[literal >> 1] ^ bool(literal & 1)
+
+        for left, a, b in self.conjunctions:
+            assert left > a >= b, "each is made of what comes before"
+            value[left >> 1] = of(a) and of(b)
+        return [of(then) for _, then in self.latches], [of(x) for x in self.bad]
+
+
+def read(text: str) -> Aiger:
+    lines = text.splitlines()
+    header = lines[0].split()
+    assert header[0] == "aag"
+    largest, inputs, latches, outputs, ands, bad = map(int, header[1:])
+    assert outputs == 0
+    rows = [tuple(map(int, line.split())) for line in lines[1 : 1 + inputs + latches + bad + ands]]
+    first = inputs + latches
+    found = Aiger(
+        [x for (x,) in rows[:inputs]],
+        [(x, y) for x, y in rows[inputs:first]],
+        [x for (x,) in rows[first : first + bad]],
+        [(x, y, z) for x, y, z in rows[first + bad :]],
+        {},
+    )
+    defined = [
+        *found.inputs,
+        *(x for x, _ in found.latches),
+        *(x for x, _, _ in found.conjunctions),
+    ]
+    assert len(set(defined)) == len(defined) == largest
+    assert all(x % 2 == 0 and 0 < x <= 2 * largest for x in defined)
+    for line in lines[1 + len(rows) :]:
+        if line == "c":
+            break
+        key, name = line.split(" ", 1)
+        found.names[key] = name
+    return found

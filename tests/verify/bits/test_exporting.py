@@ -1,0 +1,82 @@
+"""What is written for other tools means what the circuit means."""
+
+from __future__ import annotations
+
+from collections import Counter
+from random import Random
+
+import pytest
+import z3
+
+from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.programs import system
+from koord.semantics.machine import NotFiniteError
+from koord.verify.bits.exporting import Format, exported, machine_of
+from koord.verify.bits.transition import Circuit, circuit_of
+from koord.verify.claims import claims_of
+from tests.verify.asking import bounded
+from tests.verify.bits.aiger import read
+
+SEEDS = range(9_000, 9_040)
+
+
+def circuit(seed: int) -> Circuit | None:
+    made = system(Random(seed), FINITE)
+    try:
+        return circuit_of(made, claims_of(made))
+    except NotFiniteError:
+        return None
+
+
+def test_aiger_steps_as_the_circuit_does() -> None:
+    count = 0
+    for seed in SEEDS:
+        of = circuit(seed)
+        if of is None:
+            continue
+        text = "\n".join(exported(of, Format.AIGER, 0, "of a test"))
+        written, machine = read(text), machine_of(of)
+        assert len(written.latches) == len(machine.latches)
+        assert {v for k, v in written.names.items() if k[0] == "b"} == {c.name for c in of.bad}
+        random = Random(seed)
+        state = [False] * len(machine.latches)
+        for _ in range(20):
+            inputs = [random.random() < 0.5 for _ in machine.inputs]
+            given = {x >> 1: b for x, b in zip(machine.inputs, inputs, strict=True)}
+            given |= {x.literal >> 1: b for x, b in zip(machine.latches, state, strict=True)}
+            after = machine.graph.values([x.next for x in machine.latches], given)
+            bad = machine.graph.values([x for _, x in machine.bad], given)
+            assert written.step(state, inputs) == (after, bad), seed
+            # Legal steps are rare among random ones: go on from any state as well.
+            state = after if random.random() < 0.5 else [random.random() < 0.5 for _ in after]
+            count += 1
+    assert count >= 400
+
+
+@pytest.mark.parametrize("rounds", [0, 2])
+def test_smt_lib_asks_whether_a_claim_breaks(rounds: int) -> None:
+    count: Counter[str] = Counter()
+    for seed in range(9_000, 9_025):
+        of = circuit(seed)
+        if of is None:
+            continue
+        solver = z3.Solver()
+        solver.from_string("\n".join(exported(of, Format.SMT2, rounds, "of a test")))
+        answer = solver.check()
+        breaks = bounded(system(Random(seed), FINITE), rounds=rounds).rounds
+        assert (answer == z3.sat) == bool(breaks), seed
+        count[str(answer)] += 1
+    assert min(count["sat"], count["unsat"]) >= 5, count
+
+
+def test_vmt_is_well_formed_and_says_the_same() -> None:
+    for seed in SEEDS[:10]:
+        of = circuit(seed)
+        if of is None:
+            continue
+        text = "\n".join(exported(of, Format.VMT, 0, "of a test"))
+        # The solver reads every definition; properties and steps are marked once each.
+        z3.Solver().from_string(text)
+        assert text.count(":init true") == text.count(":trans true") == 1
+        assert text.count(":invar-property") == len(of.bad)
+        assert text.count(":next") == len(of.latches) + 2
