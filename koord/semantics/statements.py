@@ -7,9 +7,11 @@ from functools import partial
 from typing import TypeVar, assert_never
 
 from koord.semantics.configurations import FaultKind, Written
-from koord.semantics.expressions import condition, evaluate, integers, listable, located
+from koord.semantics.expressions import condition, evaluate
 from koord.semantics.machine import Machine
 from koord.semantics.masks import marked
+from koord.semantics.places import located
+from koord.semantics.quantifiers import integers, listable
 from koord.semantics.storage import (
     AtIndex,
     AtKey,

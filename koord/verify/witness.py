@@ -9,9 +9,10 @@ import koord.verify.solving as solving
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import RecordedInputs, Step, execute
-from koord.semantics.expressions import instances, statement
+from koord.semantics.expressions import statement
 from koord.semantics.machine import machine
 from koord.semantics.oracle import Phase as Asked
+from koord.semantics.quantifiers import instances
 from koord.semantics.races import overlap, updates
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import held

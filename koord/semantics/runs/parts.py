@@ -12,7 +12,7 @@ from typing import TypeAlias, TypeVar
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant
-from koord.semantics.expressions import slot_in
+from koord.semantics.places import slot_in
 from koord.semantics.storage import Storage, Tree
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, QuantifierKind

@@ -11,8 +11,10 @@ from fractions import Fraction
 from typing import TypeGuard, TypeVar
 
 from koord.semantics.domain import Constant
-from koord.semantics.expressions import evaluate, instances, slot_in, statement
+from koord.semantics.expressions import evaluate, statement
 from koord.semantics.machine import Machine
+from koord.semantics.places import slot_in
+from koord.semantics.quantifiers import instances
 from koord.semantics.storage import held
 from koord.semantics.traces.recording import Concrete
 from koord.semantics.values import Rec, Seq, Table

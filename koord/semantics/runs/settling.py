@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 from koord.semantics.configurations import Configuration, Robot, System
 from koord.semantics.domain import Constant, Domain
-from koord.semantics.expressions import instances, statement
+from koord.semantics.expressions import statement
 from koord.semantics.machine import Legality, Machine, machine
 from koord.semantics.oracle import Phase
+from koord.semantics.quantifiers import instances
 from koord.semantics.rounds import Stepped, initialised
 from koord.semantics.runs.answering import SampledInputs
 from koord.semantics.runs.fixed import false_beforehand

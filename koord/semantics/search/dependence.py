@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, is_dataclass
 
-from koord.semantics.expressions import slot_in
+from koord.semantics.places import slot_in
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import Span

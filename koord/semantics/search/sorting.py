@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from koord.semantics.configurations import System
-from koord.semantics.expressions import slot_in
+from koord.semantics.places import slot_in
 from koord.semantics.search.loops import is_order_free
 from koord.semantics.search.sorts import Entries, Fields, Items, Scalar, Shape, Sort, shape, unify
 from koord.semantics.search.sureness import Sure, indices

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from koord.semantics.configurations import System
-from koord.semantics.expressions import slot_in
+from koord.semantics.places import slot_in
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, Start
 from koord.syntax.types import ArrayType, RecordType, Robots, Type

@@ -1,0 +1,109 @@
+"""Functions of lists and maps. [E-LIST]"""
+
+from __future__ import annotations
+
+from typing import TypeVar, assert_never
+
+from koord.semantics import expressions
+from koord.semantics.configurations import FaultKind
+from koord.semantics.crowds import Crowd
+from koord.semantics.domain import disjunction
+from koord.semantics.machine import Machine
+from koord.semantics.values import (
+    Family,
+    Seq,
+    Table,
+    Value,
+    default,
+    equal,
+    inside,
+    lookup,
+    merge_known,
+    scalar,
+    sequence,
+)
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, ListOp
+from koord.syntax.types import INT, ArrayType, Robots
+
+V = TypeVar("V")
+
+
+def builtin(m: Machine[V], e: core.Builtin) -> Value[V]:
+    """[E-LIST]"""
+    first = e.arguments[0]
+    if e.op is ListOp.LENGTH and isinstance(first.type, ArrayType):
+        # A fixed array's length is known without reading what may still be unset.
+        size = first.type.size
+        return m.count() if size is Robots.ALL else m.d.const(size, INT)
+    value = expressions.evaluate(m, first)
+    match e.op:
+        case ListOp.LENGTH:
+            assert isinstance(value, Seq | Table)
+            return value.length
+        case ListOp.CONTAINS:
+            return contains(m, value, expressions.evaluate(m, e.arguments[1]))
+        case ListOp.ANY | ListOp.ALL:
+            return any_or_all(m, e.op, sequence(value))
+        case ListOp.MIN | ListOp.MAX:
+            return extreme(m, e, sequence(value))
+    assert_never(e.op)
+
+
+def contains(m: Machine[V], value: Value[V], wanted: Value[V]) -> V:
+    """Whether a list has an element, or a map a key."""
+    if isinstance(value, Table):
+        entries: Table[V] = value
+        found_key, _ = lookup(m.d, entries, wanted)
+        return found_key
+    items = sequence(value)
+    if isinstance(items, Family):
+        family: Family[V] = items
+        return m.negated(family.every(lambda item: m.negated(equal(m.d, item, wanted))))
+    found = [
+        m.both(inside(m.d, k, items.length), equal(m.d, item, wanted))
+        for k, item in enumerate(items.items)
+    ]
+    return disjunction(m.d, found)
+
+
+def any_or_all(m: Machine[V], op: ListOp, items: Seq[V]) -> V:
+    """Whether some or every element of a list of Booleans is true."""
+    if isinstance(items, Family):
+        family: Family[V] = items
+        if op is ListOp.ALL:
+            return family.every(scalar)
+        return m.negated(family.every(lambda item: m.negated(scalar(item))))
+    result = m.truth(op is ListOp.ALL)
+    for k, item in enumerate(items.items):
+        here = inside(m.d, k, items.length)
+        if op is ListOp.ANY:
+            result = m.either(result, m.both(here, scalar(item)))
+        else:
+            result = m.both(result, m.d.binary(BinaryOp.IMPLIES, here, scalar(item)))
+    return result
+
+
+def extreme(m: Machine[V], e: core.Builtin, items: Seq[V]) -> V:
+    """The least or greatest element of a list of numbers; of an empty one a fault."""
+    some = m.d.binary(BinaryOp.LT, m.d.const(0, INT), items.length)
+    m.fault_unless(some, FaultKind.EMPTY, e.span)
+    op = BinaryOp.MIN if e.op is ListOp.MIN else BinaryOp.MAX
+    if isinstance(items, Family):
+        family: Family[V] = items
+        return extreme_of_all(op, family)
+    if not items.items:
+        nothing: V = scalar(default(m.d, e.type, m.system.size))
+        return nothing
+    best = scalar(items.items[0])
+    for k, item in enumerate(items.items[1:], start=1):
+        better = m.d.binary(op, best, scalar(item))
+        best = scalar(merge_known(m.d, inside(m.d, k, items.length), better, best))
+    return best
+
+
+def extreme_of_all(op: BinaryOp, items: Family[V]) -> V:
+    """The least or greatest element of an array over a crowd."""
+    crowd: Crowd[V] = items.crowd
+    best: V = crowd.extreme(op, crowd.first, crowd.count, lambda i: scalar(items.at(i)))
+    return best
