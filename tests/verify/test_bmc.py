@@ -307,7 +307,7 @@ def test_a_faulted_run_ends() -> None:
     """[FAULT]: no property is asked of a faulted configuration, and nothing follows it."""
     b = Build()
     x, q = b.local("x", INT, 0), b.local("q", INT, 0)
-    b.event("Slip", TRUE, x.set(5), x.set(e(1, INT) / q), x.set(9), urgent=True)
+    b.event("Slip", x.eq(0), x.set(5), x.set(e(1, INT) / q), x.set(9), urgent=True)
     b.invariant("Zero", forall(I, x.at(I).eq(0)))
     checked = bounded(b.program(), rounds=3)
     assert checked.rounds == {"no fault": 1}
