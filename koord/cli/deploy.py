@@ -16,9 +16,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import FrameType
 
-from koord.cli.arguments import add_files, add_settings, check_files, delta, rounds, settings
+from koord.cli.arguments import (
+    add_files,
+    add_json,
+    add_settings,
+    check_files,
+    delta,
+    rounds,
+    settings,
+)
 from koord.cli.config import read_configuration
-from koord.cli.deployed import Board, summary
+from koord.cli.deployed import Board, as_document, summary
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable, whole_file
@@ -73,6 +81,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--record", metavar="FILE", help="record what robots do, as MCAP")
     add_settings(parser)
+    add_json(parser, "how each robot ended")
     parser.epilog = (
         "exit codes: 0 the rounds were done, 1 a fault ended the run, 2 errors in the input, "
         "3 robots stopped before all rounds were done, 130 stopped with Ctrl-C (a second one "
@@ -120,10 +129,16 @@ def _job(arguments: argparse.Namespace, report: Report) -> Job | None:
     _check_functions(classes, configuration, report)
     key, run = _secret(arguments, configuration, report)
     delta_s = arguments.delta if arguments.delta is not None else configuration.delta_s
-    if arguments.as_fast_as_possible:
-        configuration = replace(configuration, delta_s=0.0)
     return Job(
-        classes, kinds, configuration, key, run, float(delta_s), arguments.rounds, journals=None
+        classes,
+        kinds,
+        configuration,
+        key,
+        run,
+        delta_s=float(delta_s),
+        pace_s=0.0 if arguments.as_fast_as_possible else float(delta_s),
+        rounds=arguments.rounds,
+        journals=None,
     )
 
 
@@ -236,6 +251,7 @@ def _one(arguments: argparse.Namespace, job: Job) -> int:
 
         last = runner.run(lambda: interrupts.count > 0, report)
         report(last)
+    _tell({pid: last}, job, as_json=arguments.json)
     return _ended({pid: last}, job, interrupts)
 
 
@@ -266,6 +282,7 @@ def _all(arguments: argparse.Namespace, job: Job) -> int:
             if fleet.failures:
                 raise fleet.failures[0]
         board.show(fleet.statuses)
+    _tell(fleet.statuses, job, as_json=arguments.json)
     return _ended(fleet.statuses, job, interrupts)
 
 
@@ -283,8 +300,14 @@ def _recording(arguments: argparse.Namespace, stack: ExitStack) -> Record | None
     return record
 
 
+def _tell(statuses: dict[int, Status], job: Job, *, as_json: bool) -> None:
+    if as_json:
+        print(as_document(statuses))
+    else:
+        print(summary(statuses, job))
+
+
 def _ended(statuses: dict[int, Status], job: Job, interrupts: Interrupts) -> int:
-    print(summary(statuses, job))
     faults = [status.fault for status in statuses.values() if status.fault is not None]
     if faults:
         return Exit.VIOLATED

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Mapping
+from dataclasses import asdict
 
 from rich.console import Console
 from rich.live import Live
@@ -109,3 +111,13 @@ def summary(statuses: Mapping[int, Status], job: Job) -> str:
         lines.append(f"not at the last round: {', '.join(behind)}")
     lines += sorted({story(status) for status in everyone if status.fault is not None})
     return "\n".join(lines)
+
+
+def as_document(statuses: Mapping[int, Status]) -> str:
+    """A deployed run as JSON: how each robot ended."""
+    robots = []
+    for pid in sorted(statuses):
+        status = statuses[pid]
+        holding = None if status.holding is None else status.holding.value
+        robots.append({**asdict(status), "holding": holding, "drops": dict(status.drops)})
+    return json.dumps({"format": "koord-deployed", "version": 1, "robots": robots}, indent=2)

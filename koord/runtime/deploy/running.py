@@ -39,6 +39,7 @@ class Job:
     key: bytes
     run: str
     delta_s: float
+    pace_s: float  #: how often rounds begin: δ, or 0 for as fast as it goes
     rounds: int | None
     journals: Path | None  #: the folder that robots write down in where they are
 
@@ -111,7 +112,7 @@ class Runner:
         self.member.seen = self._saw
         setup = Setup(
             job.robots,
-            Timing.of(job.delta_s if job.configuration.delta_s > 0 else 0.0, job.robots),
+            Timing.of(job.pace_s, job.robots),
             owing=job.owing,
             rounds=job.rounds,
             first=job.configuration.leader,
@@ -138,7 +139,8 @@ class Runner:
             if self._committed_at is not None:
                 took_s = now - self._committed_at
                 tally.longest_s = max(tally.longest_s, took_s)
-                tally.overdue += took_s > 1.5 * self.job.delta_s > 0
+                tally.took_s += took_s
+                tally.overdue += took_s > 1.5 * self.job.pace_s > 0
         self._committed_at = now
         if self.keeps_moments:
             event = None if kept is None or kept.event is None else kept.event

@@ -23,6 +23,7 @@ class Status:
     late: int  #: rounds that its proposal came too late for
     overdue: int  #: rounds that began more than half a δ late
     longest_s: float  #: the longest round
+    took_s: float  #: from the first commit to the last
     sent: int  #: datagrams
     received: int
     drops: tuple[tuple[str, int], ...]
@@ -40,6 +41,7 @@ class Tally:
     late: int = 0
     overdue: int = 0
     longest_s: float = 0.0
+    took_s: float = 0.0
 
 
 def status_of(peer: Peer, member: Member, tally: Tally) -> Status:
@@ -57,6 +59,7 @@ def status_of(peer: Peer, member: Member, tally: Tally) -> Status:
         late=tally.late,
         overdue=tally.overdue,
         longest_s=tally.longest_s,
+        took_s=tally.took_s,
         sent=peer.counts.datagrams,
         received=peer.counts.received,
         drops=tuple((drop.value, n) for drop, n in peer.drops.items()),
