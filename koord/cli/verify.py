@@ -24,6 +24,7 @@ from koord.cli.arguments import (
 )
 from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit, gravest
+from koord.cli.exporting import add_export, export
 from koord.cli.files import DASH, check_writable, write_atomically
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.progress import Interruption, LiveLine
@@ -125,6 +126,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="write the invariants that were found to FILE, for --with",
     )
+    add_export(parser)
     add_json(parser, "the verdict")
     parser.epilog = (
         "exit codes: 0 holds, 1 violated, 2 errors in the input, 3 unknown, 4 holds, but vacuously"
@@ -133,6 +135,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     check_files([*arguments.files, *arguments.properties])
+    if arguments.export is not None:
+        return export(arguments)
     request = _request(arguments)
     if request.trace is not None:
         if len(arguments.files) > 1:

@@ -1,18 +1,21 @@
 """A circuit for other tools: AIGER for model checkers, VMT and SMT-LIB for solvers.
 
-In a circuit of its own INIT is a first step: latches are false before it. A latch ``valid`` says that
-there was such a step and that all steps since were legal; nothing is bad without it.
+In a circuit of its own INIT is a first step: latches are false before it. A latch ``valid`` says
+that there was such a step and that all steps since were legal; nothing is bad without it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
+from koord.semantics.configurations import System
+from koord.verify.abstraction import abstracted
 from koord.verify.bits.graph import FALSE, Graph
-from koord.verify.bits.transition import Circuit, Latch
+from koord.verify.bits.transition import Circuit, Latch, circuit_of
 from koord.verify.bits.unrolling import Copy
+from koord.verify.claims import claims_of
 
 
 class Format(Enum):
@@ -52,6 +55,35 @@ def machine_of(circuit: Circuit) -> Machine:
     roots = [*(latch.next for latch in latches), *(x for _, x in bad)]
     inputs = tuple(2 * n for n in g.cone(roots) if g.is_input(n) and n not in own)
     return Machine(g, inputs, tuple(latches), tuple(bad))
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A problem as lines of text, and what it says more loosely than the program."""
+
+    lines: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def problem(
+    system: System, names: Sequence[str], format_: Format, rounds: int, comment: str
+) -> Problem:
+    """The claims about a system, or the named ones, for other tools.
+
+    Values that merely flow are opaque. Raises NotFiniteError where a loop has no known bound.
+    """
+    abstraction = abstracted(system.program)
+    if abstraction is not None:
+        system = replace(system, program=abstraction.program)
+    claims = [claim for claim in claims_of(system) if not names or claim.name in names]
+    circuit = circuit_of(system, claims)
+    notes = [f"not covered: {limit}" for limit in circuit.limits]
+    if circuit.d.looser:
+        loose = ", ".join(sorted({name.split("@")[0] for name in circuit.d.looser}))
+        notes.append(
+            "of infinitely many values, so a violation need not be one of the program: " + loose
+        )
+    return Problem(tuple(exported(circuit, format_, rounds, comment)), tuple(notes))
 
 
 def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> Iterator[str]:
@@ -177,4 +209,4 @@ def _all(terms: Iterable[str]) -> str:
     return f"(and true {' '.join(terms)})"
 
 
-__all__ = ["Format", "Machine", "exported", "machine_of"]
+__all__ = ["Format", "Machine", "Problem", "exported", "machine_of", "problem"]

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 from random import Random
 
 import pytest
 import z3
 
+from koord.cli import main as frame
+from koord.cli.exits import Exit
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.machine import NotFiniteError
@@ -80,3 +83,19 @@ def test_vmt_is_well_formed_and_says_the_same() -> None:
         assert text.count(":init true") == text.count(":trans true") == 1
         assert text.count(":invar-property") == len(of.bad)
         assert text.count(":next") == len(of.latches) + 2
+
+
+def test_the_command_writes_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "task.aag"
+    words = ["verify", "specs/examples/task.krd", "--robots", "2", "--set", "tasks=2"]
+    words += ["--property", "Exclusive", "--export", "aiger", "-o", str(path)]
+    assert frame.main(words) == Exit.OK
+    written = read(path.read_text())
+    assert len(written.bad) == 1
+    assert written.names["b0"] == "Exclusive"
+    assert "assignedTo" in capsys.readouterr().err  # of which nothing is assumed
+
+
+def test_several_programs_are_too_many_to_export() -> None:
+    words = ["verify", "specs/examples/task.krd", "specs/examples/sum_of_ids.krd"]
+    assert frame.main([*words, "--export", "vmt"]) == Exit.BAD_INPUT

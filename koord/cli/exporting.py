@@ -1,0 +1,70 @@
+"""``koord verify --export``: the question itself, in a file for other tools."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from koord import __version__
+from koord.cli.diagnostics import Report
+from koord.cli.exits import Exit
+from koord.cli.files import DASH, check_writable, write_atomically
+from koord.cli.inputs import LoadedProgram, Reading, load_programs
+from koord.cli.systems import system_of
+from koord.semantics.configurations import System
+
+#: What a program can be written as; see :class:`koord.verify.bits.exporting.Format`.
+FORMATS = ("aiger", "vmt", "smt2")
+
+
+def add_export(parser: argparse.ArgumentParser) -> None:
+    """Add the flags."""
+    parser.add_argument(
+        "--export",
+        choices=FORMATS,
+        help="verify nothing: write the claims as a problem for other tools",
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", default=DASH, help="where --export writes to (-)"
+    )
+
+
+def export(arguments: argparse.Namespace) -> int:
+    """Write the claims about one program as a problem."""
+    if len(arguments.files) > 1 or len(arguments.robots) > 1 or arguments.robots[0].any_number:
+        raise argparse.ArgumentTypeError("--export takes one program and one number of robots")
+    if arguments.output != DASH:
+        check_writable(arguments.output)
+    report = Report()
+    programs = load_programs(arguments.files, Reading.of(arguments), report)
+    report.print(sys.stderr, as_json=False)
+    if report.errors:
+        return Exit.BAD_INPUT
+    (program,) = programs
+    system = system_of(program.program, arguments.robots[0], arguments.delta)
+    return _write(program, system, arguments)
+
+
+def _write(program: LoadedProgram, system: System, arguments: argparse.Namespace) -> int:
+    from koord.semantics.machine import NotFiniteError
+    from koord.verify.bits.exporting import Format, problem
+
+    try:
+        lines = problem(
+            system,
+            tuple(arguments.names),
+            Format(arguments.export),
+            arguments.rounds,
+            f"{program.source.name}, {system.robots} robots, by koord {__version__}",
+        )
+    except NotFiniteError as error:
+        print(f"koord verify: not to be written as bits: {error}", file=sys.stderr)
+        return Exit.UNKNOWN
+    for note in lines.notes:
+        print(f"koord verify: {note}", file=sys.stderr)
+    text = "\n".join(lines.lines) + "\n"
+    if arguments.output == DASH:
+        sys.stdout.write(text)
+    else:
+        write_atomically(arguments.output, text.encode())
+    return Exit.OK
