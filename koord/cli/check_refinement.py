@@ -20,7 +20,7 @@ from koord.cli.progress import Interruption
 from koord.cli.tables import fleet
 from koord.cli.terminal import Paint, style_of, visible
 from koord.cli.traces import sources_of
-from koord.refinement.cases import Case, Tried, all_generated, of_program, tried
+from koord.refinement.cases import Case, Tried, all_generated, generated, of_program, tried
 from koord.refinement.running import Target, target
 from koord.refinement.shrinking import shrunk
 from koord.runtime.compile import compiled
@@ -80,6 +80,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--seed", metavar="S", type=seed, default=0, help="what every random choice hangs on (0)"
     )
     parser.add_argument(
+        "--case",
+        metavar="SEED",
+        type=seed,
+        help="the generated program of this seed alone, as a file that was kept says",
+    )
+    parser.add_argument(
         "--save",
         metavar="FOLDER",
         default=".",
@@ -100,6 +106,8 @@ def _runs(text: str) -> int:
 
 def main(arguments: argparse.Namespace) -> int:
     check_files([*arguments.files, *arguments.properties])
+    if arguments.case is not None and arguments.files:
+        raise argparse.ArgumentTypeError("--case is of a generated program, and needs no file")
     report = Report()
     programs = load_programs(arguments.files, Reading.of(arguments), report)
     if report.errors and arguments.json:
@@ -129,6 +137,9 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _all(arguments: argparse.Namespace, programs: tuple[LoadedProgram, ...]) -> Iterator[Tried]:
     """Every run; one that fails is replaced by a smaller one that fails as well."""
+    if arguments.case is not None:
+        yield _smallest(tried(generated(arguments.case, arguments.rounds)), None)
+        return
     if not programs:
         for case in islice(all_generated(Random(arguments.seed), arguments.rounds), arguments.runs):
             yield _smallest(tried(case), None)
@@ -167,6 +178,7 @@ def _story(one: Tried) -> str:
     """A failing case in full: program, what it was compiled to, schedule, first wrong step."""
     program = one.case.system.program
     parts = [
+        f"koord check-refinement --case {one.case.seed}  # and made smaller",
         f"seed {one.case.seed}, {_robots(one.case.system)}, {one.case.rounds} rounds, "
         f"{one.case.policy.value}",
         *_told(one),
@@ -245,9 +257,15 @@ def _show(totals: Totals, saved: list[str]) -> None:
         for line in _told(one):
             print(f"  {visible(line)}")
         print(f"  saved as {visible(path)}")
-    counted = f"{totals.runs} runs, {totals.rounds} rounds, {totals.steps} steps"
+    counted = f"{totals.runs} {_many('run', totals.runs)}, {totals.rounds} "
+    counted += f"{_many('round', totals.rounds)}, {totals.steps} {_many('step', totals.steps)}"
     ends = f"{totals.faults} ended in a fault"
     if totals.gave_up:
         ends += f", {totals.gave_up} for want of values that the program allows"
-    verdict = f"{len(totals.failures)} violations" if totals.failures else "no violation"
+    found = len(totals.failures)
+    verdict = f"{found} {_many('violation', found)}" if found else "no violation"
     print(f"{counted}: {verdict} ({ends})")
+
+
+def _many(word: str, count: int) -> str:
+    return word if count == 1 else f"{word}s"

@@ -1,1 +1,1 @@
-"""Compiled programs and their round commit. Not in this version."""
+"""Compiled programs and their round commit."""

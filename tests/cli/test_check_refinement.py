@@ -78,6 +78,7 @@ def test_a_generated_program_that_is_refused_is_kept_whole(
     assert koord("--runs", "200", "--rounds", "3", "--json") == Exit.VIOLATED
     (failure,) = json.loads(capsys.readouterr().out)["failures"]
     kept = Path(failure["saved"]).read_text("utf-8")
+    assert koord("--case", str(failure["seed"]), "--rounds", "3") == Exit.VIOLATED
     for part in ("# compiled", "# the core program", "# the recording", str(failure["seed"])):
         assert part in kept
 
@@ -86,6 +87,12 @@ def test_a_generated_program_that_is_refused_is_kept_whole(
 def test_a_number_of_runs_is_one(runs: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert koord("--runs", runs) == Exit.BAD_INPUT
     assert "--runs" in capsys.readouterr().err
+
+
+def test_a_case_is_of_a_generated_program(file: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert koord("--case", "5") == Exit.OK
+    assert capsys.readouterr().out.startswith("1 run, ")
+    assert koord("--case", "5", file) == Exit.BAD_INPUT
 
 
 def test_a_program_with_errors_is_not_run(file: str, capsys: pytest.CaptureFixture[str]) -> None:
