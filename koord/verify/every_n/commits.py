@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from koord.semantics.configurations import Store
 from koord.semantics.domain import conjunction, disjunction
-from koord.semantics.masks import Mask, joined, restricted, written
+from koord.semantics.masks import Mask, joined, restricted
 from koord.semantics.storage import Many, Storage, Tree, merge_storage_known
 from koord.semantics.turns import Turned
 from koord.syntax.core import BinaryOp
@@ -19,6 +20,10 @@ from koord.verify.terms import Term, Terms
 
 #: Of variables with more locations than this it is not said who wrote which of them last.
 MOST_RACING = 4
+
+
+#: A location of a slot, and the robot that wrote it last.
+LastWrite: TypeAlias = "tuple[int, tuple[int, ...], Term]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +41,7 @@ class Commits:
     """The writes of all robots, put into a store.
 
     ``guarded`` says for slots that are written in atomic blocks only which lock class these are
-    of. ``moves`` are the turns that a robot may take.
+    of. ``moves`` are the turns that a robot may take; ``everybody`` takes one of them in INIT.
     """
 
     world: World
@@ -44,9 +49,11 @@ class Commits:
     moves: Callable[[Term], list[Move]]
     guarded: Mapping[int, int]
     label: str
+    everybody: bool = False
     winners: dict[int, Term] = field(default_factory=dict)
     _laws: list[Callable[[Term], Term]] = field(default_factory=list)
     _known: list[Term] = field(default_factory=list)
+    _last: list[LastWrite] = field(default_factory=list)
 
     def know(self, robot: Term) -> None:
         """Say of a robot, whose moves are worked out now, what holds of every robot."""
@@ -70,11 +77,15 @@ class Commits:
         def at(robot: Term) -> Storage[Term]:
             self.world.book.name(robot)
             entry = before.at(robot)
-            for move in self.moves(robot):
+            for k, move in enumerate(self.moves(robot)):
+                own: Storage[Term] = entry
                 if slot in move.turned.allread:
-                    own = move.turned.robot.copy.allread[slot]
-                    assert isinstance(own, Many)
-                    entry = merge_storage_known(d, move.chosen, own.at(robot), entry)
+                    copy = move.turned.robot.copy.allread[slot]
+                    assert isinstance(copy, Many)
+                    own = copy.at(robot)
+                # What is no robot has no entry, so that nobody ever asks what is in it.
+                certain = self.everybody and k == 0
+                entry = own if certain else merge_storage_known(d, move.chosen, own, entry)
             return entry
 
         return Many(before.crowd, at)
@@ -156,16 +167,15 @@ class Commits:
             with self.world.d.depending_on(None):
                 name = f"raced {self.world.program.allwrite[slot].variable.name} {self.label}"
                 return self.world.unknowns.storage(name, type_, before, Written.WHOLE)
-        after, last = before, []
+        after = before
         for place in places:
             writer = self._somebody(f"last {slot}")
-            last.append((place, writer))
             patched = self._put(slot, writer, mask_of(before, place))
             after = taken(after, patched, place)
             self._require(self._nobody_else(slot, place, writer))
-        for k, (place, writer) in enumerate(last):
-            for other, its_writer in last[:k]:
-                self._same(slot, place, writer, other, its_writer)
+            for other in self._last:
+                self._same((slot, place, writer), other)
+            self._last.append((slot, place, writer))
         return after
 
     def _nobody_else(
@@ -179,15 +189,16 @@ class Commits:
 
         return law
 
-    def _same(
-        self, slot: int, place: tuple[int, ...], writer: Term, other: tuple[int, ...], its: Term
-    ) -> None:
+    def _same(self, one: LastWrite, other: LastWrite) -> None:
         """Robots that both wrote both of two locations last are one: there is one order."""
-        d = self.world.d
+        d, (slot, place, writer), (its_slot, its_place, its_writer) = self.world.d, one, other
         both = d.binary(
-            BinaryOp.AND, self.writes(slot, other, writer), self.writes(slot, place, its)
+            BinaryOp.AND,
+            self.writes(its_slot, its_place, writer),
+            self.writes(slot, place, its_writer),
         )
-        self.world.book.note(self.world.book.implied(both, d.binary(BinaryOp.EQ, writer, its)))
+        same = d.binary(BinaryOp.EQ, writer, its_writer)
+        self.world.book.note(self.world.book.implied(both, same))
 
     def writes(self, slot: int, place: tuple[int, ...], robot: Term) -> Term:
         """Whether a robot writes a location."""
@@ -198,17 +209,6 @@ class Commits:
             if mask is not None:
                 found.append(conjunction(d, [move.chosen, masked(d, mask, place)]))
         return disjunction(d, found)
-
-    def writes_any(self, slot: int, robot: Term) -> Term:
-        """Whether a robot writes any part of a variable."""
-        d = self.world.d
-        return disjunction(
-            d,
-            [
-                conjunction(d, [move.chosen, written(d, move.turned.allwrite.get(slot))])
-                for move in self.moves(robot)
-            ],
-        )
 
 
 # --- locations of flat variables: the positions of parts, from the outside in --------------------

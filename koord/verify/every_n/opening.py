@@ -39,7 +39,7 @@ class Opening:
         self._store, faults = declared(d, world.everywhere, inputs)
         self.fault = disjunction(d, [fault for fault, _ in faults])
         world.book.note(world.book.implied(self.calm, d.unary(UnaryOp.NOT, self.fault)))
-        self._commits = Commits(world, self._store, self.moves, {}, "init")
+        self._commits = Commits(world, self._store, self.moves, {}, "init", everybody=True)
         store = Store(
             tuple(self._commits.entries(slot) for slot in range(len(self._store.allread))),
             tuple(self._commits.everything(slot) for slot in range(len(self._store.allwrite))),
