@@ -254,11 +254,13 @@ ENGINE = (
         (ROUNDS,),
     ),
     Mutant(
-        "answers are kept for the next round",
+        "asked twice, a robot answers anew",
         "runtime/robot.py",
-        "        self._answers = {}\n        self._turn = Turn.PROG",
-        "        self._turn = Turn.PROG",
-        (EXAMPLES, GENERATED),
+        "            self._answers[key] = from_plain(self.EXTERNALS[function], answer, self.numAgents)\n"
+        "        return self._answers[key]",
+        "            return from_plain(self.EXTERNALS[function], answer, self.numAgents)\n"
+        "        return self._answers[key]",
+        (ROUNDS,),
     ),
     Mutant(
         "a lock class is never taken",

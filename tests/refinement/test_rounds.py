@@ -154,6 +154,37 @@ def test_the_deployed_order_of_choice_is_that_of_the_program() -> None:
     assert [a.event for a in it.robots[0].propose(0, (2, 0, 1)).attempts] == [2]
 
 
+class Picky(Nothing):
+    """A host that never says the same again."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def ask(self, *question: object) -> object:
+        self.asked += 1
+        return self.asked
+
+
+def test_one_evaluation_has_one_answer() -> None:
+    """[EXTERNAL]: a list operation looks at its place twice, and asks once."""
+    text = (
+        "def fun pick(int k) -> int: extern fresh\n"
+        "local:\n  int[][] rows = [[], [], [], [], []]\n"
+        "E:\n  eff:\n    append(rows[pick(2)], 5)\n    append(rows[pick(2)], 6)\n"
+    )
+    made = target(program(text))
+    host = Picky()
+    it = Fleet(made.classes, (0,), 0.1, host)
+    it.begin()
+    it.program_turns(Deployed())
+    assert host.asked == 2
+    assert vars(it.robots[0])["rows"] == ((), (5,), (6,), (), ())
+    it.environment_turn()
+    it.program_turns(Deployed())
+    assert host.asked == 4
+    assert vars(it.robots[0])["rows"] == ((), (5,), (6,), (5,), (6,))
+
+
 def test_a_fault_ends_the_run() -> None:
     it = fleet("local:\n  int n = 0\nE:\n  eff:\n    n = 1 / n\n")
     decided = it.program_turns(Deployed())
