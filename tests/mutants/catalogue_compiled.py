@@ -256,10 +256,8 @@ ENGINE = (
     Mutant(
         "asked twice, a robot answers anew",
         "runtime/robot.py",
-        "            self._answers[key] = from_plain(self.EXTERNALS[function], answer, self.numAgents)\n"
-        "        return self._answers[key]",
-        "            return from_plain(self.EXTERNALS[function], answer, self.numAgents)\n"
-        "        return self._answers[key]",
+        "            self._answers[key] = from_plain(self.EXTERNALS",
+        "            return from_plain(self.EXTERNALS",
         (ROUNDS,),
     ),
     Mutant(
