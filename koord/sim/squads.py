@@ -149,7 +149,7 @@ class DroneSquad:
 
     def tick(self, now_s: float) -> None:
         position, heading = self.fixes(now_s)
-        self.group.plan(position, heading, _PLAN_MOST)
+        self.group.plan(self.flying.origin(position), heading, _PLAN_MOST)
         self.group.update(position, now_s)
         reference = self.flying.command(position, STEPS * STEP_S)
         sent = np.concatenate(

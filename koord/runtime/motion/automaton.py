@@ -2,7 +2,8 @@
 
 One step is a pure function of arrays over robots; a deployed robot runs it with one robot, the
 simulator with thousands. *Visited* is the paper's (II-A): a robot that has stayed within ε_v of the
-end of its route for the time δ_v has ``reached`` it.
+end of its route for the time δ_v has ``reached`` it. A robot that was not told anything yet has
+nothing left to reach, so it has reached as well.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def initial(count: int) -> Automata:
     """Robots that have not been told anything."""
     idle = np.full(count, State.IDLE, np.int64)
     no = np.zeros(count, np.bool_)
-    return Automata(idle, np.full(count, np.nan), no, no, idle)
+    return Automata(idle, np.full(count, np.nan), ~no, no, idle)
 
 
 def no_orders(count: int) -> Orders:
@@ -109,7 +110,8 @@ def step(
     inside = has_route & (distance <= visit.epsilon_m) & (state != State.STOPPED)
     since = np.where(inside, np.where(np.isnan(since), now_s, since), np.nan)
     dwelt = inside & (now_s - since >= visit.dwell_s - _ROUNDING_S)
-    reached = (reached | dwelt) & (distance <= visit.leave_m) & (state != State.STOPPED)
+    here = ~has_route | (distance <= visit.leave_m)
+    reached = (reached | dwelt) & here & (state != State.STOPPED)
     state[(state == State.MOVING) & reached] = State.IDLE
     state[(state == State.IDLE) & has_route & ~reached] = State.MOVING
     return Automata(state, since, reached, has_route, resumes)

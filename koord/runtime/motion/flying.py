@@ -14,6 +14,13 @@ from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.group import Group
 
+#: The end of a route is approached in proportion to what is left of it, over this time: robots that
+#: aim at each other's positions would swing about them if they came as fast as brakes allow.
+_APPROACH_S = 0.5
+
+#: So slowly a reference need not go.
+_CREEP_MPS = 0.05
+
 #: A reference waits for a drone that is this far behind it.
 _LAG_M = 0.5
 
@@ -37,6 +44,13 @@ class Flying:
         self.rest: Floats = start.copy()
         self._all = np.arange(group.count)
 
+    def origin(self, position: Floats) -> Floats:
+        """Where new ways to targets begin: at the reference, which a drone is about to reach, and
+        not where it is measured to be, unless it has been pushed away.
+        """
+        near = np.linalg.norm(self.rest - position, axis=1) < _LAG_M
+        return np.where(near[:, None], self.rest, position)
+
     def command(self, position: Floats, dt_s: float) -> Reference:
         """The reference at the end of the next step, for robots measured at positions."""
         group, routes = self.group, self.group.routes
@@ -48,6 +62,7 @@ class Flying:
         if self.waits:
             lag = np.linalg.norm(here.position - position, axis=1)
             speed = speed * np.clip(2.0 - 2.0 * lag / _LAG_M, 0.0, 1.0)
+            speed = np.minimum(speed, _CREEP_MPS + (routes.length - group.s) / _APPROACH_S)
         speed = np.where(on, speed, np.maximum(group.speed - accel * dt_s, 0.0))
         speed = np.where(routed & (group.s < routes.length), speed, 0.0)
         gain = (speed - group.speed) / dt_s

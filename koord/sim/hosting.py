@@ -1,0 +1,231 @@
+"""The simulated world as the host of compiled programs: their sensors, actuators and library.
+
+A round's environment turn has two parts: :meth:`Hosted.pass_time` hands the robots' actuators to
+the fleet and lets δ pass; then every robot reads its sensors. Which port is which is told by its
+name, as in the library of the language. An actuator counts as an order when its value changes.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from random import Random
+from typing import Any
+
+import numpy as np
+
+from koord.runtime.motion.library import Library
+from koord.runtime.motion.mapping import occupied
+from koord.runtime.motion.world import Point
+from koord.runtime.robot import Key, Robot, Turn
+from koord.runtime.shapes import Array, Enumeration, Record, Scalar, Shape, default, element_of
+from koord.runtime.shapes import Sequence as ListOf
+from koord.sim.fleet import Fleet, Sensed
+from koord.sim.lidar import Scanner
+
+#: Actuators that send a robot somewhere; the last that changed counts.
+_GOALS = ("route", "path", "target", "waypoint", "goal")
+
+#: What cells of a map are called where nothing is known of them, and where nothing stands.
+_UNKNOWN, _FREE = "unknown", "free"
+
+
+class Hosted:
+    """The host of all robots of a run. ``scanners[i]`` is that of robot i, if it has one."""
+
+    def __init__(
+        self,
+        classes: Sequence[type[Robot]],
+        kinds: Sequence[int],
+        fleet: Fleet,
+        library: Library,
+        seed: int = 0,
+        scanners: Mapping[int, Scanner] | None = None,
+    ) -> None:
+        self.classes, self.kinds = tuple(classes), tuple(kinds)
+        self.fleet, self.library = fleet, library
+        self.scanners = dict(scanners or {})
+        self._draw = {robot: Random(f"{seed} {robot}") for robot in range(len(kinds))}
+        self._noise = {
+            robot: np.random.default_rng(np.random.SeedSequence((seed, robot, 2)))
+            for robot in self.scanners
+        }
+        self._sent: dict[tuple[int, str], Any] = {}
+        self._sensed: tuple[Sensed, ...] = fleet.sensed()
+        self._walls = occupied(fleet.world) if fleet.world.obstacles else frozenset()
+
+    def pass_time(
+        self,
+        robots: Sequence[Robot],
+        time_s: float,
+        watch: Callable[[Fleet], None] | None = None,
+    ) -> None:
+        """Hand over what robots were told since last time, then let time pass up to ``time_s``."""
+        for robot in robots:
+            for name in robot.PORTS:
+                port = name.rpartition("_")[2]
+                if port in _GOALS and name not in robot.SENSORS:
+                    self._order(robot.pid, name, robot.PORTS[name], getattr(robot, name))
+        self.library.begin_round()
+        self.fleet.advance_to(time_s, watch)
+        self._sensed = self.fleet.sensed()
+
+    # --- the host of compiled robots ------------------------------------------------------------
+
+    def start(self, robot: int | None, name: str) -> Any:
+        """[INIT]: where a robot is, the world's tasks, and else the plainest value there is."""
+        shape, robots = self._shape(robot, name), len(self.kinds)
+        if robot is not None and name.rpartition("_")[2] == "psn":
+            return _placed(shape, self._sensed[robot].psn)
+        if isinstance(shape, Array) and _is_task(shape.element):
+            return tuple(self._task(shape.element, k) for k in range(shape.size))
+        return default(shape, robots)
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        """[ENV-FREE]: what the sensors of a robot say at the end of the round."""
+        sensed = self._sensed[robot.pid]
+        readings: dict[str, Any] = {}
+        for name in robot.SENSORS:
+            shape = robot.PORTS[name]
+            match name.rpartition("_")[2]:
+                case "psn" | "position":
+                    readings[name] = _placed(shape, sensed.psn)
+                case "reached" | "done":
+                    readings[name] = sensed.reached
+                case "planner":
+                    readings[name] = sensed.planner.value
+                case "pscan":
+                    readings[name] = self._scan(robot.pid, sensed)
+                case _ if getattr(robot, name) is None:
+                    readings[name] = default(shape, robot.numAgents)
+                case _:
+                    pass
+        return readings
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        """[EXTERNAL]: the answers of the library, on real geometry."""
+        library, clearance = self.library, self.library.clearance
+        result = self.classes[self.kinds[robot]].EXTERNALS[function]
+        match re.sub(r"_\d+$", "", function), arguments:
+            case "sqrt", (x,):
+                return math.sqrt(x)
+            case "findPath", (start, goal):
+                return library.find_path(robot, tuple(start), tuple(goal))
+            case "findPath", (start, goal, obstacles):
+                points = [_point(p) for p in obstacles]
+                return library.find_path_around(robot, tuple(start), tuple(goal), points)
+            case "getPathFromTask", (task,):
+                return library.path_from_task(robot, tuple(task[0]))
+            case "getPathFromTask", (start, task):
+                return library.find_path(robot, tuple(start), tuple(task[0]))
+            case "pathsClear", (one, other):
+                return clearance.paths_clear(one, other)
+            case "onPath", (p, path):
+                return clearance.on_path(p, path, clearance.resting_m)
+            case "apart", (p, q):
+                return clearance.apart(p, q)
+            case "willCollide", (task,):
+                return library.will_collide(robot, tuple(task[0]))
+            case "scanToMap", (scan,):
+                return _drawn(result, library.scan_to_map(scan))
+            case "pickFrontierPos", (known, near):
+                return library.pick_frontier(robot, _known(known), _point(near))
+            case "findObs", (known,):
+                return library.find_obstacles(_known(known))
+            case "world", (int(cell),):
+                return _cell(result, cell in self._walls)
+            case _:
+                raise LookupError(function)
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        """[CHOOSE]: any value between, by the robot's own chance."""
+        draw = self._draw[robot]
+        return draw.uniform(low, high) if isinstance(low, float) else draw.randint(low, high)
+
+    # --- inside ---------------------------------------------------------------------------------
+
+    def _order(self, robot: int, name: str, shape: Shape, value: Any) -> None:
+        if value is None or self._sent.get((robot, name)) == value:
+            return
+        self._sent[robot, name] = value
+        if isinstance(shape, ListOf | Array):
+            self.fleet.follow(robot, [_point(p) for p in value if _is_set(p)])
+        elif _is_set(value):
+            self.fleet.go_to(robot, _point(value))
+
+    def _scan(self, robot: int, sensed: Sensed) -> tuple[Point, ...]:
+        scanner = self.scanners.get(robot)
+        if scanner is None:
+            return ()
+        return scanner.scan(sensed.psn, sensed.heading_rad, self._noise[robot])
+
+    def _task(self, shape: Shape, number: int) -> Any:
+        assert isinstance(shape, Record)
+        values = list(default(shape, len(self.kinds)))
+        tasks = self.fleet.world.tasks
+        if number < len(tasks):
+            values[0] = _point(tasks[number])
+        return tuple(values)
+
+    def _shape(self, robot: int | None, name: str) -> Shape:
+        """The shape of a variable; of an allread one, that of the robot's own entry."""
+        program = self.classes[0 if robot is None else self.kinds[robot]]
+        if robot is not None:
+            known = program.LOCALS.get(name) or program.PORTS.get(name)
+            if known is not None:
+                return known
+        (shape,) = [v.shape for v in program.SHARED.variables if v.name == name]
+        return shape if robot is None else element_of(shape)
+
+
+def _is_task(shape: Shape) -> bool:
+    return isinstance(shape, Record) and shape.make.__name__ == "Task"
+
+
+def _is_set(place: Any) -> bool:
+    return place is not None and not (isinstance(place, tuple) and any(c is None for c in place))
+
+
+def _placed(shape: Shape, point: Point) -> Any:
+    """A place as a program has it: a record of two or three coordinates, or one number."""
+    if isinstance(shape, Scalar):
+        return point[0]
+    assert isinstance(shape, Record)
+    return point[: len(shape.fields)]
+
+
+def _point(place: Any) -> Point:
+    if isinstance(place, int | float):
+        return float(place), 0.0, 0.0
+    x, y, *z = place
+    return float(x), float(y), float(z[0]) if z else 0.0
+
+
+def _drawn(shape: Shape, seen: Mapping[int, bool]) -> Any:
+    """A map as a program has it: cell to whether it is occupied, or what each cell is."""
+    if not isinstance(shape, Array):
+        return dict(seen)
+    cells = (seen.get(cell) for cell in range(shape.size))
+    return tuple(_cell(shape.element, there) for there in cells)
+
+
+def _cell(shape: Shape, there: bool | None) -> Any:
+    """What a cell is: unknown (None), free or occupied, in the words of an enumeration."""
+    if not isinstance(shape, Enumeration):
+        return bool(there)
+    names = shape.members
+    if there is None:
+        return names.index(_UNKNOWN)
+    if not there:
+        return names.index(_FREE)
+    return next(k for k, name in enumerate(names) if name not in (_UNKNOWN, _FREE))
+
+
+def _known(cells: Any) -> dict[int, bool]:
+    """What a program's map says; of an enumeration the first member is unknown, the second free."""
+    if isinstance(cells, Mapping):
+        return dict(cells)
+    return {cell: state > 1 for cell, state in enumerate(cells) if state}
