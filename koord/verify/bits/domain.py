@@ -208,6 +208,10 @@ class BitDomain:
         self.required.append(node)
         return node
 
+    def is_inexact(self) -> bool:
+        """Whether any number was made that is not kept exactly."""
+        return bool(self._loose_names)
+
     def is_wild(self, number: Number) -> bool:
         """Whether nothing is ever known of a number."""
         if number.loose < 2:
