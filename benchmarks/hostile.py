@@ -30,7 +30,7 @@ RUN = Run("a run", b"the key of all robots", ROBOTS)
 
 #: Under which reasons a datagram of each kind may be counted.
 KINDS: dict[str, tuple[Drop, ...]] = {
-    "random": (Drop.SIZE, Drop.NOT_KOORD, Drop.VERSION),
+    "random": (Drop.SIZE, Drop.NOT_KOORD, Drop.VERSION, Drop.STRANGER),
     "truncated": (Drop.SIZE, Drop.FORGED),
     "bit flipped": (Drop.FORGED, Drop.NOT_KOORD, Drop.VERSION, Drop.STRANGER),
     "replayed": (Drop.REPLAYED,),

@@ -13,7 +13,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import FrameType
 
 from koord.cli.arguments import (
@@ -223,14 +222,7 @@ def _one(arguments: argparse.Namespace, job: Job) -> int:
         story = f"there is no robot {pid}"
         hint = f"the pids are 0 to {job.robots - 1}"
         raise _refused("K932", job.configuration.name, story, hint)
-    journals = Path(arguments.state or ".koord")
-    try:
-        journals.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _refused(
-            "K903", str(journals), f"cannot be written: {error.strerror}", None
-        ) from None
-    job = replace(job, journals=journals)
+    job = replace(job, journals=_folder(arguments.state or ".koord"))
     journal = job.journal(pid)
     if arguments.fresh and journal is not None:
         journal.forget()
@@ -255,12 +247,22 @@ def _one(arguments: argparse.Namespace, job: Job) -> int:
     return _ended({pid: last}, job, interrupts)
 
 
+def _folder(path: str) -> Path:
+    """The folder of journals, made if need be. Raises KoordError."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _refused("K903", path, f"cannot be written: {error.strerror}", None) from None
+    return folder
+
+
 def _all(arguments: argparse.Namespace, job: Job) -> int:
     """All robots, each in a process."""
     with ExitStack() as stack:
         record = _recording(arguments, stack)
-        folder = arguments.state or stack.enter_context(TemporaryDirectory(prefix="koord-"))
-        job = replace(job, journals=Path(folder))
+        if arguments.state is not None:
+            job = replace(job, journals=_folder(arguments.state))
         port = _FIRST_PORT + secrets.randbelow(_PORTS)
         plan = local_plan(job.configuration, job.robots, port)
         fleet = launched(job, plan, keeps_moments=record is not None)

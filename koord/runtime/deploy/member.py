@@ -131,7 +131,6 @@ class Member:
         self.round = round_
         if self.statuses[self.robot.pid] is Status.STOPPED:
             self.robot.status = Status.STOPPED
-        self._write_down()
 
     def _note_statuses(self, decision: Decision) -> None:
         """[STOP] [END-PROG]"""
@@ -226,6 +225,7 @@ class Member:
     # --- the journal ----------------------------------------------------------------------------
 
     def _write_down(self) -> None:
+        """Before a proposal is sent, once a round: what becomes of it the others know."""
         if self._journal is None or self.mute:
             return
         robot, proposal = self.robot, self._proposal

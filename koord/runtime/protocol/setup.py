@@ -33,7 +33,7 @@ class Timing:
     @staticmethod
     def of(delta_s: float, robots: int) -> Timing:
         """What suits rounds of this length. Many robots on one machine answer one after another."""
-        unit = max(delta_s, 0.02)
+        unit = max(delta_s, 0.02) if delta_s > 0 else 0.1
         return Timing(
             delta_s=delta_s,
             patience_s=0.7 * unit,
