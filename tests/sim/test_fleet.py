@@ -56,6 +56,7 @@ def test_everybody_arrives() -> None:
     fleet = Fleet(CLUTTERED, MIXED, 1)
     for k, goal in enumerate(GOALS):
         fleet.go_to(k, goal)
+    fleet.advance_to(0.1)
     while not all(sensed.reached for sensed in fleet.sensed()):
         fleet.advance_to(fleet.now_s + 0.1)
         assert fleet.now_s < 60

@@ -61,6 +61,7 @@ def test_cars_keep_to_planned_paths_and_arrive(steering: Steering, most_m: float
     for k, goal in enumerate(goals.tolist()):
         ride.group.go_to(k, (goal[0], goal[1], 0.0))
     furthest = np.zeros(6)
+    ride.tick()
     while not ride.group.automata.reached.all():
         ride.tick()
         off = [point_path(ride.cars.position[k], ride.group.path(k)) for k in range(6)]
