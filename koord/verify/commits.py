@@ -13,7 +13,7 @@ from koord.semantics.storage import Storage, merge_storage
 from koord.syntax.core import BinaryOp
 from koord.syntax.types import INT
 from koord.verify.moments import Option
-from koord.verify.races import Before, Write, is_flat, precedes, winning
+from koord.verify.races import Before, Write, is_flat, precedes, set_where_written, winning
 from koord.verify.terms import Term, Terms
 
 #: For each event (kind, position), the allwrite slots that it updates outside of ``atomic``.
@@ -60,7 +60,7 @@ def _in_order(
     before: Before,
 ) -> Storage[Term]:
     """Writes applied one place of the order after the other: for lists and maps that race."""
-    robots = system.robots
+    robots, original = system.robots, target
     places = [_place_of(d, system, i, before) for i in range(robots)]
     for place in range(robots):
         current = target
@@ -75,7 +75,7 @@ def _in_order(
                 if d.known(here) is None
                 else (changed if d.known(here) else target)
             )
-    return target
+    return set_where_written(d, original, target, [mask for _, _, mask in writes])
 
 
 def _place_of(d: Terms, system: System, robot: int, before: Before) -> Term:

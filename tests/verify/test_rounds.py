@@ -12,6 +12,7 @@ from dataclasses import replace
 import pytest
 
 from koord.semantics.configurations import System, dealt
+from koord.semantics.storage import Cell
 from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, MapType, QueueType, RecordType
 from koord.verify.bmc import Unrolling
@@ -350,6 +351,18 @@ def test_the_formula_grows_with_the_robots_and_not_with_their_orders() -> None:
 
     assert [size(programs.sum_of_ids(), n) for n in (2, 4, 8)] == [2, 4, 8]
     assert [size(programs.counter_race(), n) for n in (2, 4, 8)] == [2 + 1, 4 + 6, 8 + 28]
+
+
+def test_what_every_robot_writes_in_init_is_known_to_be_set() -> None:
+    """[INIT] [ATOM]: scalars, lists and maps alike, whoever comes last."""
+    b = Build()
+    x, xs = b.allwrite("x", INT), b.allwrite("xs", ListType(INT))
+    some = b.allwrite("some", INT)
+    b.init(x.set(PID), xs.set(lst(INT, 1, 2)), when(PID.eq(0), some.set(3)))
+    b.event("Go", TRUE, STOP)
+    store = Unrolling(dealt(b.program(), 3)).opening.moment.configuration.store
+    flags = [cell.is_set for cell in store.allwrite if isinstance(cell, Cell)]
+    assert flags == [True, True, True]
 
 
 def test_heterogeneous_robots_have_their_own_events_and_one_store() -> None:
