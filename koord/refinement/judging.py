@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from koord.refinement.running import Ran
+from koord.refinement.summaries import with_summaries
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.execution import RecordedInputs, Step, execute
@@ -58,6 +59,14 @@ def judge(ran: Ran) -> Judged:
     if refused is None and ran.fault_place is not None:
         refused = _elsewhere(last[0], ran.fault_place)
     return Judged(trace, replayed, refused)
+
+
+def judge_robots(trace: Trace, fault_place: str | None = None) -> Judged:
+    """Judge a trace that robots made, whose library nobody asked what only summaries mention.
+
+    Raises KoordError where the reference's library has no answer that a summary allows.
+    """
+    return judge(Ran(with_summaries(trace), fault_place))
 
 
 def _elsewhere(step: Step, place: str) -> Refused | None:
