@@ -261,25 +261,26 @@ def opened(certificate: Certificate) -> Opened:
     names = [p.name for p in whole.properties if p.kind in _INVARIANTS]
     if not certificate.claims:
         raise refused(name, "K941", "nothing is claimed")
-    _check_given(certificate)
+    _check_given(certificate, World(whole, certificate.kinds, certificate.delta_s))
     return _joined(certificate, core_program, names)
 
 
-def _check_given(certificate: Certificate) -> None:
+def _check_given(certificate: Certificate, world: World) -> None:
     """The scripts that belong to a proof are all there."""
+    turns = ["the program turns", "the environment's turn"]
+    inside = world.urgent() or (world.asks() and world.mentions(core.Stopped))
     there = {given.name for given in certificate.given}
     for depth in sorted({conjunct.depth for conjunct in certificate.invariant} or {1}):
         over = "" if depth == 1 else f", over {depth} rounds"
         names = [f"initiation{over}"]
         for k in range(1, depth):
-            names += [f"base of {turn} in round {k}{over}" for turn in _TURNS]
-        names += [f"consecution of {turn}{over}" for turn in _TURNS]
+            names += [f"base of {turn} in round {k}{over}" for turn in turns]
+        names += [f"consecution of {turn}{over}" for turn in turns]
+        if inside:
+            names.append(f"consecution inside a round{over}")
         for name in names:
             if name not in there:
                 raise refused(certificate.name, "K941", f"the obligation {name!r} is missing")
-
-
-_TURNS = ("the program turns", "the environment's turn")
 
 
 _OF_PROPERTIES = (ast.Assume, ast.Invariant, ast.FunDef, ast.ParamDecl)

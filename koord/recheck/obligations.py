@@ -397,9 +397,11 @@ class Round:
             prefix.ran_none(j, self.of.turns) for j in range(self.world.robots) if j != turn.robot
         ]
         last, after = self._moved(prefix.state, turn)
-        facts.append(t.either(last, t.disjunction(others)))
-        legal = t.conjunction(self.of.rounds.skips_legally(prefix, mover=turn))
-        facts += [t.implies(last, legal), self.of.rounds.may_run(prefix.start, turn)]
+        if last is not None:
+            facts.append(t.either(last, t.disjunction(others)))
+            legal = t.conjunction(self.of.rounds.skips_legally(prefix, mover=turn))
+            facts.append(t.implies(last, legal))
+        facts.append(self.of.rounds.may_run(prefix.start, turn))
         goals = self.of.goals(after, self.asked)
         return self._attempt(facts, goals, (*self.shown, *self.chosen))
 
@@ -430,14 +432,17 @@ class Round:
         facts.append(self.of.rounds.may_run(before, turn))
         return self._attempt(facts, self.of.goals(after, self.asked), ())
 
-    def _moved(self, state: State, turn: Turn) -> tuple[Term, State]:
-        """One more robot has run an event; whether it was the last to move, and the end of that."""
+    def _moved(self, state: State, turn: Turn) -> tuple[Term | None, State]:
+        """One more robot has run an event.
+
+        Where it can be seen, also whether it was the last to move, which ends the program turns.
+        """
         i, t = turn.robot, self.t
         robots = (*state.robots[:i], turn.after, *state.robots[i + 1 :])
         store = made(self.of.s, state.store, turn.writes, t.truth(True))
         after = State(robots, store)
         if not self.world.asks():
-            return t.truth(True), after
+            return None, after
         # END-PROG comes with the last turn of a round.
         last = t.truth(True)
         if self.world.robots > 1:

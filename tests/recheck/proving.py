@@ -1,0 +1,52 @@
+"""What the rechecker alone can show: the largest set of claims that prove themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from koord.recheck.obligations import Claim, Kind, Obligations
+from koord.recheck.settling import Settled, Settling
+from koord.recheck.solving import Answer, Session
+from koord.recheck.terms import Terms
+from koord.recheck.values import NotRecheckedError, Values
+from koord.recheck.world import World
+from koord.semantics.configurations import System
+from koord.verify.claims import claims_of
+
+SECONDS = 5.0
+
+
+def restated(system: System) -> list[Claim]:
+    """The claims about a system, as the rechecker has them."""
+    return [
+        Claim(claim.name, Kind(claim.kind.value), claim.stated, claim.subject)
+        for claim in claims_of(system)
+    ]
+
+
+def world_of(system: System) -> World:
+    return World(system.program, system.kinds, system.delta_s)
+
+
+def settled(world: World, claims: Sequence[Claim]) -> Iterator[Settled]:
+    """Every obligation of some claims, settled."""
+    values = Values(Terms(), world.robots, world.sealed)
+    settling = Settling(values, Session.start(), lambda: SECONDS)
+    for obligation in Obligations(world, claims, values):
+        yield settling.settled(obligation)
+
+
+def confirmed(system: System) -> set[str] | None:
+    """The names of the claims that prove themselves; None if a construct is not rechecked."""
+    try:
+        world = world_of(system)
+        claims = restated(system)
+        while claims:
+            failed = next((s for s in settled(world, claims) if s.answer is not Answer.UNSAT), None)
+            if failed is None:
+                return {claim.name for claim in claims}
+            name = failed.claim.split(" (")[0]
+            claims = [claim for claim in claims if claim.name != name]
+    except NotRecheckedError:
+        return None
+    return set()

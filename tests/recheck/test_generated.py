@@ -1,0 +1,69 @@
+"""What the rechecker confirms of generated programs, against an explicit search of their runs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from random import Random
+
+import pytest
+
+from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.programs import system
+from koord.semantics.machine import NotFiniteError
+from koord.semantics.search.engine import survey
+from koord.semantics.search.findings import Claim, Exhausted, Subject
+from koord.semantics.search.finite import NotFinite
+from koord.semantics.search.limits import Limits
+from koord.verify.claims import claims_of
+from tests.recheck.proving import confirmed
+
+pytest.importorskip("cvc5")
+
+
+def compared(first: int, last: int) -> Counter[str]:
+    """Nothing that the search breaks is confirmed."""
+    count: Counter[str] = Counter()
+    for seed in range(first, last):
+        made = system(Random(seed), FINITE)
+        properties = [c.stated for c in claims_of(made) if c.stated is not None]
+        limits = Limits(states=3_000, rounds=6)
+        try:
+            found = survey(made, properties, limits, subjects=frozenset(Subject))
+        except NotFiniteError:
+            continue
+        if isinstance(found.end, NotFinite):
+            continue
+        names = confirmed(made)
+        if names is None:
+            count["not rechecked"] += 1
+            continue
+        broken = {_name(violation.claim) for violation in found.violated}
+        assert not names & broken, seed
+        count["systems"] += 1
+        count["broken"] += len(broken)
+        count["confirmed"] += len(names)
+        count["exhausted"] += isinstance(found.end, Exhausted)
+    return count
+
+
+def _name(claim: Claim) -> str:
+    """The name that the verifier gives to what the search calls so."""
+    words = {
+        Subject.FAULT: "no fault",
+        Subject.CONTRACT: f"contract {claim.name}",
+        Subject.LOST_UPDATE: f"no lost update of {claim.name}",
+    }
+    return words.get(claim.subject, claim.name)
+
+
+def test_nothing_is_confirmed_that_a_search_breaks() -> None:
+    count = compared(0, 240)
+    assert count["systems"] >= 100
+    assert count["broken"] >= 80
+    assert count["confirmed"] >= 180
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", range(5))
+def test_nothing_is_confirmed_that_a_search_breaks_in_many(block: int) -> None:
+    assert compared(240 + 400 * block, 640 + 400 * block)["systems"] >= 100
