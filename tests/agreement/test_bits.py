@@ -1,7 +1,7 @@
 """The domain of bits against the exact domain: constants in, and bits in with values for them.
 
-Every scalar of a configuration and of the inputs becomes bits of a range that its value lies in; one
-turn is evaluated on them; then the graph is evaluated where the bits are those of the value.
+Every scalar of a configuration and of the inputs becomes bits of a range that its value lies in;
+one turn is evaluated on them; then the graph is evaluated where the bits are those of the value.
 """
 
 from __future__ import annotations
@@ -150,9 +150,7 @@ class Comparison:
     def property(self, p: core.Property) -> None:
         t = self.t
         exact, _ = holds_in(EXACT, t.system, t.start, p.condition, p.bound, self.recorded)
-        found, _ = holds_in(
-            self.symbols.d, t.system, self.start, p.condition, p.bound, self.asked
-        )
+        found, _ = holds_in(self.symbols.d, t.system, self.start, p.condition, p.bound, self.asked)
         assert Meaning(self.symbols)(found, BOOL) == exact, p.name
 
 
