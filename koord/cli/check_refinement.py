@@ -72,9 +72,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--faults",
-        choices=["none"],
+        choices=["none", "loss", "chaos"],
         default="none",
-        help="what happens to messages: in one process, nothing (none)",
+        help="what happens to messages, with --protocol; without, there are none (none)",
+    )
+    parser.add_argument(
+        "--protocol",
+        action="store_true",
+        help="check the round-commit protocol itself, on simulated networks",
     )
     parser.add_argument(
         "--seed", metavar="S", type=seed, default=0, help="what every random choice hangs on (0)"
@@ -106,6 +111,10 @@ def _runs(text: str) -> int:
 
 def main(arguments: argparse.Namespace) -> int:
     check_files([*arguments.files, *arguments.properties])
+    if arguments.protocol:
+        return _protocol(arguments)
+    if arguments.faults != "none":
+        raise argparse.ArgumentTypeError("--faults goes with --protocol")
     if arguments.case is not None and arguments.files:
         raise argparse.ArgumentTypeError("--case is of a generated program, and needs no file")
     report = Report()
@@ -130,6 +139,14 @@ def main(arguments: argparse.Namespace) -> int:
     if interruption.requested:
         return Exit.INTERRUPTED
     return Exit.VIOLATED if totals.failures else Exit.OK
+
+
+def _protocol(arguments: argparse.Namespace) -> int:
+    if arguments.files or arguments.case is not None:
+        raise argparse.ArgumentTypeError("--protocol is of no program: it takes no file, no case")
+    from koord.cli.protocol_check import main as check
+
+    return check(arguments)
 
 
 # --- runs ---------------------------------------------------------------------------------------

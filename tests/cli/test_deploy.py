@@ -143,3 +143,33 @@ def test_the_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema"]) == Exit.OK
     schema = json.loads(capsys.readouterr().out)
     assert "num_robots" in json.dumps(schema)
+
+
+# --- the protocol by itself -----------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_protocol_can_be_checked_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["check-refinement", "--protocol", "--faults", "chaos", "--runs", "8", "--json"]
+    assert main(words) == Exit.OK
+    document = json.loads(capsys.readouterr().out)
+    assert document["runs"] == 8
+    assert document["broken"] == []
+    assert {one["what"] for one in document["explored"] if one["complete"]} == {
+        "one round",
+        "two rounds",
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--protocol", SUM], "takes no file"),
+        (["--faults", "chaos"], "--faults goes with --protocol"),
+    ],
+)
+def test_flags_of_the_protocol_s_check_stand_together(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check-refinement", *words]) == Exit.BAD_INPUT
+    assert said in capsys.readouterr().err
