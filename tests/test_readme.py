@@ -89,6 +89,10 @@ def masked(command: str, text: str) -> str:
     if "koord verify" in command:
         text = re.sub(r"^start\n.*?\n\n", "start …\n\n", text, flags=re.MULTILINE | re.DOTALL)
         text = re.sub(r" is false for .* \[", " is false for … [", text)
+    if "koord deploy" in command:
+        text = re.sub(r"\d+(\.\d+)?", "-", text)
+    if "koord recheck" in command:
+        text = re.sub(r"cvc5 \S+", "cvc5 -", re.sub(r"\[\d+\.\d s\]", "[- s]", text))
     return text
 
 

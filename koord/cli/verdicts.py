@@ -23,9 +23,8 @@ PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKN
 
 def lines(name: str, system: System, report: Report, style: Style) -> Iterator[str]:
     """The report as a table, then what makes it say less, then one line that sums it up."""
-    yield style.paint(
-        f"{name}: {_robots(system, report)}, δ = {float(system.delta_s):g} s", Paint.BOLD
-    )
+    asked = "every number of robots" if report.every_n else _fleet(system)
+    yield style.paint(f"{name}: {asked}, δ = {float(system.delta_s):g} s", Paint.BOLD)
     yield ""
     rows = [(v.claim.name, said(v), _by(v), f"{v.seconds:.2f} s") for v in report.verdicts]
     widths = [max((len(row[k]) for row in rows), default=0) for k in range(4)]
@@ -105,7 +104,7 @@ def said(verdict: Verdict) -> str:
     """The verdict in words, with how far it reaches."""
     match verdict.outcome:
         case Outcome.HOLDS if verdict.engine is Engine.EVERY_N:
-            return "holds for every number of robots and every number of rounds"
+            return "holds for every N, in every round"
         case Outcome.HOLDS if verdict.rounds is None:
             return "holds in every round"
         case Outcome.HOLDS:
@@ -136,7 +135,9 @@ def _claims(report: Report) -> str:
 
 
 def _robots(system: System, report: Report) -> str:
-    return "every number of robots" if report.every_n else _fleet(system)
+    if report.every_n or all(v.engine is Engine.EVERY_N for v in report.verdicts):
+        return "every number of robots"
+    return _fleet(system)
 
 
 def _fleet(system: System) -> str:
