@@ -19,7 +19,7 @@ from koord.runtime.exploration.claims import (
     one_winner,
     valid,
 )
-from koord.runtime.exploration.exploring import explore
+from koord.runtime.exploration.exploring import explore, wander
 from koord.runtime.exploration.world import Bounds, proposal_of
 from koord.runtime.proposals import Decision, Taken
 from koord.runtime.protocol.entries import Entry, Held, digest
@@ -68,6 +68,22 @@ def test_the_invariants_hold_further_on(bounds: Bounds) -> None:
     explored = explore(bounds)
     assert explored.violation is None
     assert explored.committed > 2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_unlucky_walks_keep_the_invariants(seed: int) -> None:
+    """Crashes and returns, and everything that was ever sent may still arrive."""
+    explored = wander(Bounds(rounds=4, epoch=8, crashes=4, restarts=4), seed, 40, 150)
+    assert explored.violation is None
+    assert explored.epochs >= 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robots", [3, 4, 5])
+def test_many_unlucky_walks_keep_the_invariants(robots: int) -> None:
+    bounds = Bounds(robots=robots, rounds=5, epoch=12, crashes=5, restarts=5)
+    explored = wander(bounds, robots, 2_000, 250)
+    assert explored.violation is None
 
 
 def test_entries_are_committed_in_several_ways() -> None:

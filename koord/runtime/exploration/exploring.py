@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from random import Random
 
 from koord.runtime.exploration.claims import (
     Accepted,
@@ -15,10 +16,14 @@ from koord.runtime.exploration.claims import (
     one_winner,
     valid,
 )
-from koord.runtime.exploration.world import Bounds, Explorer, Transition, World
+from koord.runtime.exploration.world import Act, Bounds, Explorer, Transition, World
 from koord.runtime.protocol.entries import Held
+from koord.runtime.protocol.events import Timer
 from koord.runtime.protocol.messages import Acknowledge, Decide
 from koord.runtime.protocol.setup import Setup, Timing
+
+#: How often a random walk takes a crash, and a timer, if it can.
+CRASHES, TIMERS = 0.03, 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +53,17 @@ def explore(bounds: Bounds, setup: Setup | None = None) -> Explored:
     """Everything that can happen within the bounds, breadth first, until something is broken."""
     setup = setup if setup is not None else Setup(bounds.robots, Timing.zero())
     return _Search(Explorer(setup, bounds)).run()
+
+
+def wander(
+    bounds: Bounds, seed: int, walks: int, length: int, setup: Setup | None = None
+) -> Explored:
+    """Random walks through the same transitions: deeper than everything can be looked at.
+
+    Every message that was ever sent can still arrive, so a walk is as unlucky as a network can be.
+    """
+    setup = setup if setup is not None else Setup(bounds.robots, Timing.zero())
+    return _Search(Explorer(setup, bounds)).walk(Random(seed), walks, length)
 
 
 class _Search:
@@ -84,6 +100,47 @@ class _Search:
                     return self._explored(depth, complete=False)
             layer = following
         return self._explored(depth, complete=True)
+
+    def walk(self, random: Random, walks: int, length: int) -> Explored:
+        start = self._explorer.initial()
+        seen = {start}
+        deepest = 0
+        for _ in range(walks):
+            world = start
+            story: list[Transition] = []
+            for depth in range(1, length + 1):
+                transition = self._chosen(world, random)
+                if transition is None:
+                    break
+                story.append(transition)
+                self._transitions += 1
+                broken = next(self._broken(world, transition), None)
+                if broken is not None:
+                    lines = tuple(map(self._explorer.tell, story))
+                    return self._walked(len(seen), depth, Violation(broken, lines))
+                world = transition.world
+                seen.add(world)
+                deepest = max(deepest, depth)
+        return self._walked(len(seen), deepest, None)
+
+    def _chosen(self, world: World, random: Random) -> Transition | None:
+        """A transition; now and then a crash, if a majority that knows everything is left."""
+        crashes: list[Transition] = []
+        others: list[Transition] = []
+        for transition in self._explorer.transitions(world):
+            (crashes if transition.cause is Act.CRASH else others).append(transition)
+        voters = sum(state.is_voter for state in self._explorer.states(world))
+        may_crash = voters > self._explorer.setup.majority or not others
+        if crashes and may_crash and random.random() < CRASHES:
+            return random.choice(crashes)
+        timers = [t for t in others if isinstance(t.cause, Timer)]
+        if timers and random.random() < TIMERS:
+            return random.choice(timers)
+        return random.choice(others) if others else None
+
+    def _walked(self, states: int, depth: int, violation: Violation | None) -> Explored:
+        found = self._explored(depth, complete=False, violation=violation)
+        return replace(found, states=states)
 
     def _explored(
         self, depth: int, *, complete: bool, violation: Violation | None = None
