@@ -216,9 +216,9 @@ def _tasks(reader: _Reader) -> tuple[tuple[Fraction, Fraction, Fraction], ...] |
 def _claim(reader: _Reader) -> tuple[str, Kind, str]:
     kind = reader.field("kind")
     known = {k.value: k for k in Kind}
-    if kind.value not in known:
+    if kind.text() not in known:
         raise kind.wrong("one of " + ", ".join(known))
-    return reader.field("name").text(), known[str(kind.value)], reader.field("subject").text()
+    return reader.field("name").text(), known[kind.text()], reader.field("subject").text()
 
 
 def _conjunct(reader: _Reader) -> Conjunct:

@@ -1,0 +1,115 @@
+"""``koord verify --certificate`` and ``koord recheck`` from the command line."""
+
+from __future__ import annotations
+
+import builtins
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from koord.cli.exits import Exit
+from koord.cli.main import main
+from tests.recheck.certificates import document_of
+
+pytest.importorskip("cvc5")
+
+EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
+
+
+@pytest.fixture
+def certificate(tmp_path: Path) -> Path:
+    path = tmp_path / "proof.json"
+    path.write_text(json.dumps(document_of("leader_elect.krd", 2)))
+    return path
+
+
+def test_a_proof_is_confirmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    program, path = str(EXAMPLES / "leader_elect.krd"), str(tmp_path / "proof.json")
+    assert main(["verify", program, "--robots", "2", "--certificate", path]) == Exit.OK
+    capsys.readouterr()
+    assert main(["recheck", path, "--program", program]) == Exit.OK
+    said = capsys.readouterr().out
+    assert "claimed: Best, Real, Informed, Highest, Agree, no fault" in said
+    assert "\nconfirmed [" in said
+
+
+def test_the_verdict_as_json(certificate: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["recheck", str(certificate), "--json"]) == Exit.OK
+    said = json.loads(capsys.readouterr().out)
+    assert said["verdict"] == "confirmed"
+    assert {one["answer"] for one in said["obligations"]} == {"met"}
+    assert [one["name"] for one in said["obligations"]][:2] == [
+        "initiation: no fault",
+        "initiation",
+    ]
+
+
+def test_a_lemma_that_is_missing_is_told(
+    certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = json.loads(certificate.read_text())
+    document["invariant"] = [c for c in document["invariant"] if c["name"] != "Best"]
+    certificate.write_text(json.dumps(document))
+    assert main(["recheck", str(certificate)]) == Exit.VIOLATED
+    said = capsys.readouterr().out
+    assert "does not follow: event " in said
+    assert "candidate = " in said
+    assert "\nrefuted: " in said
+
+
+def test_another_program_is_refused(certificate: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    program = str(EXAMPLES / "hvac.krd")
+    assert main(["recheck", str(certificate), "--program", program]) == Exit.BAD_INPUT
+    assert "K941" in capsys.readouterr().err
+
+
+def test_what_is_no_certificate_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["recheck", str(EXAMPLES / "hvac.krd")]) == Exit.BAD_INPUT
+    assert "K940: not a JSON document" in capsys.readouterr().err
+
+
+def test_a_construct_that_is_not_rechecked_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program, path = tmp_path / "maps.krd", tmp_path / "proof.json"
+    program.write_text(
+        "local:\n    Map<int, int> seen = {}\n    int n = 0\n\n"
+        "Step:\n    pre: n < 2\n    eff:\n        n = n + 1\n\ninvariant Small: n <= 2\n"
+    )
+    assert main(["verify", str(program), "--robots", "2", "--certificate", str(path)]) in (
+        Exit.OK,
+        Exit.VACUOUS,
+    )
+    capsys.readouterr()
+    assert main(["recheck", str(path)]) == Exit.UNKNOWN
+    assert "unknown: maps are not rechecked (Map<int, int>) (" in capsys.readouterr().out
+
+
+def test_without_cvc5_the_cure_is_told(
+    certificate: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found: Callable[..., Any] = builtins.__import__
+
+    def missing(name: str, *arguments: Any, **named: Any) -> Any:
+        if name == "cvc5":
+            raise ImportError(name)
+        return found(name, *arguments, **named)
+
+    monkeypatch.setattr(builtins, "__import__", missing)
+    assert main(["recheck", str(certificate)]) == Exit.BAD_INPUT
+    said = capsys.readouterr().err
+    assert "K942" in said
+    assert "koord[recheck]" in said
+
+
+def test_nothing_to_certify_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    program, path = tmp_path / "bad.krd", tmp_path / "proof.json"
+    program.write_text(
+        "local:\n    int n = 0\n\nStep:\n    eff:\n        n = 1 / n\n\ninvariant Zero: n == 1\n"
+    )
+    main(["verify", str(program), "--robots", "1", "--rounds", "2", "--certificate", str(path)])
+    assert "nothing to certify" in capsys.readouterr().err
+    assert not path.exists()
