@@ -50,7 +50,9 @@ def axis_and_thrust(wanted: Floats, drone: Drone) -> tuple[Floats, Floats]:
     flat = np.sqrt(wanted[0] * wanted[0] + wanted[1] * wanted[1])
     # The tilt is limited: what is asked for sideways gives way.
     share = np.minimum(1.0, np.maximum(up, 1.0) * np.tan(drone.tilt_rad) / np.maximum(flat, 1e-9))
-    force = np.stack([wanted[0] * share, wanted[1] * share, np.maximum(up, 1.0)])
+    force = np.empty_like(wanted)
+    np.multiply(wanted[:2], share, out=force[:2])
+    np.maximum(up, 1.0, out=force[2])
     size = np.sqrt(np.einsum("in,in->n", force, force))
     return force / size, np.minimum(size, drone.thrust_ratio * GRAVITY)
 
@@ -64,9 +66,9 @@ def body_rates(gains: Gains, axis: Floats, quaternion: Floats) -> Floats:
     w, x, y = c, -axis[1] / (2 * c), axis[0] / (2 * c)
     qw, qx, qy, qz = quaternion
     # conj(q) ∘ q_wanted: the error as the body sees it.
-    ew = qw * w + qx * x + qy * y
-    ex = qw * x - qx * w + qz * y
-    ey = qw * y - qy * w - qz * x
-    ez = -qx * y + qy * x - qz * w
-    gain = 2.0 * gains.attitude * np.where(ew < 0, -1.0, 1.0)
-    return np.stack([gain * ex, gain * ey, 0.4 * gain * ez])
+    gain = np.copysign(2.0 * gains.attitude, qw * w + qx * x + qy * y)
+    rates = np.empty((3, len(w)))
+    np.multiply(gain, qw * x - qx * w + qz * y, out=rates[0])
+    np.multiply(gain, qw * y - qy * w - qz * x, out=rates[1])
+    np.multiply(0.4 * gain, qy * x - qx * y - qz * w, out=rates[2])
+    return rates

@@ -125,10 +125,10 @@ def _kernel(
             c = math.sqrt(0.5 * (1.0 + bz))
             wx, wy = -by / (2 * c), bx / (2 * c)
             ew = qw * c + qx * wx + qy * wy
-            gain = 2.0 * ka * (-1.0 if ew < 0 else 1.0)
+            gain = math.copysign(2.0 * ka, ew)
             rp = gain * (qw * wx - qx * c + qz * wy)
             rq = gain * (qw * wy - qy * c - qz * wx)
-            rr = 0.4 * gain * (-qx * wy + qy * wx - qz * c)
+            rr = 0.4 * gain * (qy * wx - qx * wy - qz * c)
             # rate control and rotation
             sx, sy, sz = jx * p, jy * q, jz * r
             cx, cy, cz = q * sz - r * sy, r * sx - p * sz, p * sy - q * sx

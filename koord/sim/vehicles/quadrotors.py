@@ -60,6 +60,8 @@ class Quadrotors:
         """``start`` has shape ``(n, 3)``."""
         self.drone, self.ground_m, self.gains = drone, ground_m, gains or Gains()
         self.state = at_rest(start)
+        self._inertia = np.array(drone.inertia_kgm2)[:, None]
+        self._torque = np.array(drone.torque_nm)[:, None]
 
     def advance(self, reference: Reference, wind: Floats, dt_s: float, steps: int) -> None:
         """Fly for some steps. The reference moves on at its velocity; ``wind`` is ``(n, 3)``."""
@@ -77,15 +79,15 @@ class Quadrotors:
         wanted = position_control(gains, s, goal, pace, gain, drone, dt_s)
         axis, thrust = cascade.axis_and_thrust(wanted, drone)
         asked = cascade.body_rates(gains, axis, s.attitude)
-        inertia, torque = np.array(drone.inertia_kgm2), np.array(drone.torque_nm)
-        spin = inertia[:, None] * s.rates
+        inertia, torque = self._inertia, self._torque
+        spin = inertia * s.rates
         couple = np.empty_like(spin)
         couple[0] = s.rates[1] * spin[2] - s.rates[2] * spin[1]
         couple[1] = s.rates[2] * spin[0] - s.rates[0] * spin[2]
         couple[2] = s.rates[0] * spin[1] - s.rates[1] * spin[0]
-        tau = inertia[:, None] * (gains.rate * (asked - s.rates)) + couple
-        tau = np.minimum(np.maximum(tau, -torque[:, None]), torque[:, None])
-        s.rates = s.rates + dt_s * (tau - couple) / inertia[:, None]
+        tau = inertia * (gains.rate * (asked - s.rates)) + couple
+        tau = np.minimum(np.maximum(tau, -torque), torque)
+        s.rates = s.rates + dt_s * (tau - couple) / inertia
         s.attitude = turned(s.attitude, s.rates, dt_s)
         s.thrust = s.thrust + (thrust - s.thrust) * (1.0 - math.exp(-dt_s / drone.rotor_lag_s))
         w, x, y, z = s.attitude
