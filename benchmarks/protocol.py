@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from harness import Column, Report, main, note
+from harness import RESULTS, Cell, Column, Report, main, note
 from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
 from koord.runtime.chaos.ledger import Journal, Ledger
 from koord.runtime.chaos.storm import Course, weather
@@ -102,6 +103,29 @@ def datagrams(report: Report) -> None:
         limit = 2 * robots + 2 + found["pieces"]
         report.expect(found["datagrams"] <= limit, f"{robots} robots: {found} datagrams")
         table.rows.append({"robots": robots, **found, "limit": limit, "paper": robots**2})
+    if not report.quick:
+        plot(table.rows)
+
+
+def plot(rows: Sequence[Mapping[str, Cell]]) -> None:
+    """The same as a picture beside the results, if matplotlib is there."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        return
+    robots = [float(str(row["robots"])) for row in rows]
+    figure = Figure(figsize=(5.5, 3.5), layout="constrained")
+    axes = figure.add_subplot()
+    axes.loglog(
+        robots, [float(str(row["datagrams"])) for row in rows], "o-", label="sent, measured"
+    )
+    axes.loglog(robots, [2 * n + 2 for n in robots], ":", label="2N + 2")
+    axes.loglog(robots, [n * n for n in robots], "s--", label="paper: N²")
+    axes.set_xlabel("robots")
+    axes.set_ylabel("datagrams a round")
+    axes.legend()
+    axes.grid(True, which="both", alpha=0.3)
+    figure.savefig(RESULTS / "protocol.svg", metadata={"Date": None})
 
 
 def storms(report: Report) -> None:
