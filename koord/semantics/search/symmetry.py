@@ -74,7 +74,8 @@ def symmetry_of(system: System, properties: tuple[core.Property, ...]) -> Symmet
     reason = sorting.run()
     if reason:
         return Asymmetry(reason)
-    fixed = sorting.fixed()
+    book = sorting.book
+    fixed = book.fixed()
     groups: dict[int, list[int]] = {}
     for robot, kind in enumerate(system.kinds):
         if robot not in fixed:
@@ -84,10 +85,10 @@ def symmetry_of(system: System, properties: tuple[core.Property, ...]) -> Symmet
         return Asymmetry("no two robots are of one kind and without a role of their own")
     return Symmetry(
         interchangeable,
-        tuple(_renamed(shapes) for shapes in sorting.locals),
-        tuple(_renamed(shapes) for shapes in sorting.ports),
-        _renamed([_element(of) for of in sorting.allread]),
-        _renamed(sorting.allwrite),
+        tuple(_renamed(shapes) for shapes in book.locals),
+        tuple(_renamed(shapes) for shapes in book.ports),
+        _renamed([_element(of) for of in book.allread]),
+        _renamed(book.allwrite),
     )
 
 
