@@ -103,10 +103,13 @@ class Book:
         known = d.known(holds_of)
         if known is not None:
             return True if known else d.unary(UnaryOp.NOT, d.binary(BinaryOp.LT, low, high))
-        with d.depending_on(None):
-            holds, witness = d.fresh("every", BOOL), d.fresh("witness", INT)
         (blank,) = frame.own
         inside = self.between(low, blank, high)
+        if d.is_valid(self.implied(inside, holds_of)):
+            # That an index lies in a range over which it runs, most often.
+            return True
+        with d.depending_on(None):
+            holds, witness = d.fresh("every", BOOL), d.fresh("witness", INT)
         frame.facts.append(self.implied(d.binary(BinaryOp.AND, holds, inside), holds_of))
         fails = d.binary(BinaryOp.AND, inside, d.unary(UnaryOp.NOT, holds_of))
         frame.atom, frame.witness = d.symbol(holds), witness
@@ -259,8 +262,10 @@ class Book:
             self._add(d.put(fact, pairs))
         for index in scheme.brings_up:
             self._put(d.put(index, pairs), born + 1)
+        # What stands deeper is worth less: there is the more of it.
+        deeper = born + 1 if scheme.outer else born
         for inner in scheme.inner:
-            inner.contexts.append((names, born))
+            inner.contexts.append((names, deeper))
 
     def _add(self, fact: Term) -> None:
         """One more fact, of which it is known already what it wants."""

@@ -127,7 +127,15 @@ class Loop:
 
     def _log_faults(self, exits: Term) -> None:
         """A trip that faults, if the loop comes to it. [FAULT]"""
-        m = self.m
+        m, inside = self.m, self.crowd.book.between
+
+        def quiet(number: Term) -> Term:
+            faults = [fault for fault, _ in self._trip(number).faults]
+            there = inside(self.low, number, self.high)
+            return m.negated(m.both(there, disjunction(m.d, faults)))
+
+        if self._d.is_valid(self.crowd.book.glimpse(quiet)):
+            return
 
         def sound(number: Term) -> Term:
             trip = self._trip(number)

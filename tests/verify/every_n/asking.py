@@ -14,7 +14,7 @@ from koord.syntax.source import Source
 from koord.verify.abstraction import abstracted
 from koord.verify.claims import claims_of
 from koord.verify.every_n.candidates import candidates
-from koord.verify.every_n.proving import GENEROUS, Inferred, Proof, Thrift, infer, prove
+from koord.verify.every_n.proving import SPARING, Inferred, Proof, Thrift, infer, prove
 from koord.verify.solving import Deadline, Effort
 
 DELTA = Fraction(1)
@@ -34,7 +34,7 @@ def system_of(text: str, robots: int = 2) -> System:
     return dealt(program if abstraction is None else abstraction.program, robots, DELTA)
 
 
-def asked(text: str, thrift: Thrift = GENEROUS) -> Proof:
+def asked(text: str, thrift: Thrift = SPARING) -> Proof:
     """What is proved of a program, and why the rest is not."""
     system = system_of(text, max(2, len(core_of(text).agents)))
     effort = Effort.of_seconds(thrift.seconds)

@@ -1,4 +1,4 @@
-"""The example programs for every number of robots; and what is wrong with some is proved of none."""
+"""The example programs for every number of robots; what is wrong with some is never proved."""
 
 from __future__ import annotations
 
