@@ -80,7 +80,10 @@ def story(status: Status) -> str:
         return "done"
     if status.is_mute:
         return "came back without its journal: runs no events"
-    return "" if status.holding is None else f"holds: {status.holding.value}"
+    if status.holding is None:
+        return ""
+    whom = ", ".join(map(str, status.waiting_for))
+    return f"holds: {status.holding.value}" + (f": {whom}" if whom else "")
 
 
 def summary(statuses: Mapping[int, Status], job: Job) -> str:

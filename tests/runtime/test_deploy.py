@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache, partial
@@ -10,20 +11,26 @@ from typing import Any
 
 import pytest
 
+from koord.cli.deployed import story
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
+from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.deploy.ideal import Ideal, unanswered
 from koord.runtime.deploy.journal import Journal, Page
 from koord.runtime.deploy.member import DivergedError, Member
+from koord.runtime.deploy.networks import hears_itself, local_plan
+from koord.runtime.deploy.status import Tally, status_of
 from koord.runtime.engine.fleet import Fleet
 from koord.runtime.engine.schedules import Deployed
 from koord.runtime.peer import Peer
 from koord.runtime.proposals import Attempt, Decision, Proposal, Write
 from koord.runtime.protocol.entries import Entry
+from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import State, fresh, returning
 from koord.runtime.robot import Robot, Turn
 from koord.runtime.transports.inprocess import Hub
+from koord.runtime.transports.udp import Reach
 from koord.runtime.wire.codec import Run
 from koord.syntax.load import load
 from koord.syntax.source import Source
@@ -278,3 +285,31 @@ def test_paths_that_come_near_each_other_are_not_clear() -> None:
 def test_functions_that_only_a_platform_has_are_told() -> None:
     assert unanswered(classes("task")[0].EXTERNALS) == ()
     assert "pickFrontierPos" in unanswered(classes("mapping")[0].EXTERNALS)
+
+
+# --- what is told of robots -----------------------------------------------------------------------
+
+
+def test_a_round_that_waits_says_for_whom() -> None:
+    """(R-OWED)"""
+    deployment = Deployment("lineform", 3)
+    deployment.off(2)
+    peer = deployment.peers[0]
+    for _ in range(300):
+        for one in deployment.peers.values():
+            one.turn(0.0)
+        deployment.now += 0.01
+    status = status_of(peer, deployment.members[0], Tally())
+    assert status.round == -1
+    assert status.holding is Reason.ROUND_OPEN
+    assert status.waiting_for == (2,)
+    assert story(status) == "holds: the round waits for robots that may not skip: 2"
+
+
+def test_what_happens_on_this_machine_is_heard_on_it_or_goes_round() -> None:
+    port = 20_000 + time.time_ns() % 20_000
+    configuration = load_configuration(Source("c.yaml", "num_robots: 3\n"))
+    plan = local_plan(configuration, 3, port)
+    assert (plan.reach is Reach.GROUP) == hears_itself(port + 10)
+    alone = load_configuration(Source("c.yaml", "num_robots: 3\nnetwork: {transport: unicast}\n"))
+    assert local_plan(alone, 3, port).reach is Reach.EACH

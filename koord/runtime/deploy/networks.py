@@ -7,7 +7,7 @@ from typing import assert_never
 from koord.runtime.configuration.forms import Carrier
 from koord.runtime.configuration.model import Configuration
 from koord.runtime.transports.routed import Routed
-from koord.runtime.transports.transport import Transport
+from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Plan, Reach, Udp, on_this_machine
 
 
@@ -34,7 +34,27 @@ def plan_of(configuration: Configuration) -> Plan:
 def local_plan(configuration: Configuration, robots: int, port: int) -> Plan:
     """All robots on this machine, each with a port, whatever addresses they will have outside."""
     unicast = configuration.talk.carrier is Carrier.UNICAST
-    return on_this_machine(robots, port, group=None) if unicast else on_this_machine(robots, port)
+    if unicast or robots == 1 or not hears_itself(port):
+        return on_this_machine(robots, port, group=None)
+    return on_this_machine(robots, port)
+
+
+def hears_itself(port: int) -> bool:
+    """Whether multicast works on this machine's loopback; in some containers it does not."""
+    plan = on_this_machine(2, port)
+    opened: list[Udp] = []
+    try:
+        opened += [Udp(plan, pid) for pid in range(2)]
+        for _ in range(3):
+            opened[0].tell(b"?")
+            if opened[1].receive(0.1):
+                return True
+    except TransportError:
+        pass  # whoever uses the port in earnest is told
+    finally:
+        for one in opened:
+            one.close()
+    return False
 
 
 def transport_of(configuration: Configuration, run: str, pid: int) -> Transport:

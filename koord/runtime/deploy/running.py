@@ -172,6 +172,6 @@ class Runner:
             if leave_at is not None and now >= leave_at:
                 self.member.forget()
                 break
-        self.member.hold(None if self.peer.node.over else self.member.holding)
+        self.member.host.holding = True  # a safe stop: nobody will tell it to go on
         self.peer.transport.close()
         return self.status

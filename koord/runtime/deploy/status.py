@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from koord.runtime.deploy.member import Member
 from koord.runtime.peer import Peer
+from koord.runtime.protocol.coordinating import waiting_for
 from koord.runtime.protocol.events import Reason
 
 
@@ -18,6 +19,7 @@ class Status:
     coordinator: int | None
     epoch: int
     holding: Reason | None
+    waiting_for: tuple[int, ...]  #: robots that the coordinator waits for
     ran: int  #: rounds in which it was let through
     skipped: int
     late: int  #: rounds that its proposal came too late for
@@ -54,6 +56,7 @@ def status_of(peer: Peer, member: Member, tally: Tally) -> Status:
         coordinator=state.leader,
         epoch=state.promised,
         holding=state.holding,
+        waiting_for=waiting_for(state) if state.holding is Reason.ROUND_OPEN else (),
         ran=tally.ran,
         skipped=tally.skipped,
         late=tally.late,

@@ -218,7 +218,7 @@ def note(turn: Turn, sender: int) -> None:
 
 
 def waiting_for(state: State) -> tuple[int, ...]:
-    """The robots that the open round waits for, as far as this robot can know."""
+    """The robots that the open round waits for, as far as this robot can know. (R-OWED)"""
     match state.office:
         case Coordinator() as desk if state.tentative is None:
             return missing_in(desk)
