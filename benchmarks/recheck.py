@@ -1,7 +1,7 @@
 """Certificates of the examples, rechecked with cvc5: what is confirmed, and in what time.
 
-A certificate is written by ``koord verify --certificate`` and settled by ``koord recheck``; both are
-whole processes. Not every proof has one: claims that only a search has settled are left out.
+A certificate is written by ``koord verify --certificate`` and settled by ``koord recheck``; both
+are whole processes. Not every proof has one: claims that only a search has settled are left out.
 """
 
 from __future__ import annotations
