@@ -6,6 +6,7 @@ reads a clock. Equal seeds and equal orders give equal runs.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -71,7 +72,8 @@ class Fleet:
 
     def advance_to(self, time_s: float, watch: Callable[[Fleet], None] | None = None) -> None:
         """Let time pass in whole ticks, up to a time; ``watch`` is called after every tick."""
-        while self.ticks < round(time_s / TICK_S - 0.5 + 1e-6):
+        last = math.floor(time_s / TICK_S + 1e-6)
+        while self.ticks < last:
             for members, _ in self._squads:
                 members.tick(self.now_s)
             self.ticks += 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,8 +53,15 @@ def digest(robots: list[Placed], seed: int, seconds: float) -> str:
     return found.hexdigest()
 
 
-def test_everybody_arrives() -> None:
-    fleet = Fleet(CLUTTERED, MIXED, 1)
+def roughly(disturbances: Disturbances) -> list[Placed]:
+    return [
+        Placed(replace(p.kind, disturbances=disturbances), p.start, p.heading_rad) for p in MIXED
+    ]
+
+
+@pytest.mark.parametrize("disturbances", [Disturbances(), ROUGH])
+def test_everybody_arrives(disturbances: Disturbances) -> None:
+    fleet = Fleet(CLUTTERED, roughly(disturbances), 1)
     for k, goal in enumerate(GOALS):
         fleet.go_to(k, goal)
     fleet.advance_to(0.1)
@@ -69,10 +77,7 @@ def test_everybody_arrives() -> None:
 
 
 def test_equal_seeds_make_equal_runs() -> None:
-    rough = [
-        Placed(Kind(p.kind.body, p.kind.planner, disturbances=ROUGH), p.start, p.heading_rad)
-        for p in MIXED
-    ]
+    rough = roughly(ROUGH)
     assert digest(rough, 1, 6.0) == digest(rough, 1, 6.0)
     assert digest(rough, 1, 6.0) != digest(rough, 2, 6.0)
 

@@ -167,7 +167,8 @@ class Driving:
     def _watch(self, wanted: Bools, going: Bools, dt_s: float) -> None:
         """Find out who stands at the end of a route that it has not come near enough to."""
         group = self.group
-        stuck = wanted & ~going & np.isnan(group.automata.since_s) & (group.routes.size > 0)
+        there = group.automata.reached | ~np.isnan(group.automata.since_s)
+        stuck = wanted & ~going & ~there & (group.routes.size > 0)
         self._waited = np.where(stuck, self._waited + dt_s, 0.0)
         self.missed = self._waited >= _MISSED_S
         self._waited[self.missed] = 0.0
