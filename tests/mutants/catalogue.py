@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from tests.mutants.catalogue_bits import BITS
 from tests.mutants.catalogue_compiled import COMPILED
+from tests.mutants.every_n import EVERY_N
 from tests.mutants.mutant import Mutant
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
 
@@ -547,4 +549,4 @@ VERIFY = (
     ),
 )
 
-MUTANTS = SEMANTICS + VERIFY + PROTOCOL + WIRE_MISTAKES + COMPILED
+MUTANTS = SEMANTICS + VERIFY + EVERY_N + BITS + PROTOCOL + WIRE_MISTAKES + COMPILED

@@ -85,6 +85,8 @@ class Search:
     _first: dict[int, bool] = field(default_factory=dict)  #: what latches are after INIT, if known
     _counter: int = 0
     _spent: int = 0
+    _orbit: dict[Cube, tuple[Cube, ...]] = field(default_factory=dict)
+    _primed: dict[Cube, int] = field(default_factory=dict)
     _lopsided: bool = False  #: whether something without images was learned
     _depth: int = 0
     _weight: dict[int, float] = field(default_factory=dict)
@@ -317,15 +319,41 @@ class Search:
         if images is None:
             self._lopsided = True
             return
-        for image in images:
-            if all(image not in frame for frame in self.frames[level:]) and (
-                not self._lopsided or self._is_kept_out(image, level)
-            ):
-                self._add(image, level)
+        orbit = (cube, *images)
+        new = [x for x in orbit[1:] if all(x not in frame for frame in self.frames[level:])]
+        if self._lopsided:
+            new = self._kept_out([x for x in new if not self._starts_in(x)], level)
+        for image in orbit:
+            self._orbit[image] = orbit
+        for image in new:
+            self._add(image, level)
 
-    def _is_kept_out(self, cube: Cube, level: int) -> bool:
-        """Whether neither INIT nor the frame before leads to a cube."""
-        return not self._starts_in(cube) and self._leads_to(level - 1, cube) is not None
+    def _kept_out(self, cubes: Sequence[Cube], level: int) -> list[Cube]:
+        """Those of the cubes that the frame before does not lead to, as far as is easily told."""
+        left = list(cubes)
+        for _ in range(PATIENCE):
+            if not left:
+                break
+            self.queries += 1
+            reached = [self._reached(cube) for cube in left]
+            one = self.clauses.variable()
+            self.clauses.add([-one, *reached])
+            some = self.clauses.solve([*self._on(level - 1), self._step, one])
+            model = self.clauses.model() if some else []
+            self.clauses.add([-one])
+            if not some:
+                return left
+            left = [c for c, number in zip(left, reached, strict=True) if model[number] < 0]
+        return []
+
+    def _reached(self, cube: Cube) -> int:
+        """A literal that makes a round lead to a cube."""
+        number = self._primed.get(cube)
+        if number is None:
+            number = self._primed[cube] = self.clauses.variable()
+            for x in cube:
+                self.clauses.add([-number, self._then(x)])
+        return number
 
     def _add(self, cube: Cube, level: int) -> None:
         for frame in self.frames[1:level]:
@@ -339,13 +367,20 @@ class Search:
             for cube in sorted(self.frames[level], key=len):
                 if cube not in self.frames[level]:
                     continue
-                if self._leads_to(level, cube, but=False) is not None:
-                    self._learn(cube, level + 1)
-                    self.frames[level].discard(cube)
+                if self._leads_to(level, cube, but=False) is None:
+                    continue
+                orbit = [c for c in self._orbit.get(cube, ()) if c in self.frames[level]]
+                # Where all that is known has images, what holds of one of them holds of all.
+                alike = self._kept_out(orbit, level + 1) if self._lopsided else orbit
+                for other in {cube, *alike}:
+                    self._add(other, level + 1)
             if not self.frames[level]:
                 return set().union(*self.frames[level + 1 :])
         return None
 
+
+#: So often what some images are reached by is looked at.
+PATIENCE = 6
 
 #: So many literals that cannot be left out are enough in a minor cube.
 MISSES = 6

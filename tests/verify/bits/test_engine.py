@@ -1,0 +1,246 @@
+"""What the engine on bits says of programs: proofs, violations, and what it cannot follow."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+
+from koord.semantics.configurations import System, dealt
+from koord.syntax.elaborate.settings import Settings
+from koord.syntax.load import load
+from koord.syntax.source import Source
+from koord.verify.bits.checking import holds_always
+from koord.verify.bits.graph import Graph
+from koord.verify.bits.pdr import Cube, Invariant, Question
+from koord.verify.portfolio import Choice, verify
+from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+from tests.verify.bits.asking import on_bits
+
+
+def of_text(text: str, robots: int = 2, **params: int) -> System:
+    loaded = load(Source("test.krd", text), Settings(params))
+    assert loaded.program is not None, [str(d.message) for d in loaded.diagnostics]
+    return dealt(loaded.program, robots, Fraction(1, 10))
+
+
+def of_file(name: str, robots: int, **params: int) -> System:
+    with open(f"specs/examples/{name}", encoding="utf-8") as file:
+        return of_text(file.read(), robots, **params)
+
+
+def said(text: str, name: str, *, robots: int = 2, rounds: int = 3) -> Verdict:
+    """The verdict on one claim."""
+    ledger = on_bits(of_text(text, robots), rounds)
+    (claim,) = [claim for claim in ledger.claims if claim.name == name]
+    return ledger.verdict(claim)
+
+
+def named(report: Report, name: str) -> Verdict:
+    (found,) = [v for v in report.verdicts if v.claim.name == name]
+    return found
+
+
+COUNTER = """
+local:
+    int x = 0
+
+Count:
+    pre: x < 100
+    eff: x = x + 7
+
+invariant Soon: forall i: x@i < 70
+invariant Never: forall i: x@i <= 106
+invariant No: forall i: x@i != 90
+"""
+
+
+def test_numbers_are_followed_as_far_as_need_be() -> None:
+    soon = said(COUNTER, "Soon", robots=1)
+    assert soon.outcome is Outcome.VIOLATED
+    assert soon.counterexample is not None
+    assert soon.counterexample.round == 10
+    for name in ("Never", "No"):
+        verdict = said(COUNTER, name, robots=1)
+        assert (verdict.outcome, verdict.rounds) == (Outcome.HOLDS, None)
+
+
+ENDLESS = """
+local:
+    int x = 0
+    bool odd = false
+
+Count:
+    pre: true
+    eff:
+        x = x + 2
+        odd = not odd
+
+invariant Even: forall i: x@i % 2 == 0
+invariant Free: forall i: odd@i or not odd@i
+"""
+
+
+def test_numbers_without_end_are_open_where_it_matters() -> None:
+    assert said(ENDLESS, "Free").outcome is Outcome.HOLDS
+    even = said(ENDLESS, "Even", rounds=4)
+    assert even.outcome is not Outcome.VIOLATED
+    assert even.rounds is not None or even.outcome is Outcome.UNKNOWN
+
+
+SENSED = """
+using Wheel:
+    sensors:
+        int speed
+        int gear
+    contract Gears:
+        requires: true
+        ensures: 0 <= gear' and gear' < 3
+
+local:
+    int most = 0
+
+Look:
+    pre: Wheel.gear > most
+    eff: most = Wheel.gear
+
+assume: Wheel.gear == 0
+
+invariant Gear: forall i: most@i <= 2
+invariant First: forall i: most@i <= 1
+invariant Speed at round: forall i: Wheel.speed@i != 5
+"""
+
+
+def test_contracts_bound_what_sensors_read() -> None:
+    assert said(SENSED, "Gear").outcome is Outcome.HOLDS
+    first = said(SENSED, "First")
+    assert first.counterexample is not None
+    assert first.counterexample.round == 2
+
+
+def test_a_value_that_may_be_anything_is_not_made_up() -> None:
+    speed = said(SENSED, "Speed")
+    assert speed.outcome is Outcome.UNKNOWN
+    assert "infinitely many values" in speed.reason
+    assert "speed" in speed.reason
+
+
+LIST = """
+allwrite:
+    int[] seen = []
+
+Add:
+    pre: length(seen) < LIMIT
+    eff:
+        atomic: append(seen, length(seen))
+
+invariant Short: length(seen) <= LIMIT
+invariant Ordered: forall k in 0, length(seen): seen[k] == k
+invariant Few: length(seen) < 6
+"""
+
+
+def test_lists_are_followed_as_far_as_need_be() -> None:
+    text = LIST.replace("LIMIT", "10")
+    for name in ("Short", "Ordered", "no fault"):
+        assert said(text, name, robots=1).outcome is Outcome.HOLDS, name
+    few = said(text, "Few", robots=1)
+    assert few.counterexample is not None
+    assert few.counterexample.round == 6
+
+
+def test_lists_that_are_too_long_are_told() -> None:
+    short = said(LIST.replace("LIMIT", "40"), "Short", robots=1, rounds=1)
+    assert short.outcome is Outcome.UNKNOWN
+    assert "lists grow" in short.reason or "too much" in short.reason or short.rounds is not None
+
+
+FAULTY = """
+allwrite:
+    int[3] a = [0, 0, 0]
+    int k = 0
+
+Next:
+    pre: true
+    eff:
+        atomic:
+            k = k + 1
+            a[k] = 1
+
+invariant Set: forall j in 0, 3: a[j] <= 1
+invariant Far: k <= 2
+"""
+
+
+def test_behind_a_fault_there_is_nothing() -> None:
+    fault = said(FAULTY, "no fault")
+    assert fault.counterexample is not None
+    assert fault.counterexample.round == 3
+    assert said(FAULTY, "Far").outcome is Outcome.HOLDS
+    assert said(FAULTY, "Set").outcome is Outcome.HOLDS
+
+
+STARTS = """
+allwrite:
+    int x
+
+Keep:
+    pre: x == 4
+    eff:
+        atomic: x = 5
+
+assume: 1 <= x and x < 4
+
+invariant Small: x < 4
+"""
+
+
+def test_what_is_assumed_of_starts_holds() -> None:
+    verdict = said(STARTS, "Small")
+    assert (verdict.outcome, verdict.rounds) == (Outcome.HOLDS, None)
+
+
+def test_task_is_proved_with_opaque_paths() -> None:
+    report = verify(of_file("task.krd", 2, tasks=2), Bounds(3), Choice.BITS)
+    assert report.outcome is Outcome.HOLDS
+    assert {v.engine for v in report.verdicts} == {Engine.BITS}
+    assert all(v.rounds is None for v in report.verdicts)
+
+
+def test_an_invariant_is_found_where_robots_change_places(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Exclusive is not inductive by itself, and nothing else is claimed here."""
+    found: list[Invariant] = []
+
+    def noting(g: Graph, question: Question, cubes: tuple[Cube, ...]) -> bool:
+        found.append(Invariant(cubes, 0))
+        return holds_always(g, question, cubes)
+
+    monkeypatch.setattr("koord.verify.bits.engine.holds_always", noting)
+    with open("specs/examples/task.krd", encoding="utf-8") as file:
+        text = file.read()
+    alone = text[: text.index("invariant Holds:")] + (
+        "invariant Exclusive: forall i, j: "
+        "i != j and isOnTask@i and isOnTask@j implies mine@i != mine@j\n"
+    )
+    report = verify(of_text(alone, 3, tasks=3), Bounds(3), Choice.BITS)
+    verdict = named(report, "Exclusive")
+    assert (verdict.outcome, verdict.engine) == (Outcome.HOLDS, Engine.BITS)
+    assert len(found) == 1
+    assert len(found[0].cubes) > 10
+
+
+@pytest.mark.parametrize(
+    ("name", "robots", "claim", "round_"),
+    [
+        ("broken/leader_elect_early.krd", 3, "Agree", 3),
+        ("broken/allstop_alone.krd", 3, "Together", 12),
+    ],
+)
+def test_violations_are_replayed_and_first(name: str, robots: int, claim: str, round_: int) -> None:
+    report = verify(of_file(name, robots), Bounds(20), Choice.BITS)
+    shown = named(report, claim).counterexample
+    assert shown is not None
+    assert shown.round == round_
