@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from koord.runtime.deploy.ideal import Ideal, unanswered
 from koord.runtime.deploy.journal import Journal, Page
 from koord.runtime.deploy.member import DivergedError, Member
 from koord.runtime.deploy.networks import hears_itself, local_plan
+from koord.runtime.deploy.running import Job, Runner
 from koord.runtime.deploy.status import Tally, status_of
 from koord.runtime.engine.fleet import Fleet
 from koord.runtime.engine.schedules import Deployed
@@ -32,6 +33,7 @@ from koord.runtime.robot import Robot, Turn
 from koord.runtime.transports.inprocess import Hub
 from koord.runtime.transports.udp import Reach
 from koord.runtime.wire.codec import Run
+from koord.runtime.wire.drops import Drop
 from koord.syntax.load import load
 from koord.syntax.source import Source
 
@@ -313,3 +315,37 @@ def test_what_happens_on_this_machine_is_heard_on_it_or_goes_round() -> None:
     assert (plan.reach is Reach.GROUP) == hears_itself(port + 10)
     alone = load_configuration(Source("c.yaml", "num_robots: 3\nnetwork: {transport: unicast}\n"))
     assert local_plan(alone, 3, port).reach is Reach.EACH
+
+
+def test_robots_with_other_programs_do_not_hear_each_other() -> None:
+    """Writes of another program would be nonsense; so its datagrams are as good as forged."""
+    hub = Hub(2)
+    runners = []
+    for pid, name in enumerate(("lineform", "sum_of_ids")):
+        configuration = load_configuration(Source("c.yaml", "num_robots: 2\n"))
+        kinds = (0, 0)
+        job = Job(classes(name), kinds, configuration, b"key", "run", 0.1, 0.0, 5, None)
+        runners.append(Runner(job, pid, hub.transport(pid), lambda: 0.0))
+    for runner in runners:
+        runner.peer.start()
+    for _ in range(20):
+        for runner in runners:
+            runner.peer.turn(0.0)
+    assert runners[0].peer.drops[Drop.FORGED] > 0
+    assert [runner.peer.node.state.round for runner in runners] == [-1, -1]
+
+
+def test_a_robot_whose_store_differs_stops_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    configuration = load_configuration(Source("c.yaml", "num_robots: 1\n"))
+    job = Job(classes("sum_of_ids"), (0,), configuration, b"key", "run", 0.1, 0.0, 5, None)
+    honest = Member.decided
+
+    def mistaken(self: Member, round_: int, proposals: Sequence[Proposal | None]) -> Decision:
+        made = honest(self, round_, proposals)
+        return replace(made, digest=b"another") if round_ == 0 else made
+
+    monkeypatch.setattr(Member, "decided", mistaken)
+    runner = Runner(job, 0, Hub(1).transport(0))
+    ended = runner.run(lambda: False, lambda status: None)
+    assert ended.fault == "the store differs after round 0"
+    assert runner.member.host.holding

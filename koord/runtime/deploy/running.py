@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import blake2b
 from pathlib import Path
 
 from koord.runtime.configuration.model import Configuration
 from koord.runtime.deploy.ideal import Ideal
 from koord.runtime.deploy.journal import Journal
-from koord.runtime.deploy.member import Member
+from koord.runtime.deploy.member import DivergedError, Member
 from koord.runtime.deploy.status import Status, Tally, status_of
 from koord.runtime.peer import Clock, Peer
 from koord.runtime.proposals import INIT_ROUND, Taken
@@ -19,6 +19,7 @@ from koord.runtime.protocol.entries import Entry
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh, returning
 from koord.runtime.robot import Robot, Written
+from koord.runtime.shapes import ShapeError
 from koord.runtime.transports.transport import Transport
 from koord.runtime.wire.codec import Run
 
@@ -93,6 +94,7 @@ class Runner:
         self.tally = Tally()
         self.moments: list[Moment] = []  #: not yet taken by anyone
         self.keeps_moments = False
+        self.trouble: str | None = None  #: why it had to stop
         self._clock = clock
         self._committed_at: float | None = None
         place = job.configuration.robots[pid]
@@ -125,7 +127,8 @@ class Runner:
             state = returning(setup, pid, incarnation)
         else:
             state = fresh(setup, pid, incarnation)
-        run = Run(job.run, job.key, job.robots)
+        # Robots with another program are of another run: they do not even hear each other.
+        run = Run(f"{job.run} {job.program} {job.robots}", job.key, job.robots)
         self.peer = Peer(run, setup, state, self.member, transport, clock)
 
     def _saw(self, entry: Entry, kept: Taken | None) -> None:
@@ -152,7 +155,8 @@ class Runner:
 
     @property
     def status(self) -> Status:
-        return status_of(self.peer, self.member, self.tally)
+        status = status_of(self.peer, self.member, self.tally)
+        return status if self.trouble is None else replace(status, fault=self.trouble)
 
     def run(self, is_told_to_stop: Callable[[], bool], report: Callable[[Status], None]) -> Status:
         """Until the run is over, everybody has stopped, or somebody says so."""
@@ -160,7 +164,11 @@ class Runner:
         next_report = self._clock()
         leave_at: float | None = None
         while True:
-            self.peer.turn(REPORT_S / 4)
+            try:
+                self.peer.turn(REPORT_S / 4)
+            except (DivergedError, ShapeError) as error:
+                self.trouble = str(error)
+                break
             now = self._clock()
             if now >= next_report:
                 next_report = now + REPORT_S
