@@ -40,10 +40,10 @@ class Thrift:
 
 
 #: Where there is nobody else to ask.
-GENEROUS = Thrift(generations=3, instances=20_000, seconds=60.0, question=5_000_000)
+GENEROUS = Thrift(generations=3, instances=20_000, seconds=60.0, question=1_500_000)
 
 #: Where others are asked afterwards.
-SPARING = Thrift(generations=2, instances=4_000, seconds=3.0, question=1_000_000)
+SPARING = Thrift(generations=2, instances=4_000, seconds=3.0, question=500_000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,12 +195,14 @@ class _Asking:
                 self.world.book.settle(limit)
                 self._limit = limit
             self.world.book.settle(self._limit)
-            failed = {}
             still = []
             for claim, goal in pending:
                 why = self._why_open(goal)
+                failed.pop(claim, None)
                 if why:
                     failed[claim] = why
+                if why == _NOT_INDUCTIVE:
+                    # What is too much already is not asked with more facts.
                     still.append((claim, goal))
             pending = still
             if not pending:
@@ -260,12 +262,15 @@ class _Asking:
         if answer is Answer.UNSAT:
             return ""
         if answer is Answer.SAT:
-            return "not inductive for every number of robots"
+            return _NOT_INDUCTIVE
         return "timeout" if means.deadline.is_near() else "too much for the solver"
 
     @property
     def limits(self) -> list[str]:
         return list(self.world.unknowns.limits)
+
+
+_NOT_INDUCTIVE = "not inductive for every number of robots"
 
 
 def _universal(claim: Claim) -> Universal:

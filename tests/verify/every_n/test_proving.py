@@ -289,6 +289,23 @@ def test_the_last_writer_wins_whoever_that_is() -> None:
     assert broken(RACE, 2) == {"Mine"}
 
 
+def test_a_lock_does_not_keep_out_those_who_do_without() -> None:
+    text = """
+allwrite:
+  int a = 0
+Lock:
+  eff:
+    atomic:
+      a = 1
+Free:
+  eff:
+    FREE
+invariant Kept: forall i: ran(Lock)@i implies a == 1
+"""
+    assert proved(text.replace("FREE", "stop")) == {"Kept", "no fault"}
+    assert proved(text.replace("FREE", "a = 2")) == {"no fault"}
+
+
 def test_an_update_that_meets_another_write_is_lost() -> None:
     text = """
 allwrite:
