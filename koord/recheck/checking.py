@@ -142,7 +142,11 @@ class _Pass:
         claim = next((c for c in claims if c.name == name and c.stated is not None), None)
         if claim is None or name in self._derived:
             return name in self._derived
-        others = [c for c in claims if c is not claim and c.name not in self._derived]
+        others = [
+            c
+            for c in claims
+            if c is not claim and c.name not in self._derived and c.depth <= claim.depth
+        ]
         derivation: Obligation = obligations.derivation(claim, others)
         attempt = derivation.attempts[-1]()
         if settling.exactly(derivation.name, attempt).answer is Answer.UNSAT:
