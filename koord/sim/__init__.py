@@ -1,1 +1,1 @@
-"""The multi-robot simulator. Not in this version."""
+"""The multi-robot simulator: vehicles, fleets, and compiled programs in them. (paper, IV)"""
