@@ -82,7 +82,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_settings(parser)
     add_json(parser, "how each robot ended")
     parser.epilog = (
-        "exit codes: 0 the rounds were done, 1 a fault ended the run, 2 errors in the input, "
+        "exit codes: 0 the rounds were done, or all robots have stopped, 1 a fault ended the run, 2 errors in the input, "
         "3 robots stopped before all rounds were done, 130 stopped with Ctrl-C (a second one "
         "stops at once)"
     )
@@ -315,5 +315,5 @@ def _ended(statuses: dict[int, Status], job: Job, interrupts: Interrupts) -> int
         return Exit.VIOLATED
     if interrupts.count:
         return Exit.INTERRUPTED
-    done = [status for status in statuses.values() if status.is_over or job.rounds is None]
+    done = [s for s in statuses.values() if s.is_over or s.all_stopped or job.rounds is None]
     return Exit.OK if statuses and len(done) == len(statuses) else Exit.UNKNOWN

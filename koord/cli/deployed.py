@@ -78,6 +78,8 @@ def story(status: Status) -> str:
         return f"fault: {status.fault}"
     if status.is_over:
         return "done"
+    if status.all_stopped:
+        return "all have stopped"
     if status.is_mute:
         return "came back without its journal: runs no events"
     if status.holding is None:
@@ -110,7 +112,9 @@ def summary(statuses: Mapping[int, Status], job: Job) -> str:
         f"epoch {max(s.epoch for s in everyone)}; dropped: "
         + (", ".join(f"{n} {reason}" for reason, n in sorted(drops.items())) or "nothing"),
     ]
-    if behind:
+    if all(status.all_stopped for status in everyone):
+        lines.append("all robots have stopped")
+    elif behind:
         lines.append(f"not at the last round: {', '.join(behind)}")
     lines += sorted({story(status) for status in everyone if status.fault is not None})
     return "\n".join(lines)

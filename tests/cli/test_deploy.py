@@ -173,3 +173,13 @@ def test_flags_of_the_protocol_s_check_stand_together(
 ) -> None:
     assert main(["check-refinement", *words]) == Exit.BAD_INPUT
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_run_in_which_all_robots_stop_is_done(
+    three: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = tmp_path / "stop.krd"
+    program.write_text("Stop:\n    pre: true\n    eff: stop\n", encoding="utf-8")
+    assert main(["deploy", str(program), three, "--all-local", "--rounds", "500"]) == Exit.OK
+    assert "all robots have stopped" in capsys.readouterr().out

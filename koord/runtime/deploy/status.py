@@ -30,6 +30,7 @@ class Status:
     received: int
     drops: tuple[tuple[str, int], ...]
     is_over: bool
+    all_stopped: bool  #: no robot will run an event any more
     is_mute: bool
     fault: str | None = None
 
@@ -67,6 +68,7 @@ def status_of(peer: Peer, member: Member, tally: Tally) -> Status:
         received=peer.counts.received,
         drops=tuple((drop.value, n) for drop, n in peer.drops.items()),
         is_over=state.ended,
+        all_stopped=member.all_stopped,
         is_mute=member.mute,
         fault=None if fault is None else f"{fault.place}: {fault.kind.value}",
     )
