@@ -82,8 +82,8 @@ EVERY_N = (
     Mutant(
         "every N: what is said of robots of a kind holds of all",
         "verify/every_n/statements.py",
-        "            if agent is not None:\n                parts.append(world.crowd.is_of(name, agent))\n",
-        "",
+        "            if agent is not None:\n",
+        "            if agent is not None and not parts:\n",
         (PROVING,),
     ),
     Mutant(

@@ -43,7 +43,7 @@ class Thrift:
 GENEROUS = Thrift(generations=3, instances=20_000, seconds=60.0, question=1_500_000)
 
 #: Where others are asked afterwards.
-SPARING = Thrift(generations=2, instances=4_000, seconds=3.0, question=500_000)
+SPARING = Thrift(generations=2, instances=4_000, seconds=3.0, question=1_500_000)
 
 
 @dataclass(frozen=True, slots=True)

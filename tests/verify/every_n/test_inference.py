@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from koord.verify.every_n.candidates import candidates
 from tests.verify.every_n.asking import core_of, inferred, proved, system_of
 from tests.verify.every_n.test_proving import LOCK
@@ -36,6 +38,7 @@ def test_who_holds_a_lock_is_found_out() -> None:
     assert [claim.name for claim in found.invariants] == ["forall i: inside@i implies holder == i"]
 
 
+@pytest.mark.slow
 def test_fischers_exclusion_without_lemmas() -> None:
     text = without((EXAMPLES / "fischer.krd").read_text(encoding="utf-8"), "Exclusive")
     assert "Exclusive" not in proved(text)
@@ -46,6 +49,7 @@ def test_fischers_exclusion_without_lemmas() -> None:
     assert proved(text + given) >= {"Exclusive"}
 
 
+@pytest.mark.slow
 def test_what_does_not_hold_is_never_inferred() -> None:
     text = without((EXAMPLES / "fischer.krd").read_text(encoding="utf-8"), "Exclusive")
     unsafe = text.replace("Tk = 3.0", "Tk = 2.0").replace("Td = 2.0", "Td = 3.0")

@@ -178,6 +178,17 @@ invariant Positive: n >= 0
     assert proved(text) == {"Positive", "no fault"}
 
 
+def test_what_each_has_need_not_be_what_all_have() -> None:
+    text = """
+local:
+  int friend
+assume: forall i: exists j: friend@i == j
+invariant Somebody: 0 <= friend and friend < numAgents
+invariant Same: forall i, j: friend@i == friend@j
+"""
+    assert proved(text) == {"Somebody", "no fault"}
+
+
 def test_what_nobody_writes_stays_as_assumed() -> None:
     text = """
 local:
