@@ -83,7 +83,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_json(parser, "how each robot ended")
     parser.epilog = (
         "exit codes: 0 the rounds were done, or all robots have stopped, 1 a fault ended the run, "
-        "2 errors in the input, 3 robots stopped before all rounds were done, 130 stopped with Ctrl-C (a second one "
+        "2 errors in the input, 3 robots stopped before all rounds were "
+        "done, 130 stopped with Ctrl-C (a second one "
         "stops at once)"
     )
 
