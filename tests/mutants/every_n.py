@@ -38,10 +38,10 @@ EVERY_N = (
         (PROVING,),
     ),
     Mutant(
-        "every N: assumptions about the start hold for ever",
+        "every N: two robots are always one",
         "verify/every_n/proving.py",
-        "for node in nodes((assumption.condition, bodies))",
-        "for node in ()",
+        "                names = self._asking.robots[: asked.arity]\n",
+        "                names = self._asking.robots[:1] * asked.arity\n",
         (PROVING,),
     ),
     Mutant(

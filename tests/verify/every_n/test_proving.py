@@ -232,15 +232,15 @@ def test_an_urgent_event_that_wants_a_taken_lock_may_wait() -> None:
 def test_inside_a_round_urgent_robots_may_not_have_moved_yet() -> None:
     text = """
 local:
-  bool moved = false
+  int n = 0
 urgent Move:
-  pre: not moved
   eff:
-    moved = true
-invariant First: ran(Move) or moved
-invariant Rounds at round: moved or not moved
+    n = n + 1
+invariant Together: forall i, j: ran(Move)@i implies ran(Move)@j
+invariant After at round: forall i, j: ran(Move)@i implies ran(Move)@j
 """
-    assert proved(text) == {"Rounds", "no fault"}
+    assert proved(text) == {"After", "no fault"}
+    assert proved(text.replace("urgent ", "")) == {"no fault"}
 
 
 # --- stopping -------------------------------------------------------------------------------------
