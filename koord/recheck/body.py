@@ -83,6 +83,9 @@ class Body:
         self.memory = memory
         self.bound: list[Storage | None] = []
         self.path: Term = self.t.truth(True)
+        #: When this body is run at all: the path of its caller, or that an event is enabled. What
+        #: is remembered only while it runs does not depend on that, so terms leave it out.
+        self.outside: Term = self.t.truth(True)
         self.faults: list[Fault] = []
         self.legal: list[Term] = []  #: what answers satisfy if this body is run at all
         self.entered: dict[int, Term] = {}
@@ -105,13 +108,13 @@ class Body:
         self.path = outer
 
     def fault_unless(self, holds: Term, what: str, span: Span) -> None:
-        when = self.t.both(self.path, self.t.negation(holds))
+        when = self.t.conjunction([self.outside, self.path, self.t.negation(holds)])
         if when.value is not False:
             self.faults.append(Fault(when, what, span))
 
     def _require(self, holds: Term) -> None:
         # Behind a fault nothing is asked.
-        going_on = self.t.both(self.path, self.t.negation(self.faulted()))
+        going_on = self.t.conjunction([self.outside, self.path, self.t.negation(self.faulted())])
         needed = self.t.implies(going_on, holds)
         if needed.value is not True:
             self.legal.append(needed)
@@ -129,9 +132,10 @@ class Body:
     def statement(self, e: core.Expr) -> Term:
         """Whether a statement holds: true, and evaluated without a fault."""
         faults, self.faults = self.faults, []
-        path, self.path = self.path, self.t.truth(True)
+        outer, self.path = (self.path, self.outside), self.t.truth(True)
+        self.outside = self.t.truth(True)
         holds = self.t.both(self.condition(e), self.t.negation(self.faulted()))
-        self.faults, self.path = faults, path
+        self.faults, (self.path, self.outside) = faults, outer
         return holds
 
     def value(self, e: core.Expr) -> Value:
@@ -369,12 +373,13 @@ class Body:
             self.s.stored(self.value(a), p.type)
             for a, p in zip(e.arguments, function.parameters, strict=True)
         ]
-        outer = (self.bound, self._frame, self._broke, self.path)
+        outer = (self.bound, self._frame, self._broke, self.path, self.outside)
+        self.outside, self.path = self.t.both(self.outside, self.path), self.t.truth(True)
         self.bound = [*arguments, *[None] * (function.bound - len(arguments))]
         frame = _Frame(self.s.unset(e.type), e.type, self.t.truth(False))
         self._frame, self._broke = frame, []
         self.run(function.body)
-        self.bound, self._frame, self._broke, self.path = outer
+        self.bound, self._frame, self._broke, self.path, self.outside = outer
         value, is_set = self.s.read(frame.result, e.type)
         self.fault_unless(is_set, f"{e.function} returned nothing", e.span)
         return value

@@ -164,8 +164,8 @@ class Turns:
         body.bound = [None] * event.bound
         enabled = body.condition(event.guard)
         guard_faults, guard_legal = tuple(body.faults), t.conjunction(body.legal)
-        with body.where(enabled):
-            body.run(event.effect)
+        body.outside = enabled
+        body.run(event.effect)
         after = Robot(
             tuple(memory.locals),
             tuple(memory.ports),
