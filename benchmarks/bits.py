@@ -20,6 +20,7 @@ from harness import (
     Column,
     Measured,
     Report,
+    Row,
     koord,
     limited,
     main,
@@ -139,7 +140,7 @@ def bits(report: Report) -> None:
         beside_abc(robots, tasks, unbounded.rows)
 
 
-def beside_abc(robots: int, tasks: int, rows: list[dict[str, str | int | float | None]]) -> None:
+def beside_abc(robots: int, tasks: int, rows: list[Row]) -> None:
     """The same circuit for abc, where there is one."""
     abc = shutil.which("berkeley-abc") or shutil.which("abc")
     if abc is None:

@@ -61,21 +61,14 @@ BITS = (
         "verify/bits/transition.py",
         "whole = program + [",
         "whole = [",
-        (GENERATED,),
+        (ENGINE,),
     ),
     Mutant(
         "urgent events may wait",
         "verify/bits/transition.py",
         "for x in p.taken.urgency]",
         "for x in p.taken.urgency[:0]]",
-        (GENERATED,),
-    ),
-    Mutant(
-        "a run goes on behind a fault",
-        "verify/bits/transition.py",
-        "g.all_of([*base, *ended, sound, sound_end]),",
-        "g.all_of([*base, *ended]),",
-        (GENERATED, ENGINE),
+        (ENGINE,),
     ),
     Mutant(
         "variables start as they please",

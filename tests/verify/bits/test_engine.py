@@ -181,6 +181,36 @@ def test_behind_a_fault_there_is_nothing() -> None:
     assert said(FAULTY, "Set").outcome is Outcome.HOLDS
 
 
+TAKEN = """
+allwrite:
+    int winner = -1
+
+local:
+    bool won = false
+    int age = 0
+
+Win:
+    pre: winner == -1 and not won
+    eff:
+        atomic:
+            winner = pid
+            won = true
+
+urgent Age:
+    pre: age < 3
+    eff: age = age + 1
+
+invariant One: forall i, j: won@i and won@j implies i == j
+invariant Together at round: forall i, j: not won@i and not won@j implies age@i == age@j
+"""
+
+
+def test_one_robot_wins_and_urgent_events_do_not_wait() -> None:
+    for name in ("One", "Together"):
+        verdict = said(TAKEN, name)
+        assert (verdict.outcome, verdict.rounds) == (Outcome.HOLDS, None), name
+
+
 STARTS = """
 allwrite:
     int x
