@@ -276,7 +276,7 @@ def _write_robots(
         return merge_storage_known(d, here, part, many.at(i))
 
     legal = in_range(d, index, many.crowd.count)
-    return Many(many.crowd, at), conjunction(d, [legal, below])
+    return Many(many.crowd, remembering(at)), conjunction(d, [legal, below])
 
 
 def _write_inside(
@@ -342,6 +342,22 @@ def _replaced(parts: tuple[T, ...], position: int, part: T) -> tuple[T, ...]:
     return (*parts[:position], part, *parts[position + 1 :])
 
 
+def remembering(at: Callable[[V], Storage[V]]) -> Callable[[V], Storage[V]]:
+    """The same, but what was asked last is not worked out again.
+
+    Two sides of a branch have most in common, and each asks for it: without this a chain of
+    branches would cost twice as much with each of them.
+    """
+    last: list[tuple[V, Storage[V]]] = []
+
+    def remembered(index: V) -> Storage[V]:
+        if not last or last[0][0] is not index:
+            last[:] = [(index, at(index))]
+        return last[0][1]
+
+    return remembered
+
+
 def set_only_if(d: Domain[V], storage: Storage[V], condition: V) -> Storage[V]:
     """The storage, with nothing set where the condition does not hold."""
     if isinstance(storage, Cell):
@@ -366,7 +382,9 @@ def merge_storage(d: Domain[V], condition: V, then: Storage[V], other: Storage[V
     assert isinstance(other, Tree)
     if isinstance(then, Many) and isinstance(other, Many):
         first, second = then.at, other.at
-        return Many(then.crowd, lambda i: merge_storage(d, condition, first(i), second(i)))
+        return Many(
+            then.crowd, remembering(lambda i: merge_storage(d, condition, first(i), second(i)))
+        )
     pairs = zip(then.parts, other.parts, strict=True)
     return Tree(tuple(merge_storage(d, condition, a, b) for a, b in pairs))
 

@@ -240,7 +240,7 @@ def mask_of(storage: Storage[Term], place: tuple[int, ...]) -> Mask[Term]:
         return Mask(True)
     below: list[Mask[Term] | None] = [None] * len(storage.parts)
     below[place[0]] = mask_of(storage.parts[place[0]], place[1:])
-    return Mask[Term](False, tuple(below))
+    return Mask(False, tuple(below))
 
 
 def common(d: Terms, mask: Mask[Term], only: Mask[Term]) -> Mask[Term]:
