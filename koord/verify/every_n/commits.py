@@ -245,6 +245,7 @@ def mask_of(storage: Storage[Term], place: tuple[int, ...]) -> Mask[Term]:
 
 def common(d: Terms, mask: Mask[Term], only: Mask[Term]) -> Mask[Term]:
     """The locations that a mask has in common with that of one atom."""
+    nothing: Mask[Term] = Mask(False)
     if not only.parts:
         return mask
     parts: list[Mask[Term] | None] = []
@@ -253,9 +254,9 @@ def common(d: Terms, mask: Mask[Term], only: Mask[Term]) -> Mask[Term]:
         if part is None:
             parts.append(None)
             continue
-        own = common(d, below, part) if below is not None else Mask[Term](False)
+        own = common(d, below, part) if below is not None else nothing
         parts.append(Mask(d.binary(BinaryOp.OR, mask.whole, own.whole), own.parts, own.keys))
-    return Mask[Term](False, tuple(parts))
+    return Mask(False, tuple(parts))
 
 
 def taken(storage: Storage[Term], source: Storage[Term], place: tuple[int, ...]) -> Storage[Term]:
