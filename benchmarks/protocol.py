@@ -139,7 +139,7 @@ def storms(report: Report) -> None:
         Column("epochs", "epochs a run", 1),
         Column("broken", "invariants broken"),
     )
-    runs = 2 if report.quick else 20
+    runs = 2 if report.quick else 8
     course = Course(storm_s=10.0)
     reference = 0.0
     networks = {
@@ -182,7 +182,7 @@ def interleavings(report: Report) -> None:
         Column("committed", "entries committed"),
         Column("cpu_s", "CPU s", 1),
     )
-    most = 20_000 if report.quick else 500_000
+    most = 20_000 if report.quick else 200_000
     cases = {
         "a round": Bounds(rounds=1, epoch=0, crashes=0, eager=False, states=most),
         "two rounds": Bounds(rounds=2, epoch=0, crashes=0, states=most),
