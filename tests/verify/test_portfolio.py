@@ -68,7 +68,7 @@ def growing() -> Build:
 def test_a_proof_says_for_all_rounds() -> None:
     for verdict in ask(programs.sum_of_ids(), robots=3):
         assert (verdict.outcome, verdict.rounds) == (Outcome.HOLDS, None)
-        assert verdict.engine in (Engine.INDUCTION, Engine.SEARCH)
+        assert verdict.engine in (Engine.EVERY_N, Engine.INDUCTION, Engine.SEARCH)
 
 
 def test_bounded_model_checking_says_through_which_round() -> None:
