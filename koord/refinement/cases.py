@@ -21,6 +21,9 @@ from koord.syntax.source import Source
 #: Seeds of the cases of one campaign are drawn from so many.
 _SEEDS = 2**31
 
+#: Values of generated programs: some double with every round.
+_LARGEST = 120
+
 
 class Policy(Enum):
     """How a schedule is made."""
@@ -53,6 +56,7 @@ class Case:
     policy: Policy
     rounds: int
     seed: int
+    largest: int | None = None  #: the size of values at which the run ends
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +84,7 @@ def tried(case: Case, of: Target | None = None) -> Tried:
     try:
         made = of if of is not None else target(case.system.program)
         schedule = case.policy.schedule(rng)
-        ran = run(made, case.system, case.sources, schedule, case.rounds, rng)
+        ran = run(made, case.system, case.sources, schedule, case.rounds, rng, case.largest)
     except Exception:  # whatever a wrongly compiled program does is what is looked for
         return Tried(case, crash=traceback.format_exc(limit=-4))
     return Tried(case, judge(ran), ran)
@@ -106,7 +110,7 @@ def generated(seed: int, rounds: int) -> Case:
     system = generated_system(rng, sort.profile)
     system = replace(system, program=replace(system.program, assumptions=(), properties=()))
     policy = rng.choice((Policy.RANDOM, Policy.RANDOM, Policy.DEPLOYED))
-    return Case(system, Sources(Source("generated", "")), policy, rounds, seed)
+    return Case(system, Sources(Source("generated", "")), policy, rounds, seed, _LARGEST)
 
 
 def all_generated(seeds: Random, rounds: int) -> Iterator[Case]:

@@ -106,9 +106,18 @@ class _Recorder:
 
 
 def run(
-    target: Target, system: System, sources: Sources, schedule: Schedule, rounds: int, rng: Random
+    target: Target,
+    system: System,
+    sources: Sources,
+    schedule: Schedule,
+    rounds: int,
+    rng: Random,
+    largest: int | None = None,
 ) -> Ran:
     """Run a compiled program for so many rounds, or until it faults or stops.
+
+    A run ends, too, when a variable holds more than ``largest`` scalars, or digits of a number:
+    programs that nobody wrote let lists double in every round.
 
     Everything that is left open hangs on the generator. A run for which no start, readings or
     answers are found ends where it got to.
@@ -120,14 +129,19 @@ def run(
     fleet = Fleet(target.classes, system.kinds, float(system.delta_s), host)
     gave_up: KoordError | None = None
     try:
-        _play(fleet, host, recorder, schedule, rounds)
+        _play(fleet, host, recorder, schedule, rounds, largest)
     except KoordError as error:
         gave_up = error
     return _ran(fleet, recorder, sources, gave_up)
 
 
 def _play(
-    fleet: Fleet, host: SampledHost, recorder: _Recorder, schedule: Schedule, rounds: int
+    fleet: Fleet,
+    host: SampledHost,
+    recorder: _Recorder,
+    schedule: Schedule,
+    rounds: int,
+    largest: int | None,
 ) -> None:
     inputs, robots = recorder.inputs, recorder.system.robots
     order = schedule.order(INIT_ROUND, robots)
@@ -138,6 +152,8 @@ def _play(
     )
     seen = recorder.see(fleet)
     while fleet.ended is None and len(recorder.rounds) < rounds and not fleet.all_stopped:
+        if largest is not None and _size_of(fleet) > largest:
+            return
         decision = fleet.program_turns(schedule)
         if decision.fault is not None:
             recorder.rounds.append(recorder.round_of(decision, cut=True))
@@ -147,6 +163,24 @@ def _play(
         fleet.environment_turn()
         recorder.rounds.append(recorder.round_of(decision, cut=False))
         seen = recorder.see(fleet)
+
+
+def _size_of(fleet: Fleet) -> int:
+    """The size of the largest value that any variable holds."""
+    held = (value for robot in fleet.robots for value in vars(robot).values())
+    return max(map(_size, held), default=0)
+
+
+def _size(value: object) -> int:
+    match value:
+        case tuple():
+            return sum(map(_size, value)) + 1
+        case dict():
+            return sum(map(_size, value)) + sum(map(_size, value.values())) + 1
+        case int():
+            return 1 + value.bit_length() // 8
+        case _:
+            return 1
 
 
 def _ran(fleet: Fleet, recorder: _Recorder, sources: Sources, gave_up: KoordError | None) -> Ran:

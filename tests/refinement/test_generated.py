@@ -69,6 +69,14 @@ def test_a_case_gives_the_same_run_again(outcomes: list[Tried]) -> None:
         assert again.judged.trace.recording == outcome.judged.trace.recording
 
 
+def test_a_run_whose_values_double_ends() -> None:
+    """This one filled the memory within eight rounds."""
+    outcome = tried(generated(1340279962, 8))
+    assert not outcome.failed
+    assert outcome.ran is not None
+    assert 0 < len(outcome.ran.trace.recording.rounds) < 8
+
+
 @pytest.mark.slow
 def test_many_compiled_programs_refine_theirs() -> None:
     found = [tried(generated(seed, 8)) for seed in seeds(MANY)]
