@@ -45,7 +45,9 @@ def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacu
 
 def _start(system: System, seed: int, deadline: Deadline, effort: Effort) -> Vacuity | None:
     """Why no run can even start, if so."""
-    if Unrolling(system, seed).solver.check([], deadline, effort) is not Answer.UNSAT:
+    whole = Unrolling(system, seed)
+    if whole.solver.check([], deadline, effort) is not Answer.UNSAT or whole.unknowns.limits:
+        # Where lists may be longer than is looked at, a longer one may do.
         return None
     free = replace(system, program=replace(system.program, assumptions=()))
     if Unrolling(free, seed).solver.check([], deadline, effort) is not Answer.UNSAT:

@@ -21,6 +21,23 @@ Hear:
 invariant Any: last < 1 or last >= 1
 """
 
+LONG = """
+local:
+    int[] heard
+assume: length(heard) > 100
+Hear:
+    eff:
+        heard[0] = 1
+"""
+
+
+def test_that_no_short_list_will_do_does_not_mean_that_none_does() -> None:
+    program = load(Source("long.krd", LONG)).program
+    assert program is not None
+    report = verify(dealt(program, 1), Bounds(rounds=2))
+    assert report.outcome is Outcome.UNKNOWN
+    assert not any(vacuity.certain for vacuity in report.vacuities)
+
 
 def test_lists_longer_than_the_capacity_are_told_by_the_names_of_the_program() -> None:
     program = load(Source("listens.krd", LISTENS)).program
