@@ -50,6 +50,14 @@ CASES = {
         "allwrite:\n  int[] a = [1, 2]\nGo:\n  eff:\n"
         "    if pid == 0: append(a, 3)\n    else: remove(a, 9)\n"
     ),
+    "a model that removes nothing keeps what it has written": (
+        "using Wall:\n  sensors:\n    int[] gaps = [1, 2]\n  environment:\n    append(gaps, 3)\n"
+        "    remove(gaps, 9)\nGo:\n  pre: length(Wall.gaps) > 3\n  eff:\n    stop\n"
+    ),
+    "a model that removes something reads what was there before": (
+        "using Wall:\n  sensors:\n    int[] gaps = [1, 2]\n  environment:\n    append(gaps, 3)\n"
+        "    remove(gaps, 1)\nGo:\n  pre: length(Wall.gaps) > 3\n  eff:\n    stop\n"
+    ),
     "maps keep their order": (
         "local:\n  Map<int, int> m = {2: 0, 1: 0}\n  int n = 0\nGo:\n  eff:\n    m[3] = 1\n"
         "    m[2] = 5\n    remove(m, 1)\n    m[1] = 4\n"

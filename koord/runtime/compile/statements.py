@@ -280,7 +280,10 @@ def _remove(scope: Scope, s: core.Remove) -> Lines:
     lines, value = _held_back(scope, expression(scope, s.value), whole, "item")
     is_map = isinstance(s.place.type, MapType)
     rest = f"{'without_key' if is_map else 'without'}({whole.text}, {value.text})"
-    if s.place.variable.home not in (Home.ALLREAD, Home.ALLWRITE):
+    home = s.place.variable.home
+    # A model writes what it does not read: nothing must not undo what it has written. [ENV-MODEL]
+    in_model = home is Home.PORT and scope.in_environment
+    if home not in (Home.ALLREAD, Home.ALLWRITE) and not in_model:
         return [*lines, *assign(scope, s.place, Code(rest, ATOM, True))]
     left = scope.temporary("rest")
     return [
