@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 
 from koord.verify.every_n.candidates import candidates
-from koord.verify.every_n.proving import GENEROUS, Thrift, infer, prove
+from koord.verify.every_n.proving import AFTER_INIT, GENEROUS, Thrift, infer, prove
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.solving import Effort
 from koord.verify.verdicts import Engine, Outcome, Verdict
@@ -44,14 +44,19 @@ class ByInference:
     def work(self, ledger: Ledger) -> None:
         started = time.monotonic()
         ledger.progress("looking for invariants")
-        claims = ledger.open()
+        # Invariants help from one round to the next, and not with what may fail to begin with.
+        claims = [
+            claim
+            for claim in ledger.open()
+            if not ledger.verdict(claim).reason.startswith(AFTER_INIT)
+        ]
         known = [
             claim
             for claim, verdict in ledger.verdicts.items()
             if verdict.engine is Engine.EVERY_N and claim.is_state_property
         ]
         likely = candidates(ledger.system.program)
-        if not likely:
+        if not likely or not claims:
             return
         effort = Effort.of_seconds(self.thrift.seconds)
         pool = [*known, *likely]

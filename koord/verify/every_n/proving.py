@@ -120,6 +120,8 @@ def infer(
     try:
         start = _Start(system, means)
         open_ = [claim for claim in claims if claim not in start.failing(claims)]
+        if not open_:
+            return nothing
         likely = start.sifted(candidates)
         best = nothing
         for generations in (1, 2):
@@ -270,6 +272,9 @@ class _Asking:
         return list(self.world.unknowns.limits)
 
 
+#: How the reason begins why a claim is open of which nobody knows whether it holds to begin with.
+AFTER_INIT = "after INIT"
+
 _NOT_INDUCTIVE = "not inductive for every number of robots"
 
 
@@ -306,7 +311,7 @@ class _Start:
         """The claims that may not hold after INIT, for all that is known."""
         goals = [(claim, self._goal(claim)) for claim in claims if claim.looked_at(Phase.INIT)]
         found = self._asking.failing(goals)
-        return {claim: f"after INIT: {why}" for claim, why in found.items()}
+        return {claim: f"{AFTER_INIT}: {why}" for claim, why in found.items()}
 
     def _goal(self, claim: Claim) -> list[Term]:
         world, d = self._world, self._world.d
