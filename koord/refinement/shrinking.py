@@ -67,6 +67,8 @@ def _smaller_programs(program: core.Program) -> Iterator[core.Program]:
             yield replace(program, agents=agents)
     for number, function in enumerate(program.functions):
         for body in _smaller_blocks(function.body):
+            if not body or not isinstance(body[-1], core.Return):
+                continue  # no program has a function that may return nothing
             changed = replace(function, body=body)
             functions = (*program.functions[:number], changed, *program.functions[number + 1 :])
             yield replace(program, functions=functions)

@@ -110,6 +110,11 @@ def blank(shape: Shape, robots: int) -> Any:
             return None
 
 
+def begun(value: Any, shape: Shape, robots: int) -> Any:
+    """What a part is about to be stored in: blank, if nothing was stored in it yet."""
+    return blank(shape, robots) if value is None else value
+
+
 def default(shape: Shape, robots: int) -> Any:
     """Some value of a shape: what a function gives that returns nothing."""
     match shape:

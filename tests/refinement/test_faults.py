@@ -13,6 +13,8 @@ HEAD = (
     "  int[2] pair\n  Map<int, int> map = {}\n  Queue<int> queue = []\n  pos place\n  int to = 0\n"
     "  int[][] rows = [[1], [2]]\n  Map<int, pos> spots = {}\n  int[] empty = []\n"
     "def fun asked(int k) -> int: extern\n  requires: 10 / k > 2\n"
+    "def fun untouched(int k) -> int:\n  int[2] some\n  return some[k]\n"
+    "def fun touched(int k) -> int:\n  int[2] some\n  some[0] = 1\n  return some[k]\n"
     "def fun plain(int k) -> int:\n  return 1 / k\n"
     "Go:\n  eff:\n    "
 )
@@ -85,6 +87,9 @@ def test_a_fault_is_the_one_of_the_rules(name: str) -> None:
         ("append(rows[two], 1 / zero)", FaultKind.DIVISION),
         ("remove(rows[two], none)", FaultKind.UNSET),
         ("to = none + 1 / zero", FaultKind.UNSET),
+        ("to = pair[1 / zero]", FaultKind.DIVISION),
+        ("to = untouched(two)", FaultKind.UNSET),
+        ("to = touched(two)", FaultKind.INDEX),
         ("to = 1 / zero + none", FaultKind.DIVISION),
         ("to = max(1 / zero, none)", FaultKind.DIVISION),
         ("if contains(rows[two], none): to = 1", FaultKind.INDEX),

@@ -349,6 +349,9 @@ def read(scope: Scope, place: core.Place) -> Code:
         scope.unset[variable.slot] = variable
     name, where = string(variable.name), scope.place(place.span)
     type_: Type = variable.type
+    if not sure and variable.home is Home.BOUND and place.steps and is_tree(type_):
+        # A variable that nothing was stored in is unset as a whole, whatever part is wanted.
+        code = Code(f"known({code.text}, {name}, {where})", ATOM, True)
     for step in place.steps:
         if not sure and not is_tree(type_):
             code, sure = Code(f"known({code.text}, {name}, {where})", ATOM, True), True

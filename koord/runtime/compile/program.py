@@ -15,7 +15,7 @@ from koord.runtime.compile.statements import Lines, block, indented
 from koord.syntax import core
 from koord.syntax.core import Direction, Home, Start
 from koord.syntax.source import Span
-from koord.syntax.types import ArrayType, EnumType, RecordType, Type
+from koord.syntax.types import EnumType, RecordType
 from koord.syntax.walk import nodes
 
 
@@ -384,14 +384,8 @@ class _Module:
         lines = []
         for slot, variable in sorted(scope.unset.items()):
             of = annotation(self.names, variable.type)
-            lines.append(f"{scope.bound[slot]}: {of} = {self.blank(variable.type, scope)}")
+            lines.append(f"{scope.bound[slot]}: {of} = UNSET")
         return lines
-
-    def blank(self, type_: Type, scope: Scope) -> str:
-        if isinstance(type_, RecordType | ArrayType):
-            robots = "self.numAgents" if scope.in_method else "0"
-            return f"blank({shape(self.names, type_)}, {robots})"
-        return "UNSET"
 
     def where(self, span: Span) -> str:
         return f'"""{self.line(span)}"""'

@@ -18,7 +18,7 @@ from koord.runtime.compile.expressions import (
     root,
 )
 from koord.runtime.compile.knowledge import assigned_slots
-from koord.runtime.compile.spelling import string, tuple_of
+from koord.runtime.compile.spelling import is_tree, shape, string, tuple_of
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import ArrayType, MapType, QueueType, RecordType
@@ -97,13 +97,16 @@ def assign(scope: Scope, place: core.Place, value: Code) -> Lines:
         return [*_said(scope, place), f"self.set({_name(scope, variable)}, {tail})"]
     if variable.home is Home.BOUND and not scope.is_sure(variable):
         scope.unset[variable.slot] = variable
-    target = _target(scope, variable)
+    target = before = _target(scope, variable)
+    if variable.home is Home.BOUND and not scope.is_sure(variable) and is_tree(variable.type):
+        robots = "self.numAgents" if scope.in_method else "0"
+        before = f"begun({target}, {shape(scope.names, variable.type)}, {robots})"
     match variable.type, place.steps:
         case RecordType(), (core.FieldStep(position=position),):
             field = field_name(scope.names, variable.type, position)
-            return [f"{target} = {target}._replace({field}={value.text})"]
+            return [f"{target} = {before}._replace({field}={value.text})"]
         case _:
-            return [*_said(scope, place), f"{target} = put({target}, {tail})"]
+            return [*_said(scope, place), f"{target} = put({before}, {tail})"]
 
 
 def _name(scope: Scope, variable: core.Variable) -> str:
