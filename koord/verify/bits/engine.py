@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from koord.semantics.machine import NotFiniteError
 from koord.syntax.core import Declaration
@@ -224,7 +224,10 @@ class _Run:
             found = self._searched(question, claims, exchange=exchange)
             match found:
                 case pdr.Invariant():
-                    if holds_always(g, question, found.cubes):
+                    # Asked with all constraints, whatever the question left out.
+                    whole = everything(circuit, claims, given)
+                    asked = replace(question, steps=whole.steps, bad=whole.bad)
+                    if holds_always(g, asked, found.cubes):
                         self._holds(claims)
                         return
                     # Robots were exchanged that are not alike in every bit.
