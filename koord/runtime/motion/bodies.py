@@ -1,4 +1,4 @@
-"""Bodies as data: how large a robot is and what it can do. Sources: specs/decisions/0020."""
+"""Bodies as data: how large a robot is and what it can do. Sources: specs/decisions/0015."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Models of vehicles, arrays over all vehicles of a kind. Sources: specs/decisions/0020."""
+"""Models of vehicles, arrays over all vehicles of a kind. Sources: specs/decisions/0015."""
