@@ -19,7 +19,7 @@ from koord.verify.claims import Claim, ClaimKind, Phase, broken
 from koord.verify.ledger import Judge
 from koord.verify.moments import Moment, Opening, SymbolicRound
 from koord.verify.rounds import Encoder
-from koord.verify.solving import Answer, Deadline, Solver
+from koord.verify.solving import Answer, Deadline, Effort, Solver
 from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms
 from koord.verify.verdicts import Engine, Outcome, Verdict
@@ -107,6 +107,7 @@ class Bounded:
         proved: Sequence[Claim],
         rounds: int,
         deadline: Deadline,
+        effort: Effort | None = None,
     ) -> dict[Claim, Verdict]:
         """The claims that are violated within ``rounds`` rounds, each in the first possible one.
 
@@ -123,7 +124,7 @@ class Bounded:
                 moment = self._next()
                 self._take_for_granted(moment, proved)
                 found, unreplayed, self.reason = _look(
-                    self._unrolling, moment, pending, deadline, self._started, self._judge
+                    self._unrolling, moment, pending, deadline, effort, self._started, self._judge
                 )
             except OutOfPatienceError:
                 self.reason = "timeout"
@@ -163,6 +164,7 @@ def _look(
     moment: Moment,
     claims: Sequence[Claim],
     deadline: Deadline,
+    effort: Effort | None,
     started: float,
     judge: Judge,
 ) -> tuple[dict[Claim, Verdict], dict[Claim, str], str]:
@@ -177,8 +179,10 @@ def _look(
     unreplayed: dict[Claim, str] = {}
     pending = {claim: violated for claim, (violated, _) in asked.items()}
     while pending:
-        answer = solver.check([disjunction(d, list(pending.values()))], deadline)
+        answer = solver.check([disjunction(d, list(pending.values()))], deadline, effort)
         if answer is Answer.UNKNOWN:
+            if effort is not None and effort.left <= 0:
+                return verdicts, unreplayed, "another claim is violated, and this one takes long"
             why = "timeout" if deadline.is_near() else "the solver gave up"
             return verdicts, unreplayed, why
         if answer is Answer.UNSAT:

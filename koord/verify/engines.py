@@ -20,12 +20,16 @@ MAX_DEPTH = 3
 #: What inductive attempts may cost before other engines get their turn: about so many seconds.
 PROOF_S = 30.0
 
+#: What other claims may cost where one is violated, so that nobody waits long to see it.
+AFTERWARDS_S = 10.0
+
 
 @dataclass(slots=True)
 class ByUnrolling:
     """Bounded model checking, which goes on from where it stopped."""
 
     bounded: Bounded | None = None
+    afterwards: Effort = field(default_factory=lambda: Effort.of_seconds(AFTERWARDS_S))
 
     def work(self, ledger: Ledger) -> None:
         if ledger.wanting():
@@ -50,7 +54,8 @@ class ByUnrolling:
             if number > rounds:
                 return
             ledger.progress(f"bmc, round {number} of {ledger.bounds.rounds}")
-            ledger.settle(bounded.check(claims, ledger.proved(), number, ledger.deadline))
+            effort = self.afterwards if ledger.is_violated else None
+            ledger.settle(bounded.check(claims, ledger.proved(), number, ledger.deadline, effort))
 
     def _pending(self, bounded: Bounded, ledger: Ledger) -> list[Claim]:
         return [claim for claim in ledger.open() if claim not in bounded.unreplayed]

@@ -72,6 +72,11 @@ class Ledger:
         """The claims that are not settled, in order."""
         return [claim for claim in self.claims if claim not in self.verdicts]
 
+    @property
+    def is_violated(self) -> bool:
+        """Whether some claim is violated: then the outcome of all together is known."""
+        return any(verdict.outcome is Outcome.VIOLATED for verdict in self.verdicts.values())
+
     def wanting(self) -> list[Claim]:
         """The open claims that no engine saw hold through as many rounds as asked for."""
         return [claim for claim in self.open() if self.verdict(claim).outcome is Outcome.UNKNOWN]

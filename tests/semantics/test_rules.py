@@ -144,8 +144,9 @@ def test_decisions_name_the_rules_that_they_are_behind() -> None:
         last = text.strip().splitlines()[-1]
         assert last.startswith("Rules: "), path.name
         named = last.removeprefix("Rules: ").rstrip(".").split(", ")
-        assert set(named) <= set(RULES), path.name
-        assert len(text.splitlines()) <= 40, path.name
+        # Of vehicles, say, the semantics has no rule.
+        assert named == ["none"] or set(named) <= set(RULES), path.name
+        assert len(text.splitlines()) <= 60, path.name
 
 
 @pytest.mark.parametrize("rule", RULES)
