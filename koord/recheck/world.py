@@ -11,7 +11,7 @@ from koord.syntax import core
 from koord.syntax.core import Direction, Home
 from koord.syntax.source import Span
 from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Type, show
-from koord.syntax.walk import nodes
+from koord.syntax.walk import nodes, written
 
 #: A variable: its home, the kind of robot (0 for shared ones), its slot.
 Key = tuple[Home, int, int]
@@ -97,13 +97,8 @@ def _ports(agent: core.Agent) -> tuple[core.Declaration, ...]:
 def _places(block: core.Block, lock: int | None) -> Iterator[tuple[core.Place, int | None]]:
     """The places that a block writes, each with the lock class around it."""
     for s in block:
+        yield from ((place, lock) for place in written(s))
         match s:
-            case core.Assign(place=place) | core.Append(place=place) | core.Remove(place=place):
-                yield place, lock
-            case core.Pop(place=place, into=into):
-                yield place, lock
-                if into is not None:
-                    yield into, lock
             case core.If(then=then, otherwise=otherwise):
                 yield from _places(then, lock)
                 yield from _places(otherwise, lock)

@@ -1,10 +1,11 @@
-"""Everything that stands below a place in a core program."""
+"""Everything that stands below a place in a core program, and what its statements write."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 
+from koord.syntax import core
 from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType
 
 #: Types are dataclasses too, but no part of the program text.
@@ -25,6 +26,33 @@ def nodes(node: object) -> Iterator[object]:
         yield node
         for name in names:
             yield from nodes(getattr(node, name))
+
+
+def statements(block: core.Block) -> Iterator[core.Stmt]:
+    """The statements of a block and of the blocks in it, each before those below it."""
+    for s in block:
+        yield s
+        if isinstance(s, core.If):
+            yield from statements(s.then)
+            yield from statements(s.otherwise)
+        elif isinstance(s, core.ForRange | core.ForEach | core.Atomic):
+            yield from statements(s.body)
+
+
+def written(statement: object) -> Iterator[core.Place]:
+    """The places that a statement writes itself; none for those below it, nor for other nodes.
+
+    A loop's own variables are not among them.
+    """
+    match statement:
+        case core.Assign(place=place) | core.Append(place=place) | core.Remove(place=place):
+            yield place
+        case core.Pop(place=place, into=into):
+            yield place
+            if into is not None:
+                yield into
+        case _:
+            pass
 
 
 def _below(class_: type) -> tuple[str, ...] | None:

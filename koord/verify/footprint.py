@@ -14,7 +14,9 @@ from koord.semantics.configurations import Status
 from koord.syntax import core
 from koord.syntax.core import Direction, Home
 from koord.syntax.types import ListType, QueueType
-from koord.syntax.walk import nodes
+from koord.syntax.walk import nodes, statements, written
+
+_RESIZING = core.Append | core.Remove | core.Pop
 
 
 class Written(IntEnum):
@@ -34,10 +36,10 @@ def footprint(program: core.Program) -> Footprint:
     found: Footprint = {}
     for kind, agent in enumerate(program.agents):
         for event in agent.events:
-            for place in _written(event.effect):
+            for place in _changed(event.effect):
                 _note(found, kind, place)
         for module in agent.modules:
-            for place in _written(module.environment or ()):
+            for place in _changed(module.environment or ()):
                 _note(found, kind, place)
             if module.environment is None:
                 for position in module.ports:
@@ -66,21 +68,8 @@ def _has(agent: core.Agent, kind: type[core.Stop] | type[core.TryStop]) -> bool:
     return any(
         isinstance(statement, kind)
         for block in (agent.init, *(event.effect for event in agent.events))
-        for statement in _statements(block)
+        for statement in statements(block)
     )
-
-
-def _statements(block: core.Block) -> Iterator[core.Stmt]:
-    for statement in block:
-        yield statement
-        match statement:
-            case core.If(then=then, otherwise=otherwise):
-                yield from _statements(then)
-                yield from _statements(otherwise)
-            case core.ForRange(body=body) | core.ForEach(body=body) | core.Atomic(body=body):
-                yield from _statements(body)
-            case _:
-                pass
 
 
 def stops_show(program: core.Program) -> bool:
@@ -98,8 +87,8 @@ def _note(found: Footprint, kind: int, place: core.Place) -> None:
     variable = place.variable
     own = variable.home in (Home.LOCAL, Home.PORT)
     key = (variable.home, kind if own else 0, variable.slot)
-    written = Written.PARTS if _inside_list(place) else Written.WHOLE
-    found[key] = max(found.get(key, Written.NEVER), written)
+    how = Written.PARTS if _inside_list(place) else Written.WHOLE
+    found[key] = max(found.get(key, Written.NEVER), how)
 
 
 def _inside_list(place: core.Place) -> bool:
@@ -117,17 +106,9 @@ def _inside_list(place: core.Place) -> bool:
     return inside
 
 
-def _written(block: core.Block) -> Iterator[core.Place]:
-    for statement in _statements(block):
-        match statement:
-            case core.Assign(place=place):
-                yield place
-            case core.Append(place=place) | core.Remove(place=place):
-                # These rewrite a list as a whole, wherever it is.
-                yield core.Place(place.variable)
-            case core.Pop(place=place, into=into):
-                yield core.Place(place.variable)
-                if into is not None:
-                    yield into
-            case _:
-                pass
+def _changed(block: core.Block) -> Iterator[core.Place]:
+    """What a block writes; a variable as a whole where a list in it gets another length."""
+    for statement in statements(block):
+        resized = statement.place if isinstance(statement, _RESIZING) else None
+        for place in written(statement):
+            yield core.Place(place.variable) if place is resized else place

@@ -11,6 +11,7 @@ from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.types import BOOL, ArrayType, ListType, MapType, QueueType, RecordType, Type
+from koord.syntax.walk import written
 from koord.verify.terms import Term, Terms
 
 Before: TypeAlias = "dict[tuple[int, int], Term]"
@@ -32,18 +33,10 @@ def racy_variables(program: core.Program) -> frozenset[int]:
 
 def _unguarded(block: core.Block) -> Iterator[int]:
     for statement in block:
+        for place in written(statement):
+            if place.variable.home is Home.ALLWRITE:
+                yield place.variable.slot
         match statement:
-            case (
-                core.Assign(place=place)
-                | core.Append(place=place)
-                | core.Remove(place=place)
-                | core.Pop(place=place)
-            ):
-                if place.variable.home is Home.ALLWRITE:
-                    yield place.variable.slot
-                into = statement.into if isinstance(statement, core.Pop) else None
-                if into is not None and into.variable.home is Home.ALLWRITE:
-                    yield into.variable.slot
             case core.If(then=then, otherwise=otherwise):
                 yield from _unguarded(then)
                 yield from _unguarded(otherwise)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from koord.syntax import core
 from koord.syntax.core import Home, Start
 from koord.syntax.types import ArrayType, RecordType, Robots, Type
-from koord.syntax.walk import nodes
+from koord.syntax.walk import nodes, statements, written
 
 
 @dataclass
@@ -149,14 +149,5 @@ def _is_all_of_it(place: core.Place) -> bool:
 
 def assigned_slots(block: core.Block) -> set[int]:
     """The bound slots that statements of a block write."""
-    found = set()
-    for node in nodes(block):
-        match node:
-            case core.Assign(place=place) | core.Append(place=place) | core.Remove(place=place):
-                places = [place]
-            case core.Pop(place=place, into=into):
-                places = [place, *([into] if into is not None else [])]
-            case _:
-                continue
-        found |= {p.variable.slot for p in places if p.variable.home is Home.BOUND}
-    return found
+    places = (place for statement in statements(block) for place in written(statement))
+    return {place.variable.slot for place in places if place.variable.home is Home.BOUND}

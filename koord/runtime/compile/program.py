@@ -16,7 +16,7 @@ from koord.syntax import core
 from koord.syntax.core import Direction, Home, Start
 from koord.syntax.source import Span
 from koord.syntax.types import EnumType, RecordType
-from koord.syntax.walk import nodes
+from koord.syntax.walk import nodes, written
 
 
 def compiled(program: core.Program) -> str:
@@ -333,14 +333,14 @@ class _Module:
         scope = self.scope(number)
         scope.in_environment = True
         blocks = [m.environment for m in agent.modules if m.environment is not None]
-        written = {
+        ports = {
             place.variable.slot: place.variable
             for node in nodes(tuple(blocks))
-            for place in _written(node)
+            for place in written(node)
             if place.variable.home is Home.PORT
         }
         first: Lines = []
-        for slot, variable in sorted(written.items()):
+        for slot, variable in sorted(ports.items()):
             name = self.names.attribute(variable, number)
             scope.after[slot] = scope.temporary(name)
             first.append(f"{scope.after[slot]} = self.{name}")
@@ -353,7 +353,7 @@ class _Module:
             scope.unset = {}
         after = [
             f"{string(self.names.attribute(variable, number))}: {scope.after[slot]}"
-            for slot, variable in sorted(written.items())
+            for slot, variable in sorted(ports.items())
         ]
         head = "def environment(self) -> dict[str, Any]:"
         return [head, *indented([*first, *body, f"return {{{', '.join(after)}}}"])]
@@ -418,15 +418,3 @@ def _returns(body: core.Block) -> bool:
         or (isinstance(s, core.Atomic) and _returns(s.body))
         for s in body
     )
-
-
-def _written(node: object) -> Iterator[core.Place]:
-    match node:
-        case core.Assign(place=place) | core.Append(place=place) | core.Remove(place=place):
-            yield place
-        case core.Pop(place=place, into=into):
-            yield place
-            if into is not None:
-                yield into
-        case _:
-            return

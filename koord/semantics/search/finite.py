@@ -24,7 +24,7 @@ from koord.syntax import core
 from koord.syntax.core import Direction, ExternalKind, Home, PropertyKind, Start
 from koord.syntax.source import Span
 from koord.syntax.types import INT, Type
-from koord.syntax.walk import nodes
+from koord.syntax.walk import nodes, statements, written
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,26 +106,15 @@ def known_starts(system: System) -> Found:
     program = system.program
     conditions = [assumption.condition for assumption in program.assumptions]
     found = starts_reader(system).restrictions(conditions)
-    written = {
+    set_in_init = {
         (place.variable.home, place.variable.slot, robot)
         for robot, kind in enumerate(system.kinds)
-        for place in _written(program.agents[kind].init)
+        for statement in statements(program.agents[kind].init)
+        for place in written(statement)
     }
-    shared = {(home, slot, None) for home, slot, _ in written if home is Home.ALLWRITE}
-    return {where: bounds for where, bounds in found.items() if where[:3] not in written | shared}
-
-
-def _written(block: core.Block) -> Iterator[core.Place]:
-    for node in nodes(block):
-        match node:
-            case core.Assign(place=place) | core.Append(place=place) | core.Remove(place=place):
-                yield place
-            case core.Pop(place=place, into=into):
-                yield place
-                if into is not None:
-                    yield into
-            case _:
-                pass
+    shared = {(home, slot, None) for home, slot, _ in set_in_init if home is Home.ALLWRITE}
+    known = set_in_init | shared
+    return {where: bounds for where, bounds in found.items() if where[:3] not in known}
 
 
 # --- sensors --------------------------------------------------------------------------------------

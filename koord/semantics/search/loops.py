@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from koord.semantics.search.sureness import Sure
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home
-from koord.syntax.walk import nodes
+from koord.syntax.walk import nodes, statements, written
 
 _GATHERING = (
     BinaryOp.ADD,
@@ -32,28 +32,28 @@ _GATHERING = (
 
 def is_order_free(body: core.Block, loop: frozenset[core.Variable], sure: Sure) -> bool:
     """Whether trips may be made in any order. ``loop`` are the loop's own variables."""
-    leaving = [s for s in _flat(body) if isinstance(s, core.Break | core.Return)]
-    written = {place.variable for s in _flat(body) for place in _places_written(s)}
+    leaving = [s for s in statements(body) if isinstance(s, core.Break | core.Return)]
+    changed = {variable for s in statements(body) for variable in _changed(s)}
     if leaving:
-        return _leaves_once(body, _Loop(loop, frozenset(written), sure))
-    return _gathers(body, _Loop(loop, frozenset(written), sure))
+        return _leaves_once(body, _Loop(loop, frozenset(changed), sure))
+    return _gathers(body, _Loop(loop, frozenset(changed), sure))
 
 
 @dataclass(frozen=True, slots=True)
 class _Loop:
     variables: frozenset[core.Variable]
-    written: frozenset[core.Variable]
+    changed: frozenset[core.Variable]
     sure: Sure
 
     def sees_no_trip(self, e: object) -> bool:
         """Whether an expression reads nothing that a trip writes."""
         if any(isinstance(node, core.Call) for node in nodes(e)):
             # A function may read whatever is not bound to a body of its own.
-            return all(v.home is Home.BOUND for v in self.written) and self._unwritten(e)
-        return self._unwritten(e)
+            return all(v.home is Home.BOUND for v in self.changed) and self._unchanged(e)
+        return self._unchanged(e)
 
-    def _unwritten(self, e: object) -> bool:
-        return not any(v in self.written for v in _read(e))
+    def _unchanged(self, e: object) -> bool:
+        return not any(v in self.changed for v in _read(e))
 
     def is_same(self, e: object) -> bool:
         """Whether an expression is the same on every trip."""
@@ -65,7 +65,7 @@ class _Loop:
 
 def _gathers(body: core.Block, loop: _Loop) -> bool:
     assigned: dict[core.Variable, list[core.Assign]] = {}
-    for s in _flat(body):
+    for s in statements(body):
         match s:
             case core.Assign():
                 assigned.setdefault(s.place.variable, []).append(s)
@@ -152,29 +152,15 @@ def _is_way(block: core.Block, loop: _Loop) -> bool:
 # --- the text -------------------------------------------------------------------------------------
 
 
-def _flat(block: core.Block) -> Iterator[core.Stmt]:
-    """The statements of a block and of the branches in it."""
-    for s in block:
-        yield s
-        if isinstance(s, core.If):
-            yield from _flat(s.then)
-            yield from _flat(s.otherwise)
-        elif isinstance(s, core.ForRange | core.ForEach | core.Atomic):
-            yield from _flat(s.body)
-
-
-def _places_written(s: core.Stmt) -> list[core.Place]:
+def _changed(s: core.Stmt) -> Iterator[core.Variable]:
+    """What a trip through a statement leaves changed, the variables of inner loops included."""
     match s:
-        case core.Assign(place=place) | core.Append(place=place) | core.Remove(place=place):
-            return [place]
-        case core.Pop(place=place, into=into):
-            return [place, into] if into is not None else [place]
         case core.ForRange(variable=variable):
-            return [core.Place(variable)]
+            yield variable
         case core.ForEach(key=key, value=value):
-            return [core.Place(v) for v in (key, value) if v is not None]
+            yield from (v for v in (key, value) if v is not None)
         case _:
-            return []
+            yield from (place.variable for place in written(s))
 
 
 def _read(e: object) -> Iterator[core.Variable]:
