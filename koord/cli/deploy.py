@@ -28,7 +28,7 @@ from koord.cli.config import read_configuration
 from koord.cli.deployed import Board, as_document, summary
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
-from koord.cli.files import check_writable, whole_file
+from koord.cli.files import check_writable
 from koord.cli.inputs import Reading, load_programs
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
@@ -43,8 +43,9 @@ from koord.runtime.robot import Robot
 from koord.runtime.transports.transport import TransportError
 from koord.semantics.configurations import dealt
 from koord.syntax import core
-from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.diagnostics import Diagnostic, Severity, refusal
 from koord.syntax.elaborate.settings import Settings
+from koord.syntax.source import whole_file
 
 #: Where ports for robots on this machine are looked for.
 _FIRST_PORT, _PORTS = 20_000, 30_000
@@ -104,7 +105,7 @@ def main(arguments: argparse.Namespace) -> int:
     try:
         return deploy(arguments, job)
     except TransportError as error:
-        raise _refused("K933", job.configuration.name, error.message, error.hint or None) from None
+        raise refusal("K933", job.configuration.name, error.message, error.hint or None) from None
 
 
 # --- what is to be run ----------------------------------------------------------------------------
@@ -188,10 +189,6 @@ def _diagnostic(code: str, name: str, story: str, hint: str | None) -> Diagnosti
     return Diagnostic(code, Severity.ERROR, whole_file(name), story, hint)
 
 
-def _refused(code: str, name: str, story: str, hint: str | None) -> KoordError:
-    return KoordError((_diagnostic(code, name, story, hint),))
-
-
 # --- running it -----------------------------------------------------------------------------------
 
 
@@ -222,7 +219,7 @@ def _one(arguments: argparse.Namespace, job: Job) -> int:
     if not 0 <= pid < job.robots:
         story = f"there is no robot {pid}"
         hint = f"the pids are 0 to {job.robots - 1}"
-        raise _refused("K932", job.configuration.name, story, hint)
+        raise refusal("K932", job.configuration.name, story, hint)
     job = replace(job, journals=_folder(arguments.state or ".koord"))
     journal = job.journal(pid)
     if arguments.fresh and journal is not None:
@@ -254,7 +251,7 @@ def _folder(path: str) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise _refused("K903", path, f"cannot be written: {error.strerror}", None) from None
+        raise refusal("K903", path, f"cannot be written: {error.strerror}", None) from None
     return folder
 
 

@@ -16,10 +16,9 @@ from dataclasses import dataclass, field, replace
 from typing import TextIO
 
 from koord.cli.excerpt import excerpt
-from koord.cli.files import is_whole_file
 from koord.cli.terminal import PLAIN, Paint, Style, style_of, visible
 from koord.syntax.diagnostics import Diagnostic, KoordError, Note, Severity
-from koord.syntax.source import Source, Span
+from koord.syntax.source import Source, Span, is_whole_file
 
 #: Raised when the JSON changes in a way that its readers must know of.
 JSON_VERSION = 1

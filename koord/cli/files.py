@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.diagnostics import refusal
 from koord.syntax.source import Source, Span, normalise
 
 #: The name that stands for standard input and output on the command line.
@@ -37,7 +37,7 @@ def read_program(path: str) -> InputFile:
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise _refusal("K902", _place_of_byte(name, raw, error.start), *_not_utf8(error)) from None
+        raise refusal("K902", _place_of_byte(name, raw, error.start), *_not_utf8(error)) from None
     return InputFile(path, raw, Source(name, normalise(text)))
 
 
@@ -47,16 +47,16 @@ def read_bytes(path: str) -> bytes:
     try:
         if path == DASH:
             if sys.stdin is None:
-                raise _refusal("K901", whole_file(name), "standard input is closed")
+                raise refusal("K901", name, "standard input is closed")
             raw = sys.stdin.buffer.read(LARGEST_FILE + 1)
         else:
             with open(path, "rb") as file:
                 raw = file.read(LARGEST_FILE + 1)
     except (OSError, ValueError) as error:
-        raise _refusal("K901", whole_file(name), f"cannot be read: {_reason(error)}") from None
+        raise refusal("K901", name, f"cannot be read: {_reason(error)}") from None
     if len(raw) > LARGEST_FILE:
         limit = f"it is larger than {LARGEST_FILE // 2**20} MiB"
-        raise _refusal("K901", whole_file(name), f"cannot be read: {limit}")
+        raise refusal("K901", name, f"cannot be read: {limit}")
     return raw
 
 
@@ -73,7 +73,7 @@ def write_atomically(path: str, data: bytes) -> None:
         else:
             _replace(target, data)
     except (OSError, ValueError) as error:
-        raise _refusal("K903", whole_file(path), f"cannot be written: {_reason(error)}") from None
+        raise refusal("K903", path, f"cannot be written: {_reason(error)}") from None
 
 
 def check_writable(path: str) -> None:
@@ -90,17 +90,7 @@ def check_writable(path: str) -> None:
     elif not os.access(folder, os.W_OK):
         reason = "permission denied"
     if reason is not None:
-        raise _refusal("K903", whole_file(path), f"cannot be written: {reason}")
-
-
-def whole_file(name: str) -> Span:
-    """The place of what is wrong with a file as a whole: line 0, which no text has."""
-    return Span(name, 0, 0, 0, 0)
-
-
-def is_whole_file(span: Span) -> bool:
-    """Whether a span is one of :func:`whole_file`."""
-    return span.line == 0
+        raise refusal("K903", path, f"cannot be written: {reason}")
 
 
 def _replace(target: Path, data: bytes) -> None:
@@ -157,7 +147,3 @@ def _place_of_byte(name: str, raw: bytes, offset: int) -> Span:
     line = before.count("\n") + 1
     column = len(before) - (before.rfind("\n") + 1) + 1
     return Span(name, line, column, line, column + 1)
-
-
-def _refusal(code: str, span: Span, message: str, hint: str | None = None) -> KoordError:
-    return KoordError((Diagnostic(code, Severity.ERROR, span, message, hint),))

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 from koord.cli.arguments import settings
 from koord.cli.diagnostics import Report
-from koord.cli.files import DASH, STDIN_NAME, read_program, whole_file
+from koord.cli.files import DASH, STDIN_NAME, read_program
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.elaborate.settings import Settings
 from koord.syntax.load import load
-from koord.syntax.source import Source
+from koord.syntax.source import Source, whole_file
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from koord.cli.arguments import add_json, check_files, seconds
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
-from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_program, whole_file
+from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_program
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.recheck.certificate import Certificate, read, refused
+from koord.recheck.certificate import Certificate, read
 from koord.recheck.checking import Outcome, Rechecked, recheck
 from koord.recheck.settling import Settled
 from koord.recheck.solving import Answer, MissingSolverError, version
-from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import NOWHERE
 
 #: Raised when the JSON changes in a way that its readers must know of.
@@ -104,9 +104,9 @@ def _recheck(request: Request) -> Exit:
 
 def _check_program(request: Request, certificate: Certificate, program: InputFile) -> None:
     if program.source.text != certificate.program.text:
-        raise refused(
-            request.name,
+        raise refusal(
             "K941",
+            request.name,
             f"the certificate is about another text than {program.source.name}",
             "write the certificate anew with `koord verify --certificate`",
         )
@@ -115,7 +115,7 @@ def _check_program(request: Request, certificate: Certificate, program: InputFil
 def _no_solver() -> KoordError:
     message = "cvc5 is not installed, and a second opinion needs a second solver"
     hint = "install it with `pip install 'koord[recheck]'`, or `pip install cvc5`"
-    return KoordError((Diagnostic("K942", Severity.ERROR, whole_file("cvc5"), message, hint),))
+    return refusal("K942", "cvc5", message, hint)
 
 
 def _lines(certificate: Certificate, found: Rechecked, solver: str, style: Style) -> list[str]:

@@ -15,11 +15,11 @@ from koord.recheck.obligations import Claim, Kind
 from koord.recheck.world import World
 from koord.syntax import ast, core
 from koord.syntax.core import PropertyKind
-from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
 from koord.syntax.elaborate import elaborate
 from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.parser import parse
-from koord.syntax.source import Source, Span
+from koord.syntax.source import Source
 
 FORMAT = "koord certificate"
 VERSION = 1
@@ -75,11 +75,6 @@ class Opened:
     consequences: tuple[core.Property, ...]
 
 
-def refused(name: str, code: str, message: str, hint: str | None = None) -> KoordError:
-    """Why a certificate is of no use."""
-    return KoordError((Diagnostic(code, Severity.ERROR, Span(name, 0, 0, 0, 0), message, hint),))
-
-
 # --- reading --------------------------------------------------------------------------------------
 
 
@@ -92,13 +87,13 @@ class _Reader:
     value: object
 
     def wrong(self, wanted: str) -> KoordError:
-        return refused(self.file, "K940", f"{self.path or 'the document'} is not {wanted}")
+        return refusal("K940", self.file, f"{self.path or 'the document'} is not {wanted}")
 
     def field(self, name: str) -> _Reader:
         if not isinstance(self.value, dict):
             raise self.wrong("an object")
         if name not in self.value:
-            raise refused(self.file, "K940", f"{self.path or 'the document'} has no {name!r}")
+            raise refusal("K940", self.file, f"{self.path or 'the document'} has no {name!r}")
         path = f"{self.path}.{name}" if self.path else name
         return _Reader(self.file, path, self.value[name])
 
@@ -139,7 +134,7 @@ def read(raw: bytes, name: str) -> Certificate:
         document = json.loads(raw.decode("utf-8"))
     except (ValueError, RecursionError) as error:
         story = " ".join(str(error).split())[:200]
-        raise refused(name, "K940", f"not a JSON document: {story}") from None
+        raise refusal("K940", name, f"not a JSON document: {story}") from None
     top = _Reader(name, "", document)
     if top.field("format").value != FORMAT:
         raise top.field("format").wrong(repr(FORMAT))
@@ -177,9 +172,9 @@ def _source(reader: _Reader) -> Source:
     text = reader.field("text").text()
     found = sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()
     if found != reader.field("sha256").text():
-        raise refused(
-            reader.file,
+        raise refusal(
             "K941",
+            reader.file,
             f"{reader.path}.text is not the text that was certified: its SHA-256 differs",
             "write the certificate anew with `koord verify --certificate`",
         )
@@ -253,14 +248,14 @@ def opened(certificate: Certificate) -> Opened:
     core_program = _elaborated(certificate, [*rest, *own, *beside])
     whole = _elaborated(certificate, sections)
     if any(kind >= len(core_program.agents) for kind in certificate.kinds):
-        raise refused(name, "K940", "kinds names a kind of robot that the program has not")
+        raise refusal("K940", name, "kinds names a kind of robot that the program has not")
     if _rests_on(whole) != certificate.rests_on:
-        raise refused(
-            name, "K941", "rests_on does not name what the program assumes and is promised"
+        raise refusal(
+            "K941", name, "rests_on does not name what the program assumes and is promised"
         )
     names = [p.name for p in whole.properties if p.kind in _INVARIANTS]
     if not certificate.claims:
-        raise refused(name, "K941", "nothing is claimed")
+        raise refusal("K941", name, "nothing is claimed")
     _check_given(certificate, World(whole, certificate.kinds, certificate.delta_s))
     return _joined(certificate, core_program, names)
 
@@ -280,7 +275,7 @@ def _check_given(certificate: Certificate, world: World) -> None:
             names.append(f"consecution inside a round{over}")
         for name in names:
             if name not in there:
-                raise refused(certificate.name, "K941", f"the obligation {name!r} is missing")
+                raise refusal("K941", certificate.name, f"the obligation {name!r} is missing")
 
 
 _OF_PROPERTIES = (ast.Assume, ast.Invariant, ast.FunDef, ast.ParamDecl)
@@ -303,7 +298,7 @@ def _joined(certificate: Certificate, program: core.Program, names: list[str]) -
             _check_subject(name, program, kind, subject)
             claims.append(Claim(claimed, kind, None, subject, depth))
         elif claimed not in own:
-            raise refused(name, "K941", f"the program states no invariant {claimed!r}")
+            raise refusal("K941", name, f"the program states no invariant {claimed!r}")
         elif (own[claimed].condition, own[claimed].kind) not in kept:
             consequences.append(replace(own[claimed], name=claimed))
     world = World(program, certificate.kinds, certificate.delta_s)
@@ -316,7 +311,7 @@ def _check_subject(name: str, program: core.Program, kind: Kind, subject: str) -
         Kind.CONTRACT: {c.name for a in program.agents for m in a.modules for c in m.contracts},
     }
     if kind in known and subject not in known[kind]:
-        raise refused(name, "K941", f"the program has no {subject!r} to claim a {kind.value} of")
+        raise refusal("K941", name, f"the program has no {subject!r} to claim a {kind.value} of")
 
 
 def _parsed(name: str, conjunct: Conjunct) -> ast.Invariant:
@@ -326,7 +321,7 @@ def _parsed(name: str, conjunct: Conjunct) -> ast.Invariant:
     _stop_at_errors(name, place, parsed.diagnostics)
     sections = parsed.program.sections
     if len(sections) != 1 or not isinstance(sections[0], ast.Invariant):
-        raise refused(name, "K940", f"the text of {conjunct.name!r} is not one invariant of Koord")
+        raise refusal("K940", name, f"the text of {conjunct.name!r} is not one invariant of Koord")
     return sections[0]
 
 
@@ -335,7 +330,7 @@ def _elaborated(certificate: Certificate, sections: list[ast.Section]) -> core.P
     elaborated = elaborate(tree, certificate.settings)
     _stop_at_errors(certificate.name, certificate.program.name, elaborated.diagnostics)
     if elaborated.program is None:
-        raise refused(certificate.name, "K940", "the certificate holds no program")
+        raise refusal("K940", certificate.name, "the certificate holds no program")
     return elaborated.program
 
 
@@ -343,8 +338,8 @@ def _stop_at_errors(name: str, where: str, diagnostics: Sequence[Diagnostic]) ->
     for found in diagnostics:
         if found.severity is Severity.ERROR:
             place = f"{where}:{found.span.line}:{found.span.column}"
-            raise refused(
-                name, "K941", f"the text has errors: {place}: {found.code}: {found.message}"
+            raise refusal(
+                "K941", name, f"the text has errors: {place}: {found.code}: {found.message}"
             )
 
 

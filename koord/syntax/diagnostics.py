@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from koord.syntax.source import Span
+from koord.syntax.source import Span, whole_file
 
 
 class Severity(Enum):
@@ -44,3 +44,9 @@ class KoordError(Exception):
     def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
         super().__init__("; ".join(f"{d.span}: {d.code} {d.message}" for d in diagnostics))
         self.diagnostics = diagnostics
+
+
+def refusal(code: str, place: Span | str, message: str, hint: str | None = None) -> KoordError:
+    """The one thing wrong with an input; ``place`` is its name if it is the input as a whole."""
+    span = whole_file(place) if isinstance(place, str) else place
+    return KoordError((Diagnostic(code, Severity.ERROR, span, message, hint),))

@@ -28,6 +28,16 @@ class Span:
         return f"{self.file}:{self.line}:{self.column}"
 
 
+def whole_file(name: str) -> Span:
+    """The place of what is wrong with a file as a whole: line 0, which no text has."""
+    return Span(name, 0, 0, 0, 0)
+
+
+def is_whole_file(span: Span) -> bool:
+    """Whether a span is one of :func:`whole_file`."""
+    return span.line == 0
+
+
 #: The span of what the tool itself supplies (library declarations, generated code).
 NOWHERE = Span("<koord>", 1, 1, 1, 1)
 

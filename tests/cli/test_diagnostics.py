@@ -8,10 +8,9 @@ import pytest
 from jsonschema import Draft202012Validator, ValidationError
 
 from koord.cli.diagnostics import Report, render, summary, to_json
-from koord.cli.files import whole_file
 from koord.cli.terminal import Style
 from koord.syntax.diagnostics import Diagnostic, Note, Severity
-from koord.syntax.source import NOWHERE, Source, Span
+from koord.syntax.source import NOWHERE, Source, Span, whole_file
 
 SOURCE = Source("app.krd", "local:\n  int x\n  bool x\ngo:\n  eff: x = tsak\n")
 

@@ -10,8 +10,9 @@ from types import SimpleNamespace
 import pytest
 
 from koord.cli import files
-from koord.cli.files import check_writable, is_whole_file, read_program, write_atomically
+from koord.cli.files import check_writable, read_program, write_atomically
 from koord.syntax.diagnostics import Diagnostic, KoordError
+from koord.syntax.source import is_whole_file
 
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 

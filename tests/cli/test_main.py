@@ -19,8 +19,8 @@ import pytest
 from koord import __version__
 from koord.cli import main as frame
 from koord.cli.exits import Exit, gravest
-from koord.cli.files import whole_file
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.source import whole_file
 
 KOORD = [sys.executable, "-m", "koord"]
 

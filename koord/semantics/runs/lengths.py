@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.traces.json_reader import refusal
 from koord.semantics.traces.recording import Concrete
 from koord.semantics.values import Rec, Seq, Table
+from koord.syntax.diagnostics import refusal
 
 #: What one variable holds has at most so many parts. Fixed arrays have a limit of their own.
 MOST_LISTED = 100_000
@@ -30,8 +30,8 @@ def _check_all(before: tuple[Storage[Constant], ...], after: tuple[Storage[Const
     for old, new in zip(before, after, strict=True):
         if old is not new and scale.listed(new) > MOST_LISTED:
             raise refusal(
-                "koord run",
                 "K924",
+                "koord run",
                 f"a list has grown to more than {MOST_LISTED} parts",
                 "run for fewer rounds, or take out of lists what is no more needed",
             )

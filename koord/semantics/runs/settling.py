@@ -21,8 +21,7 @@ from koord.semantics.storage import contents, held, stored
 from koord.semantics.turns import environment_turn
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, QuantifierKind
-from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
-from koord.syntax.source import Span
+from koord.syntax.diagnostics import KoordError, refusal
 
 #: So many initial configurations are tried before the assumptions count as not to be met.
 START_TRIES = 3000
@@ -48,7 +47,7 @@ def settled_start(
     best, waiting = _broken(d, system, stepped.configuration, inputs), 0
     false = false_beforehand(d, system, stepped.configuration) if best else None
     if false is not None:
-        raise _refusal(
+        raise refusal(
             "K920",
             false.span,
             f"this assumption is false of {_fleet(system)}, whatever the variables start with",
@@ -181,7 +180,7 @@ def _no_start(
     named = not re.fullmatch(r"assume_\d+", assumption.name)
     name = f"the assumption {assumption.name}" if named else "this assumption"
     tries = f"in {START_TRIES} tries " if inputs.starts or inputs.answers else ""
-    return _refusal(
+    return refusal(
         "K920",
         assumption.span,
         f"no initial configuration was found {tries}that meets {name}",
@@ -312,7 +311,7 @@ class _Search:
         return [needed for needed in turned.legality if self.d.known(needed.condition) is not True]
 
     def no_reading(self, broken: Legality[Constant]) -> KoordError:
-        return _refusal(
+        return refusal(
             "K922",
             broken.span,
             f"no reading of robot {self.robot} in round {self.round + 1} was found in "
@@ -320,7 +319,3 @@ class _Search:
             "give the module an `environment:` block, or see with `koord verify` whether its "
             "contracts are contradictory",
         )
-
-
-def _refusal(code: str, span: Span, message: str, hint: str) -> KoordError:
-    return KoordError((Diagnostic(code, Severity.ERROR, span, message, hint),))

@@ -16,10 +16,10 @@ from koord.semantics.configurations import System
 from koord.semantics.traces.codec_values import Json, decode_fraction, encode_fraction
 from koord.semantics.traces.decode_runs import decode_run
 from koord.semantics.traces.encode_runs import encode_run
-from koord.semantics.traces.json_reader import Reader, parse, refusal
+from koord.semantics.traces.json_reader import Reader, parse
 from koord.semantics.traces.trace import Numbers, Sources, Trace, digest
 from koord.syntax import core
-from koord.syntax.diagnostics import KoordError, Severity
+from koord.syntax.diagnostics import KoordError, Severity, refusal
 from koord.syntax.source import Source
 
 if TYPE_CHECKING:
@@ -173,8 +173,8 @@ def _check_format(document: Reader) -> None:
     value = document.value
     if not isinstance(value, dict) or value.get("format") != FORMAT:
         raise refusal(
-            document.file,
             "K911",
+            document.file,
             "this is no trace of koord, though it is JSON",
             "name a file that `koord run --trace` or `koord verify --trace` wrote",
         )
@@ -183,8 +183,8 @@ def _check_format(document: Reader) -> None:
         return
     if isinstance(version, int) and not isinstance(version, bool) and version > VERSION:
         raise refusal(
-            document.file,
             "K912",
+            document.file,
             f"the trace has version {version}; this koord reads version {VERSION}",
             "use the koord that wrote it, or a newer one",
         )
@@ -246,8 +246,8 @@ def load_embedded(sources: Sources) -> core.Program:
     raise KoordError(
         (
             *refusal(
-                sources.program.name,
                 "K916",
+                sources.program.name,
                 "the program in the trace has errors",
                 "the language may have changed since; name a working program behind --program",
             ).diagnostics,

@@ -22,11 +22,12 @@ from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import Cell, Storage
 from koord.semantics.traces.codec import Load, decode_document, to_json
 from koord.semantics.traces.codec_values import Json, encode_value
-from koord.semantics.traces.json_reader import Reader, refusal
+from koord.semantics.traces.json_reader import Reader
 from koord.semantics.traces.names import Named, Names, distinct
 from koord.semantics.traces.recording import Concrete
 from koord.semantics.traces.trace import Trace, part_types
 from koord.semantics.values import Rec, Seq, Table
+from koord.syntax.diagnostics import refusal
 from koord.syntax.types import (
     ArrayType,
     EnumType,
@@ -230,8 +231,8 @@ def embedded_trace(document: Reader, load: Load | None = None) -> Trace:
     meta = parts["#meta"].value if "#meta" in parts else None
     if not isinstance(meta, dict) or EMBEDDED not in meta:
         raise refusal(
-            document.file,
             "K917",
+            document.file,
             "this ITF document was not written by koord: it holds states, but no recording",
             "name a file that `koord run --trace x.itf.json` wrote",
         )

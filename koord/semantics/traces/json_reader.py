@@ -8,18 +8,13 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TypeVar
 
-from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import Span
 
 #: What every refusal of a damaged file advises, unless something better is known.
 WRITE_ANEW = "the file was changed or damaged; write the trace anew"
 
 M = TypeVar("M", bound=Enum)
-
-
-def refusal(file: str, code: str, message: str, hint: str | None = None) -> KoordError:
-    """What is wrong with a file as a whole (its line 0)."""
-    return KoordError((Diagnostic(code, Severity.ERROR, Span(file, 0, 0, 0, 0), message, hint),))
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +27,7 @@ class Reader:
 
     def refuse(self, message: str, code: str = "K913", hint: str = WRITE_ANEW) -> KoordError:
         """What is wrong here."""
-        return refusal(self.file, code, f"{self.path}: {message}", hint)
+        return refusal(code, self.file, f"{self.path}: {message}", hint)
 
     # --- structure ------------------------------------------------------------------------------
 
@@ -127,15 +122,15 @@ def parse(raw: bytes, file: str) -> Reader:
         text = raw.decode("utf-8-sig")
         document = json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant)
     except UnicodeDecodeError as error:
-        raise refusal(file, "K910", f"byte {error.start} is not UTF-8", NO_JSON) from None
+        raise refusal("K910", file, f"byte {error.start} is not UTF-8", NO_JSON) from None
     except json.JSONDecodeError as error:
         raise _not_json(file, text, error) from None
     except RecursionError:
-        raise refusal(file, "K910", "it is nested too deeply", NO_JSON) from None
+        raise refusal("K910", file, "it is nested too deeply", NO_JSON) from None
     except _FormError as error:
-        raise refusal(file, "K910", str(error), NO_JSON) from None
+        raise refusal("K910", file, str(error), NO_JSON) from None
     except ValueError:  # Python converts no longer ones
-        raise refusal(file, "K910", "a number in it has thousands of digits", NO_JSON) from None
+        raise refusal("K910", file, "a number in it has thousands of digits", NO_JSON) from None
     return Reader(document, "$", file)
 
 
@@ -144,13 +139,13 @@ NO_JSON = "name a file that `koord run --trace` or `koord verify --trace` wrote"
 
 def _not_json(file: str, text: str, error: json.JSONDecodeError) -> KoordError:
     if not text.strip():
-        return refusal(file, "K910", "the file is empty", NO_JSON)
+        return refusal("K910", file, "the file is empty", NO_JSON)
     if not text[error.pos :].strip():
         message, hint = "it ends in the middle: the file is cut off", "write the trace anew"
     else:
         message, hint = f"it is no JSON: {error.msg[:1].lower()}{error.msg[1:]}", NO_JSON
     place = Span(file, error.lineno, error.colno, error.lineno, error.colno + 1)
-    return KoordError((Diagnostic("K910", Severity.ERROR, place, message, hint),))
+    return refusal("K910", place, message, hint)
 
 
 def _distinct(pairs: list[tuple[str, object]]) -> dict[str, object]:

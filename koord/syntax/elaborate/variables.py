@@ -21,7 +21,7 @@ from koord.syntax.elaborate.symbols import (
     Poisoned,
     VariableSymbol,
 )
-from koord.syntax.source import Span
+from koord.syntax.source import whole_file
 from koord.syntax.types import STREAM, ArrayType, ListType, Robots, Type, show
 
 
@@ -113,7 +113,7 @@ def declare_params(session: Session, decls: list[ast.VarDecl]) -> tuple[tuple[st
             hint = did_you_mean(name, known) or f"declare it: `param int {name} = …`"
             session.findings.error(
                 "K236",
-                Span("--set", 0, 0, 0, 0),
+                whole_file("--set"),
                 f"the program has no `param` named `{name}`",
                 hint,
             )
