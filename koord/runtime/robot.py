@@ -344,6 +344,11 @@ class Robot:
         self._buffers[position] = buffer
         return buffer
 
+    @property
+    def had_an_event(self) -> bool:
+        """Whether it ran an event into a buffer, in its last turn of the program. [ATOMIC]"""
+        return bool(self._buffers)
+
     def commit(self, event: int | None, changed: Mapping[str, Any]) -> list[Written]:
         """The event was let through: keep what it did, and what it wrote to streams. [END-EVENT]
 

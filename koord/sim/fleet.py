@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.automaton import State
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.geometry import as_path
@@ -145,6 +145,13 @@ class Fleet:
         """The path that a robot follows, shape ``(k, 3)``."""
         members, row = self._at(robot)
         return members.group.path(row)
+
+    def paths_given(self) -> Ints:
+        """How many paths each robot was given to follow, shape ``(n,)``."""
+        found = np.empty(len(self.robots), np.int64)
+        for members, numbers in self._squads:
+            found[numbers] = members.group.routes.given
+        return found
 
     def _at(self, robot: int) -> tuple[Squad, int]:
         index, row = self._where[robot]

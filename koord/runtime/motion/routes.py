@@ -59,6 +59,7 @@ class Routes:
         self.leg_end: Floats = np.zeros((count, room))  #: of the segment's leg, its ``s``
         self.way: Floats = np.ones((count, room))  #: of the segment: 1 forwards, -1 backwards
         self.length: Floats = np.zeros(count)
+        self.given: Ints = np.zeros(count, np.int64)  #: how many paths robots were given
 
     @property
     def end(self) -> Floats:
@@ -70,6 +71,7 @@ class Routes:
         kept = np.append(True, np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-9)
         path = path[kept] if len(path) > 1 else path
         segments = len(path) - 1
+        self.given[robot] += 1
         self._grow(segments + 1)
         self.size[robot] = segments
         self.points[robot, : segments + 1] = path
@@ -85,6 +87,7 @@ class Routes:
         way = goals - starts
         length = np.linalg.norm(way, axis=1)
         here = length > 1e-9
+        self.given[robots] += 1
         unit = way / np.where(here, length, 1.0)[:, None]
         self.size[robots] = here
         self.points[robots] = goals[:, None]

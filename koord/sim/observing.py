@@ -1,0 +1,240 @@
+"""Watching a simulated run for its recording.
+
+What has changed is found by identity: values of compiled programs never change (decision record
+0012), so one that is the same object as before is the same value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, assert_never
+
+import numpy as np
+
+from koord.runtime.engine.fleet import Fleet as Engine
+from koord.runtime.engine.fleet import Shown
+from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.world import World
+from koord.runtime.proposals import INIT_ROUND, Decision
+from koord.runtime.robot import Robot, Status
+from koord.runtime.shapes import Array, Kind, PerRobot, Record, Scalar, Shape, to_plain
+from koord.runtime.shapes import Sequence as ListOf
+from koord.sim.fleet import Fleet, Placed
+from koord.sim.recording import (
+    SHARED,
+    WHOLE,
+    Agent,
+    Change,
+    Deeds,
+    Header,
+    Home,
+    Idle,
+    Look,
+    Recorded,
+    Recorder,
+    Said,
+    TaskState,
+    Variable,
+)
+
+#: Paths are looked at so often; programs may give new ones in every round.
+_PATHS_S = 0.2
+#: The same where there are many robots.
+_PATHS_OF_MANY_S, _MANY = 1.0, 100
+
+
+def header_of(
+    program: str,
+    text: str,
+    classes: Sequence[type[Robot]],
+    kinds: Sequence[int],
+    world: World,
+    robots: Sequence[Placed],
+    *,
+    delta_s: float,
+    seed: int,
+    safety_m: float = 0.0,
+    devices: Sequence[str] = (),
+) -> Header:
+    """The header of a run; ``kinds[i]`` is the position of robot i's class in ``classes``."""
+    agents = tuple(
+        Agent(one.__name__, tuple(event.name for event in one.EVENTS), tuple(_own(one)))
+        for one in classes
+    )
+    shared = tuple(
+        Variable(v.name, Home.ALLREAD if v.is_allread else Home.ALLWRITE, v.shape)
+        for v in classes[0].SHARED.variables
+    )
+    recorded = tuple(
+        _recorded(pid, kinds[pid], devices[pid] if pid < len(devices) else None, placed.kind.body)
+        for pid, placed in enumerate(robots)
+    )
+    visit_m = max((placed.kind.visit.epsilon_m for placed in robots), default=0.2)
+    return Header(program, text, delta_s, seed, world, agents, recorded, shared, safety_m, visit_m)
+
+
+class Observer:
+    """Feeds a recorder with what a run does: ticks of the fleet, and rounds of the engine."""
+
+    def __init__(self, recorder: Recorder, engine: Engine, fleet: Fleet) -> None:
+        self.recorder, self.engine, self.fleet = recorder, engine, fleet
+        header = recorder.recording.header
+        self._shared = header.shared
+        self._own = [header.agents[robot.agent].variables for robot in header.robots]
+        self._were: list[dict[str, Any]] = [{} for _ in header.robots]
+        self._were_shared: dict[str, Any] = {}
+        self._tasks = _task_list(header)
+        self._assigned: set[int] = set()
+        self._given = np.zeros(len(header.robots), np.int64)
+        self._paths_s = _PATHS_S if len(header.robots) <= _MANY else _PATHS_OF_MANY_S
+        self._paths_due_s = -math.inf
+        self._shown = 0
+
+    def begun(self, decision: Decision) -> None:
+        """INIT is over."""
+        self.tick(self.fleet)
+        self.round(decision)
+
+    def tick(self, fleet: Fleet, separation_m: float = math.nan) -> None:
+        """A tick of control is over. ``separation_m`` is that of the two nearest robots."""
+        now_s = fleet.now_s
+        if not self.recorder.is_due(now_s):
+            return
+        self.recorder.sample(now_s, fleet.positions(), fleet.headings(), separation_m)
+        if now_s >= self._paths_due_s - 1e-9:
+            self._paths_due_s = now_s + self._paths_s
+            given = fleet.paths_given()
+            for robot in np.flatnonzero(given != self._given).tolist():
+                self.recorder.path(now_s, robot, fleet.path(robot))
+            self._given = given
+
+    def round(self, decision: Decision) -> None:
+        """A decision was acted on; the environment has not had its turn yet."""
+        number = decision.round
+        time_s = max(number, 0) * self.recorder.recording.header.delta_s
+        changes = [*self._shared_changes()]
+        self._assign(time_s, changes)
+        for robot in self.engine.robots:
+            changes += self._own_changes(robot)
+        shown = self.engine.shown[self._shown :]
+        self._shown += len(shown)
+        self.recorder.round(number, time_s, self._deeds(decision), changes, [*_said(shown)])
+
+    def _deeds(self, decision: Decision) -> Deeds:
+        deeds = np.full(len(self._own), Idle.SKIPPED, np.int16)
+        if decision.round == INIT_ROUND:
+            return deeds
+        for robot in decision.skipped:
+            if self.engine.robots[robot].status is Status.STOPPED:
+                deeds[robot] = Idle.STOPPED
+            elif self.engine.robots[robot].had_an_event:
+                deeds[robot] = Idle.BLOCKED
+        for taken in decision.ran:
+            if taken.event is not None:
+                deeds[taken.robot] = taken.event
+        return deeds
+
+    def _own_changes(self, robot: Robot) -> Iterator[Change]:
+        values, were = vars(robot), self._were[robot.pid]
+        for number, variable in enumerate(self._own[robot.pid]):
+            value = values[variable.name]
+            if value is not were.get(variable.name) and value != were.get(variable.name):
+                were[variable.name] = value
+                yield Change(robot.pid, number, WHOLE, to_plain(variable.shape, value))
+
+    def _shared_changes(self) -> Iterator[Change]:
+        values, were = self.engine.store.values, self._were_shared
+        for number, variable in enumerate(self._shared):
+            name, shape = variable.name, variable.shape
+            value, before = values[name], were.get(name)
+            if value is before:
+                continue
+            were[name] = value
+            if (
+                isinstance(shape, Array | PerRobot | ListOf)
+                and before is not None
+                and value is not None
+                and len(before) == len(value)
+            ):
+                for index, (old, new) in enumerate(zip(before, value, strict=True)):
+                    if old is not new and old != new:
+                        yield Change(SHARED, number, index, to_plain(shape.element, new))
+            elif value != before:
+                yield Change(SHARED, number, WHOLE, to_plain(shape, value))
+
+    def _assign(self, time_s: float, changes: Sequence[Change]) -> None:
+        """Tell of the tasks that were assigned just now."""
+        if self._tasks is None:
+            return
+        number, assigned, to = self._tasks
+        if not any(change.variable == number for change in changes):
+            return
+        for task, held in enumerate(self.engine.store.values[self._shared[number].name]):
+            if held[assigned] and task not in self._assigned:
+                self._assigned.add(task)
+                self.recorder.task(time_s, task, TaskState.ASSIGNED, held[to])
+
+
+def _task_list(header: Header) -> tuple[int, int, int] | None:
+    """The shared list of the world's tasks, and where ``assigned`` and ``assignedTo`` are in it."""
+    for number, variable in enumerate(header.shared):
+        shape = variable.shape
+        if not isinstance(shape, Array) or not isinstance(shape.element, Record):
+            continue
+        names = _fields(shape.element)
+        if {"assigned", "assignedTo"} <= set(names) and shape.size == len(header.world.tasks):
+            return number, names.index("assigned"), names.index("assignedTo")
+    return None
+
+
+def _fields(record: Record) -> list[str]:
+    return list(getattr(record.make, "_fields", ()))
+
+
+def _own(one: type[Robot]) -> Iterator[Variable]:
+    """What a robot has for itself, but for where it is and what it scans: poses say that."""
+    for name, shape in one.LOCALS.items():
+        yield Variable(name, Home.LOCAL, shape)
+    for name, shape in one.PORTS.items():
+        if name not in one.SENSORS:
+            yield Variable(name, Home.ACTUATOR, shape)
+        elif not _is_measured(shape):
+            yield Variable(name, Home.SENSOR, shape)
+
+
+def _is_measured(shape: Shape) -> bool:
+    """Whether values of a shape are made of lengths, which change with every measurement."""
+    match shape:
+        case Scalar(kind=kind):
+            return kind is Kind.FLOAT
+        case Record(fields=fields):
+            return any(map(_is_measured, fields))
+        case Array(element=element) | ListOf(element=element):
+            return _is_measured(element)
+        case _:
+            return False
+
+
+def _recorded(pid: int, agent: int, device: str | None, body: Body) -> Recorded:
+    match body:
+        case Car(length_m=length, width_m=width, middle_m=middle):
+            look = Look.CAR
+        case Drone(radius_m=radius):
+            look, length, width, middle = Look.DRONE, 2 * radius, 2 * radius, 0.0
+        case Ideal(radius_m=radius):
+            look, length, width, middle = Look.POINT, 2 * radius, 2 * radius, 0.0
+        case _:
+            assert_never(body)
+    return Recorded(
+        f"robot {pid}", agent, device or look.value, look, body.radius_m, length, width, middle
+    )
+
+
+def _said(shown: Sequence[Shown]) -> Iterator[Said]:
+    for one in shown:
+        for written in one.written:
+            yield Said(one.robot, written.stream, " ".join(map(str, written.values)))
+
+
+__all__ = ["Observer", "header_of"]

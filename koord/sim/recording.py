@@ -1,0 +1,268 @@
+"""What a simulated run leaves behind: one type of data that all files and pictures are made of.
+
+A :class:`Header` says what is known before a run begins; the rest of a :class:`Recording` grows at
+its end only, so that it can be read while the run goes on. A :class:`Recorder` is what a run feeds.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.world import Point, World
+from koord.runtime.proposals import Plain
+from koord.runtime.shapes import Shape
+
+#: Positions in metres and headings in radians, as they are kept.
+Pose = NDArray[np.float32]
+#: What robots did in a round: the number of the event, or one of :class:`Idle`.
+Deeds = NDArray[np.int16]
+
+#: Whose a variable is that no robot has for itself.
+SHARED = -1
+#: Of a change: the variable as a whole, not one of its elements.
+WHOLE = -1
+
+#: So many robots are sampled so often; of more the last counts.
+_RATES_S = ((200, 0.1), (2_000, 0.2), (math.inf, 1.0))
+
+
+class Look(Enum):
+    """How a robot is drawn."""
+
+    CAR = "car"
+    DRONE = "drone"
+    POINT = "point"
+
+
+class Home(Enum):
+    """Where a variable of a program lives."""
+
+    ALLREAD = "allread"
+    ALLWRITE = "allwrite"
+    LOCAL = "local"
+    SENSOR = "sensor"
+    ACTUATOR = "actuator"
+
+
+class Idle(IntEnum):
+    """What a robot did in a round that ran no event."""
+
+    SKIPPED = -1  #: nothing was enabled, or it was not willing
+    BLOCKED = -2  #: it had an event to run, and another robot was in its lock class
+    STOPPED = -3
+
+
+class TaskState(IntEnum):
+    """How far a task is."""
+
+    OPEN = 0
+    ASSIGNED = 1
+    DONE = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A robot as it is drawn. ``agent`` is the position of its kind in ``Header.agents``."""
+
+    name: str
+    agent: int
+    device: str
+    look: Look
+    radius_m: float
+    length_m: float
+    width_m: float
+    middle_m: float = 0.0  #: from its position forward to its middle
+
+    @property
+    def flies(self) -> bool:
+        return self.look is not Look.CAR
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A variable; changes name it by its position."""
+
+    name: str
+    home: Home
+    shape: Shape
+
+
+@dataclass(frozen=True, slots=True)
+class Agent:
+    """A kind of robot of the program: its events and what it has for itself, by position."""
+
+    name: str
+    events: tuple[str, ...]
+    variables: tuple[Variable, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What is known of a run before it begins."""
+
+    program: str  #: its file's name
+    text: str
+    delta_s: float
+    seed: int
+    world: World
+    agents: tuple[Agent, ...]
+    robots: tuple[Recorded, ...]
+    shared: tuple[Variable, ...]
+    safety_m: float = 0.0  #: no two robots are to come nearer to each other; 0: not said
+    visit_m: float = 0.2  #: a robot so near to a task is there
+
+    @property
+    def sample_s(self) -> float:
+        """How often poses are kept."""
+        return next(rate for most, rate in _RATES_S if len(self.robots) <= most)
+
+
+class Change(NamedTuple):
+    """A variable, or one element of it (``part``), has a new value."""
+
+    robot: int  #: or SHARED
+    variable: int
+    part: int  #: or WHOLE
+    value: Plain
+
+
+class Said(NamedTuple):
+    """What a robot wrote to a stream."""
+
+    robot: int
+    stream: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """A round as robots saw it after its events; round -1 is INIT."""
+
+    number: int
+    time_s: float
+    deeds: Deeds
+    changes: tuple[Change, ...]
+    said: tuple[Said, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """A robot has a new path, shape ``(k, 3)``; an empty one: it has none any more."""
+
+    time_s: float
+    robot: int
+    points: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class TaskChange:
+    """A task has come further."""
+
+    time_s: float
+    task: int
+    state: TaskState
+    robot: int
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """A claim that the run broke."""
+
+    time_s: float
+    claim: str
+    words: str
+    robots: tuple[int, ...] = ()
+    place: Point | None = None
+
+
+@dataclass(slots=True)
+class Recording:
+    """A run. Everything but the header grows at its end; nothing that stands in it changes."""
+
+    header: Header
+    times_s: array[float] = field(default_factory=lambda: array("d"))
+    poses: list[Pose] = field(default_factory=list)  #: of each time: x, y, z, heading; (n, 4)
+    separations_m: array[float] = field(default_factory=lambda: array("f"))  #: of each time, or NaN
+    rounds: list[Round] = field(default_factory=list)
+    paths: list[Planned] = field(default_factory=list)
+    tasks: list[TaskChange] = field(default_factory=list)
+    violations: list[Violation] = field(default_factory=list)
+    ending: str | None = None  #: how the run ended, in words; None: it has not yet
+
+    @property
+    def duration_s(self) -> float:
+        return self.times_s[-1] if self.times_s else 0.0
+
+    def stacked(self) -> Pose:
+        """All poses, shape ``(times, n, 4)``."""
+        if not self.poses:
+            return np.zeros((0, len(self.header.robots), 4), np.float32)
+        return np.stack(self.poses)
+
+
+class Recorder:
+    """What a run feeds. Times never go back."""
+
+    def __init__(self, header: Header) -> None:
+        self.recording = Recording(header)
+        self._next_s = -math.inf
+
+    def is_due(self, time_s: float) -> bool:
+        """Whether a sample is wanted now; between samples nothing need be worked out."""
+        return time_s >= self._next_s - 1e-9
+
+    def sample(
+        self, time_s: float, positions: Floats, yaw: Floats, separation_m: float = math.nan
+    ) -> None:
+        """Where robots are, shapes ``(n, 3)`` and ``(n,)``, and how near the nearest two are."""
+        recording = self.recording
+        pose = np.empty((len(positions), 4), np.float32)
+        pose[:, :3], pose[:, 3] = positions, yaw
+        recording.poses.append(pose)
+        recording.separations_m.append(separation_m)
+        recording.times_s.append(time_s)  # last: a reader goes by the number of times
+        self._next_s = time_s + recording.header.sample_s
+
+    def round(
+        self,
+        number: int,
+        time_s: float,
+        deeds: Deeds,
+        changes: Sequence[Change] = (),
+        said: Sequence[Said] = (),
+    ) -> None:
+        """What robots did, and what is different since the last round."""
+        done = Round(number, time_s, deeds, tuple(changes), tuple(said))
+        self.recording.rounds.append(done)
+
+    def path(self, time_s: float, robot: int, points: Floats) -> None:
+        """A robot is to follow a path, shape ``(k, 3)``."""
+        self.recording.paths.append(Planned(time_s, robot, points.astype(np.float32)))
+
+    def task(self, time_s: float, task: int, state: TaskState, robot: int) -> None:
+        """A task was assigned to a robot, or done by it."""
+        self.recording.tasks.append(TaskChange(time_s, task, state, robot))
+
+    def violation(
+        self,
+        time_s: float,
+        claim: str,
+        words: str,
+        robots: Sequence[int] = (),
+        place: Point | None = None,
+    ) -> None:
+        """A claim was broken by some robots at a place."""
+        self.recording.violations.append(Violation(time_s, claim, words, tuple(robots), place))
+
+    def end(self, words: str) -> None:
+        """How the run ended. Nothing comes after it."""
+        self.recording.ending = words

@@ -1,0 +1,89 @@
+"""Small recorded runs for tests, made the way that `koord sim` makes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from koord.runtime.compile import compiled
+from koord.runtime.compile.loading import loaded
+from koord.runtime.engine.fleet import Fleet as Engine
+from koord.runtime.engine.schedules import Deployed
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Car, Drone
+from koord.runtime.motion.clearance import clearance_of
+from koord.runtime.motion.library import Chart, Library
+from koord.runtime.motion.planning import PlannerName, Pose, planner
+from koord.runtime.motion.world import World
+from koord.sim.fleet import Fleet, Placed
+from koord.sim.hosting import Hosted
+from koord.sim.kinds import Kind
+from koord.sim.observing import Observer, header_of
+from koord.sim.recording import Recorder, Recording
+from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.load import load
+from koord.syntax.source import Source
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "specs" / "examples"
+DELTA_S = 0.1
+CAR = Kind(Car(), PlannerName.RRT_CAR)
+DRONE = Kind(Drone(), PlannerName.RRT_DRONE)
+TASKS = World(tasks=((2, 2, 0), (-1, 2, 1.5), (0, -2, 1.2), (-2, 0, 0), (2.5, 0, 2), (1, 1, 1.5)))
+TEAM = (
+    Placed(CAR, (-2.5, -3.0, 0.0)),
+    Placed(DRONE, (2.5, -3.0, 0.0)),
+    Placed(DRONE, (-2.5, 3, 0)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A run that is over, and its recording."""
+
+    recording: Recording
+    engine: Engine
+    last: tuple[Floats, Floats]  #: where robots were at the last sample, and where they pointed
+
+
+def recorded(
+    name: str, world: World, team: tuple[Placed, ...], rounds: int, **params: ParamValue
+) -> Recorded:
+    """At most so many rounds of an example."""
+    text = (EXAMPLES / f"{name}.krd").read_text("utf-8")
+    program = load(Source(f"{name}.krd", text), Settings(params=params)).program
+    assert program is not None
+    classes, kinds = loaded(compiled(program)), [0] * len(team)
+    fleet = Fleet(world, team, seed=1)
+    clearance = clearance_of([placed.kind.body for placed in team], tracking_m=0.15)
+    planners = {k: planner(p.kind.planner, world, p.kind.body) for k, p in enumerate(team)}
+
+    def pose(robot: int) -> Pose:
+        sensed = fleet.sensed()[robot]
+        return Pose(sensed.psn, sensed.heading_rad)
+
+    library = Library(planners, pose, clearance, Chart(world.grid, 3.0), 1)
+    host = Hosted(classes, kinds, fleet, library, 1)
+    engine = Engine(classes, kinds, DELTA_S, host)
+    header = header_of(
+        f"{name}.krd", text, classes, kinds, world, team, delta_s=DELTA_S, seed=1, safety_m=0.5
+    )
+    observer = Observer(Recorder(header), engine, fleet)
+    observer.begun(engine.begin())
+    while not engine.all_stopped and engine.round < rounds:
+        observer.round(engine.program_turns(Deployed()))
+        host.pass_time(engine.robots, (engine.round + 1) * DELTA_S, observer.tick)
+        engine.environment_turn()
+    observer.recorder.end("all robots have stopped" if engine.all_stopped else "time is up")
+    return Recorded(observer.recorder.recording, engine, (fleet.positions(), fleet.headings()))
+
+
+def task() -> Recorded:
+    """Six tasks, a car and two drones."""
+    return recorded("task", TASKS, TEAM, 900, tasks=len(TASKS.tasks))
+
+
+def lineform(robots: int = 4, rounds: int = 300) -> Recorded:
+    """Drones on their way into a line."""
+    starts = [(-8.0 + 16.0 * k / robots, 5.0 - 3.0 * (k % 4), 1.0) for k in range(robots)]
+    team = tuple(Placed(DRONE, start) for start in starts)
+    return recorded("lineform", World((-10, -10, 0), (10, 10, 4)), team, rounds)

@@ -1,0 +1,99 @@
+"""What is recorded of a run is what happened in it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from koord.runtime.shapes import from_plain
+from koord.sim.recording import SHARED, WHOLE, Home, Idle, Look, Recording, TaskState
+from tests.sim.recorded import Recorded, lineform, task
+
+
+@pytest.fixture(scope="module")
+def run() -> Recorded:
+    return task()
+
+
+def test_the_header_says_what_is_drawn(run: Recorded) -> None:
+    header = run.recording.header
+    assert [robot.look for robot in header.robots] == [Look.CAR, Look.DRONE, Look.DRONE]
+    assert header.agents[0].events == ("Assign", "Complete")
+    assert [(v.name, v.home) for v in header.shared] == [
+        ("route", Home.ALLREAD),
+        ("list", Home.ALLWRITE),
+    ]
+    own = {v.name for v in header.agents[0].variables}
+    assert own == {"isOnTask", "mine", "testRoute", "Motion_path", "Motion_reached"}
+
+
+def test_poses_are_those_of_the_fleet(run: Recorded) -> None:
+    recording = run.recording
+    assert np.allclose(np.diff(recording.times_s), recording.header.sample_s)
+    assert np.allclose(recording.poses[-1][:, :3], run.last[0], atol=1e-6)
+    assert np.allclose(recording.poses[-1][:, 3], run.last[1], atol=1e-6)
+
+
+def test_changes_add_up_to_the_store_and_to_the_robots(run: Recorded) -> None:
+    recording = run.recording
+    shared, own = replayed(recording)
+    for number, variable in enumerate(recording.header.shared):
+        held = from_plain(variable.shape, shared[number], len(own), unset=True)
+        assert held == run.engine.store.values[variable.name]
+    for robot in run.engine.robots:
+        for number, variable in enumerate(recording.header.agents[0].variables):
+            plain = own[robot.pid].get(number)
+            held = from_plain(variable.shape, plain, len(own), unset=True)
+            assert held == vars(robot)[variable.name] or variable.home is Home.SENSOR
+
+
+def test_deeds_are_events_skips_blocks_and_stops(run: Recorded) -> None:
+    deeds = np.stack([r.deeds for r in run.recording.rounds])
+    assert (deeds[0] == Idle.SKIPPED).all()  # INIT
+    assert (deeds == 0).sum() >= 6  # Assign, for each task
+    assert (deeds == 1).sum() == 6  # Complete
+    assert deeds[1].tolist().count(Idle.BLOCKED) == 2  # all want to Assign, and one may
+    assert (deeds[-1] == Idle.STOPPED).sum() >= 1
+
+
+def test_tasks_are_assigned_once(run: Recorded) -> None:
+    assigned = [c for c in run.recording.tasks if c.state is TaskState.ASSIGNED]
+    assert sorted(c.task for c in assigned) == list(range(6))
+    for change in assigned:
+        assert run.engine.store.values["list"][change.task].assignedTo == change.robot
+
+
+def test_paths_lead_to_the_tasks(run: Recorded) -> None:
+    for change in run.recording.tasks:
+        later = [
+            planned.points[-1]
+            for planned in run.recording.paths
+            if planned.robot == change.robot
+            and change.time_s - 1e-9 <= planned.time_s < change.time_s + 0.5
+        ]
+        goal = run.recording.header.world.tasks[change.task]
+        assert any(np.allclose(end, goal, atol=0.01) for end in later)
+
+
+def test_only_what_changed_is_kept() -> None:
+    recording = lineform(robots=4, rounds=20).recording
+    first = [c for c in recording.rounds[1].changes if c.robot == SHARED]
+    assert all(c.part != WHOLE for c in first)
+    ends = {c.part for r in recording.rounds[2:] for c in r.changes if c.robot == SHARED}
+    assert ends <= {1, 2}  # the ends of the line stand still
+
+
+def replayed(recording: Recording) -> tuple[dict[int, object], list[dict[int, object]]]:
+    """All changes, one after the other."""
+    shared: dict[int, object] = {}
+    own: list[dict[int, object]] = [{} for _ in recording.header.robots]
+    for done in recording.rounds:
+        for robot, variable, part, value in done.changes:
+            held = shared if robot == SHARED else own[robot]
+            if part == WHOLE:
+                held[variable] = value
+            else:
+                before = held[variable]
+                assert isinstance(before, tuple)
+                held[variable] = (*before[:part], value, *before[part + 1 :])
+    return shared, own
