@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
-from koord.semantics.configurations import Configuration
+from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Turn
+from koord.semantics.storage import Storage, merge_storage_known
 from koord.semantics.turns import Turned
+from koord.syntax.types import INT
 from koord.verify.claims import Findings, Phase
 from koord.verify.races import Before
 from koord.verify.symbols import SymbolicInputs
-from koord.verify.terms import Term
+from koord.verify.terms import Term, Terms
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,3 +71,25 @@ class SymbolicRound:
     end: Moment
     urgency: list[Term]
     free: list[Term]
+
+
+def turn_taken(
+    d: Terms, state: Robot[Term], options: Iterable[tuple[Term, Turned[Term]]]
+) -> Robot[Term]:
+    """A robot after the event it chose of ``options``, or after none. [END-EVENT] [SKIP]"""
+    locals_, ports, status = state.locals, state.ports, state.status
+    ran = d.const(NO_EVENT, INT)
+    for chosen, turned in options:
+        after = turned.robot
+        locals_ = _merged(d, chosen, after.locals, locals_)
+        ports = _merged(d, chosen, after.ports, ports)
+        status = d.ite(chosen, after.status, status)
+        ran = d.ite(chosen, after.ran, ran)
+    return replace(state, locals=locals_, ports=ports, status=status, ran=ran, turn=Turn.ENV)
+
+
+def _merged(
+    d: Terms, condition: Term, then: tuple[Storage[Term], ...], other: tuple[Storage[Term], ...]
+) -> tuple[Storage[Term], ...]:
+    pairs = zip(then, other, strict=True)
+    return tuple(merge_storage_known(d, condition, a, b) for a, b in pairs)

@@ -14,7 +14,6 @@ from dataclasses import replace
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Status, System, Turn
 from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.races import rewritten
-from koord.semantics.storage import Storage, merge_storage
 from koord.semantics.turns import declared, environment_turn, initial_turn, program_turn
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import BOOL, INT
@@ -32,7 +31,7 @@ from koord.verify.choices import (
 from koord.verify.claims import Findings, Phase
 from koord.verify.commits import committed, lost_updates
 from koord.verify.footprint import stops_show
-from koord.verify.moments import Moment, Opening, Option, SymbolicRound
+from koord.verify.moments import Moment, Opening, Option, SymbolicRound, turn_taken
 from koord.verify.races import Before, racy_variables
 from koord.verify.symbols import SymbolicInputs, Unknowns
 from koord.verify.terms import Term
@@ -149,7 +148,7 @@ class Encoder:
         constraints += is_order(d, self.system, before)
         store = committed(d, self.system, start.store, options, before, set(self._racy))
         robots = tuple(
-            self._chosen_state(state, [o for o in options if o.robot == i])
+            turn_taken(d, state, [(o.chosen, o.turned) for o in options if o.robot == i])
             for i, state in enumerate(start.robots)
         )
         faults = [d.binary(BinaryOp.AND, o.chosen, f) for o in options for f, _ in o.turned.faults]
@@ -170,29 +169,6 @@ class Encoder:
         findings = Findings(disjunction(self.d, faults), tuple(lost), tuple(promises))
         checks = SymbolicInputs(self.unknowns, phase.value)
         return Moment(phase, configuration, constraints, findings, checks)
-
-    def _chosen_state(self, state: Robot[Term], options: list[Option]) -> Robot[Term]:
-        """The robot after the event it chose, or after none. [END-EVENT] [SKIP]"""
-        d = self.d
-        locals_, ports = state.locals, state.ports
-        status: Term = state.status
-        ran: Term = d.const(NO_EVENT, INT)
-        for o in options:
-            after = o.turned.robot
-            locals_ = self._merged(o.chosen, after.locals, locals_)
-            ports = self._merged(o.chosen, after.ports, ports)
-            status = d.ite(o.chosen, after.status, status)
-            ran = d.ite(o.chosen, after.ran, ran)
-        return replace(state, locals=locals_, ports=ports, status=status, ran=ran, turn=Turn.ENV)
-
-    def _merged(
-        self,
-        condition: Term,
-        then: tuple[Storage[Term], ...],
-        other: tuple[Storage[Term], ...],
-    ) -> tuple[Storage[Term], ...]:
-        pairs = zip(then, other, strict=True)
-        return tuple(merge_storage(self.d, condition, a, b) for a, b in pairs)
 
     # --- the environment ------------------------------------------------------------------------
 

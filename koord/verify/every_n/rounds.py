@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Status, Store, Turn
 from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.races import overlap, rewritten
-from koord.semantics.storage import Storage, merge_storage_known
 from koord.semantics.turns import Evolved, environment_turn, guard_of, program_turn
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
@@ -17,6 +16,7 @@ from koord.verify.every_n.commits import Commits, Move
 from koord.verify.every_n.crowd import World
 from koord.verify.every_n.functions import RobotInputs
 from koord.verify.every_n.opening import Anywhere, faults_of
+from koord.verify.moments import turn_taken
 from koord.verify.races import racy_variables
 from koord.verify.terms import Term
 
@@ -139,34 +139,10 @@ class Round:
             moves = self.moves(robot)
             found = []
             for kind, here in world.cases(robot):
-                mine = [move for move in moves if move.kind == kind]
-                found.append((here, self._state(kind, robot, mine)))
+                mine = [(m.chosen, m.turned) for m in moves if m.kind == kind]
+                found.append((here, turn_taken(d, self.start.robot(kind, robot), mine)))
             self._states[key] = robot, found
         return self._states[key][1]
-
-    def _state(self, kind: int, robot: Term, moves: list[Move]) -> Robot[Term]:
-        d, state = self.world.d, self.start.robot(kind, robot)
-        locals_, ports = state.locals, state.ports
-        status: Term = state.status
-        ran: Term = NO_EVENT
-        for move in moves:
-            after = move.turned.robot
-            locals_ = self._merged(move.chosen, after.locals, locals_)
-            ports = self._merged(move.chosen, after.ports, ports)
-            status = d.ite(move.chosen, after.status, status)
-            ran = d.ite(move.chosen, after.ran, ran)
-        return replace(state, locals=locals_, ports=ports, status=status, ran=ran, turn=Turn.ENV)
-
-    def _merged(
-        self,
-        condition: Term,
-        then: tuple[Storage[Term], ...],
-        other: tuple[Storage[Term], ...],
-    ) -> tuple[Storage[Term], ...]:
-        pairs = zip(then, other, strict=True)
-        return tuple(
-            b if a is b else merge_storage_known(self.world.d, condition, a, b) for a, b in pairs
-        )
 
     # --- the end of the program turns -----------------------------------------------------------
 
