@@ -17,7 +17,6 @@ from koord.cli.exits import Exit
 from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.progress import Interruption
-from koord.cli.tables import fleet
 from koord.cli.terminal import Paint, style_of, visible
 from koord.cli.traces import sources_of
 from koord.refinement.cases import Case, Tried, all_generated, generated, of_program, tried
@@ -218,7 +217,7 @@ def _text(case: Case) -> str:
 
 
 def _robots(system: System) -> str:
-    return fleet(system)
+    return system.fleet
 
 
 def _told(one: Tried) -> Iterator[str]:

@@ -13,7 +13,7 @@ from koord.cli.arguments import add_json, check_files
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_program
-from koord.cli.tables import Rounds, Table, fleet
+from koord.cli.tables import Rounds, Table
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import read_trace
 from koord.semantics.execution import Step
@@ -111,7 +111,7 @@ def verdict(name: str, trace: Trace, found: Replayed, style: Style) -> Iterator[
         good = style.paint("legal", Paint.ADDED)
         rounds = f"{found.rounds} round{'' if found.rounds == 1 else 's'}"
         yield (
-            f"{visible(name)}: {good}: {found.steps} steps, {rounds}, {fleet(trace.system)}, "
+            f"{visible(name)}: {good}: {found.steps} steps, {rounds}, {trace.system.fleet}, "
             f"{trace.numbers.value} numbers"
         )
         yield from _end(trace)

@@ -27,7 +27,7 @@ from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.interactive import Interactive
 from koord.cli.progress import Interruption
 from koord.cli.systems import system_of
-from koord.cli.tables import Rounds, Table, fleet
+from koord.cli.tables import Rounds, Table
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import sources_of, write_trace
 from koord.semantics.configurations import NO_EVENT, System
@@ -219,7 +219,7 @@ def _code(run: Run, violation: Violation | None) -> Exit:
 def _heading(name: str, request: Request, system: System) -> str:
     how = "by hand" if request.interactive else f"policy {request.policy.value}"
     delta = show_fraction(system.delta_s)
-    return f"{name}: {fleet(system)}, δ = {delta} s, {how}, seed {request.seed}"
+    return f"{name}: {system.fleet}, δ = {delta} s, {how}, seed {request.seed}"
 
 
 def _conclude(loaded: LoadedProgram, run: Run, violation: Violation | None) -> None:

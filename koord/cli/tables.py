@@ -250,14 +250,6 @@ class Rounds:
             print(line)
 
 
-def fleet(system: System) -> str:
-    """The robots in words, by kind."""
-    agents, robots = system.program.agents, system.robots
-    if len(agents) == 1:
-        return f"{robots} robot{'' if robots == 1 else 's'}"
-    return ", ".join(f"{system.kinds.count(k)} {a.name}" for k, a in enumerate(agents))
-
-
 def _told(change: Change, of: int | None) -> str:
     """A change; whose it is, where that is not plain from the row."""
     whose = "" if change.robot in (None, of) else f"@{change.robot}"

@@ -23,7 +23,7 @@ PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKN
 
 def lines(name: str, system: System, report: Report, style: Style) -> Iterator[str]:
     """The report as a table, then what makes it say less, then one line that sums it up."""
-    asked = "every number of robots" if report.every_n else _fleet(system)
+    asked = "every number of robots" if report.every_n else system.fleet
     yield style.paint(f"{name}: {asked}, δ = {float(system.delta_s):g} s", Paint.BOLD)
     yield ""
     rows = [(v.claim.name, said(v), _by(v), f"{v.seconds:.2f} s") for v in report.verdicts]
@@ -137,16 +137,7 @@ def _claims(report: Report) -> str:
 def _robots(system: System, report: Report) -> str:
     if report.every_n or all(v.engine is Engine.EVERY_N for v in report.verdicts):
         return "every number of robots"
-    return _fleet(system)
-
-
-def _fleet(system: System) -> str:
-    count = system.robots
-    if len(system.program.agents) == 1:
-        return f"{count} robot{'s' if count != 1 else ''}"
-    names = [agent.name for agent in system.program.agents]
-    parts = [f"{system.kinds.count(k)} {name}" for k, name in enumerate(names)]
-    return ", ".join(parts)
+    return system.fleet
 
 
 def as_json(name: str, system: System, bounds: Bounds, report: Report) -> dict[str, object]:

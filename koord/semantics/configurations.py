@@ -143,6 +143,14 @@ class System:
         """How many elements an array over robots has."""
         return len(self.kinds) if self.crowd is None else self.crowd
 
+    @property
+    def fleet(self) -> str:
+        """The robots in words, by kind: ``3 robots``, ``2 Car, 1 Drone``."""
+        agents = self.program.agents
+        if len(agents) == 1:
+            return f"{self.robots} robot{'' if self.robots == 1 else 's'}"
+        return ", ".join(f"{self.kinds.count(k)} {a.name}" for k, a in enumerate(agents))
+
     def agent(self, robot: int) -> core.Agent:
         """The kind of one robot."""
         return self.program.agents[self.kinds[robot]]

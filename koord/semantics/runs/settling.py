@@ -50,7 +50,7 @@ def settled_start(
         raise refusal(
             "K920",
             false.span,
-            f"this assumption is false of {_fleet(system)}, whatever the variables start with",
+            f"this assumption is false of {system.fleet}, whatever the variables start with",
             "choose other `--robots` or `--set`, or mend the assumption",
         )
     for _ in range(START_TRIES):
@@ -187,10 +187,6 @@ def _no_start(
         "give the variables initial values that meet it, or see with `koord verify` whether the "
         "assumptions are contradictory",
     )
-
-
-def _fleet(system: System) -> str:
-    return f"{system.robots} robot{'' if system.robots == 1 else 's'}"
 
 
 # --- sensors ------------------------------------------------------------------------------------
