@@ -23,7 +23,13 @@ from koord.runtime.configuration.forms import (
     ObstacleForm,
     WorldForm,
 )
-from koord.runtime.configuration.model import Configuration, RobotPlace, Talk, Vehicle
+from koord.runtime.configuration.model import (
+    Configuration,
+    RobotPlace,
+    Scatter,
+    Talk,
+    Vehicle,
+)
 from koord.runtime.configuration.reading import Document, Path, problem, read
 from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
 from koord.syntax.diagnostics import Diagnostic, KoordError
@@ -40,9 +46,11 @@ T = TypeVar("T")
 _WHERE = re.compile(r" - at `(key in )?\$([^`]*)`$")
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 _UNKNOWN = re.compile(r"Object contains unknown field `([^`]*)`")
-_CHOICES: Mapping[str, Iterable[BotType] | Iterable[Carrier]] = {
-    "bot_type": BotType,
-    "transport": Carrier,
+_CHOICES: Mapping[str, Iterable[str]] = {
+    "bot_type": [one.value for one in BotType],
+    "transport": [one.value for one in Carrier],
+    "level": ["simple", "full", "fast"],
+    "steering": ["pursuit", "predictive"],
 }
 _MISSING = re.compile(r"Object missing required field `([^`]*)`")
 
@@ -105,9 +113,7 @@ class _Checker:
             self._say(path, f"`{missing[1]}` is missing")
         else:
             choices = _CHOICES.get(str(path[-1])) if "enum" in message else None
-            hint = (
-                None if choices is None else f"it is one of {', '.join(c.value for c in choices)}"
-            )
+            hint = None if choices is None else f"it is one of {', '.join(choices)}"
             message = message.replace(" | null", "")  # to leave it out is to leave it out
             self._say(path, message[0].lower() + message[1:], hint)
 
@@ -135,8 +141,19 @@ class _Checker:
         for pid in form.positions:
             if not 0 <= pid < len(robots):
                 self._say(("positions", pid), f"there is no robot {pid}")
-        name = self._document.source.name
-        return Configuration(name, robots, talk, world, form.delta, form.seed, form.leader_pid)
+        return Configuration(
+            self._document.source.name,
+            robots,
+            talk,
+            world,
+            form.delta,
+            form.seed,
+            form.leader_pid,
+            form.params,
+            self._scatter(form.world, world),
+            form.monitor,
+            self._document,
+        )
 
     def _agents(self, form: Form) -> list[tuple[Agent, Path]]:
         """The robots by pid, and where each stands in the file."""
@@ -175,7 +192,7 @@ class _Checker:
 
     def _robot(self, form: Form, agent: Agent, path: Path, talk: Talk) -> RobotPlace:
         name, device, where = self._device(form, agent, path)
-        vehicle = _vehicle(name, device)
+        vehicle = _vehicle(name, device, where)
         automaton = agent.motion_automaton
         if automaton is not None and vehicle.automata and automaton not in vehicle.automata:
             hint = f"{name} has {', '.join(vehicle.automata)}"
@@ -187,7 +204,14 @@ class _Checker:
         if device.ip is None and device.port is None:
             port = talk.port + 1 + agent.pid  # one port per robot on this machine
         place = None if position is None else _point(position)
-        return RobotPlace(agent.pid, vehicle, automaton, agent.kind, place, (ip, port))
+        if agent.pid in form.positions:
+            path = ("positions", agent.pid)
+        elif position is not None:
+            path = (*path, "position")
+        address = (ip, port)
+        return RobotPlace(
+            agent.pid, vehicle, automaton, agent.kind, place, address, agent.heading, path
+        )
 
     def _device(self, form: Form, agent: Agent, path: Path) -> tuple[str, Device, Path]:
         """The device that a robot runs on, its name, and where it stands."""
@@ -283,6 +307,19 @@ class _Checker:
                 self._say(("world", "tasks", k), "this task lies outside of the world")
         return World(low, high, tuple(obstacles), tasks, form.cell or plain.cell_m)
 
+    def _scatter(self, form: WorldForm | None, world: World | None) -> Scatter:
+        if form is None or world is None:
+            return Scatter()
+        if form.start is None:
+            return Scatter(form.scattered)
+        low, high = _point(form.start.low), _point(form.start.high)
+        inside = all(
+            a <= x <= y <= b for a, x, y, b in zip(world.low, low, high, world.high, strict=True)
+        )
+        if not inside:
+            self._say(("world", "start"), "`low` and `high` span no part of the world")
+        return Scatter(form.scattered, (low, high))
+
     def _obstacle(self, form: ObstacleForm, path: Path) -> Obstacle | None:
         given = [one for one in (form.box, form.disc, form.polygon) if one is not None]
         if len(given) != 1:
@@ -320,7 +357,7 @@ def _is_form(type_: Any) -> bool:
     return isinstance(type_, type) and issubclass(type_, msgspec.Struct)
 
 
-def _vehicle(name: str, device: Device) -> Vehicle:
+def _vehicle(name: str, device: Device, path: Path) -> Vehicle:
     """What stands under ``motion`` counts as though it stood with the device itself."""
     motion = device.motion if device.motion is not None else Motion()
     return Vehicle(
@@ -333,6 +370,8 @@ def _vehicle(name: str, device: Device) -> Vehicle:
         device.positioning_topic or motion.positioning_topic,
         device.reached_topic or motion.reached_topic,
         device.waypoint_topic or motion.waypoint_topic,
+        device.simulation,
+        path,
     )
 
 

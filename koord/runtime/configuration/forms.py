@@ -7,7 +7,7 @@ paper's listing), and ``agents`` and ``devices``. All else may stand in either.
 from __future__ import annotations
 
 from enum import Enum
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -15,6 +15,7 @@ from msgspec import Meta
 Natural = Annotated[int, Meta(ge=0)]
 Port = Annotated[int, Meta(ge=1, le=65535)]
 Positive = Annotated[float, Meta(gt=0)]
+NotNegative = Annotated[float, Meta(ge=0)]
 Name = Annotated[str, Meta(min_length=1)]
 
 #: Two or three coordinates in metres; a missing z is 0.
@@ -27,6 +28,7 @@ class BotType(Enum):
 
     CAR = "CAR"
     QUAD = "QUAD"
+    IDEAL = "IDEAL"  #: a point that goes exactly where it is told; simulated only
 
 
 class Carrier(Enum):
@@ -57,6 +59,57 @@ class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     queue_size: Natural | None = None
 
 
+class NoiseForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How far positioning is off in a simulation (standard deviations), and how often it comes."""
+
+    position: NotNegative = 0.0  #: m
+    heading: NotNegative = 0.0  #: rad
+    rate: Positive | None = None  #: Hz; without: whenever a controller asks
+
+
+class WindForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The wind that simulated drones feel."""
+
+    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: m/s
+    gust: NotNegative = 0.0  #: m/s, standard deviation along each axis
+    calm: Positive = 1.5  #: s
+
+
+class VisitForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """When a robot has reached a place: it stayed so near for so long."""
+
+    epsilon: Positive = 0.2  #: m
+    dwell: NotNegative = 0.5  #: s
+
+
+class ScannerForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A scanner that turns in the plane."""
+
+    beams: Annotated[int, Meta(ge=1, le=10_000)] = 180
+    range: Positive = 4.0  #: m
+    noise: NotNegative = 0.0  #: m
+
+
+class EffortForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How many steps a planner may try."""
+
+    steps: Annotated[int, Meta(ge=1)] = 1000
+    star_steps: Annotated[int, Meta(ge=1)] = 120
+
+
+class SimulationForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How a device is simulated."""
+
+    level: Literal["simple", "full", "fast"] = "full"
+    steering: Literal["pursuit", "predictive"] = "predictive"
+    noise: NoiseForm = NoiseForm()
+    delay: NotNegative = 0.0  #: s, from a command to the actuator
+    wind: WindForm = WindForm()
+    visit: VisitForm = VisitForm()
+    effort: EffortForm = EffortForm()
+    scanner: ScannerForm | None = None
+
+
 class Device(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A vehicle."""
 
@@ -64,8 +117,9 @@ class Device(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     bot_name: Name | None = None
     ip: str | None = None
     port: Port | None = None
-    speed: Positive | None = None  #: m/s, of a robot that moves ideally
+    speed: Positive | None = None  #: m/s, at which it follows paths
     motion: Motion | None = None
+    simulation: SimulationForm = SimulationForm()
     motion_automata: list[Name] = []
     planner: Name | None = None
     ros_node_prefix: str | None = None
@@ -83,6 +137,7 @@ class Agent(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     motion_automaton: Name | None = None
     kind: Name | None = None
     position: Coordinates | None = None
+    heading: float = 0.0  #: rad, counter-clockwise from the x axis
     plist: list[Port] = []
     nbr_pids: list[Natural] = []
 
@@ -132,7 +187,16 @@ class WorldForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     bounds: Bounds | None = None
     obstacles: list[ObstacleForm] = []
     tasks: list[Coordinates] = []
+    scattered: Annotated[int, Meta(ge=0, le=10_000)] = 0  #: so many tasks more, where the seed says
+    start: Bounds | None = None  #: where simulated robots begin that have no position
     cell: Positive | None = None  #: m, of the cells of maps
+
+
+class MonitorForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What a simulated run is watched for."""
+
+    slack: NotNegative | None = None  #: by how much numbers may be off in properties and contracts
+    safety: NotNegative | None = None  #: m, no two robots are to come nearer to each other
 
 
 class NetworkForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -163,6 +227,8 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     delta: Positive = 0.1
     seed: Natural = 0
     positions: dict[int, Coordinates] = {}
+    params: dict[Name, Any] = {}  #: values for the program's params
+    monitor: MonitorForm = MonitorForm()
     world: WorldForm | None = None
     network: NetworkForm | None = None
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
-from koord.runtime.configuration.forms import BotType, Carrier, Topic
+from koord.runtime.configuration.forms import BotType, Carrier, MonitorForm, SimulationForm, Topic
+from koord.runtime.configuration.reading import Document, Path
 from koord.runtime.motion.world import Point, World
+from koord.syntax.source import Source, Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +25,8 @@ class Vehicle:
     positioning_topic: Topic | None = None
     reached_topic: Topic | None = None
     waypoint_topic: Topic | None = None
+    simulation: SimulationForm = field(default_factory=SimulationForm)
+    path: Path = ()  #: where it stands in the file
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +39,16 @@ class RobotPlace:
     kind: str | None
     position: Point | None
     address: tuple[str, int]
+    heading_rad: float = 0.0
+    path: Path = ()  #: where its position stands in the file, or it itself
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter:
+    """What the seed of a simulated run decides: where tasks are, and robots begin."""
+
+    tasks: int = 0
+    start: tuple[Point, Point] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,3 +76,13 @@ class Configuration:
     delta_s: float
     seed: int
     leader: int
+    params: Mapping[str, Any] = field(default_factory=dict)
+    scatter: Scatter = Scatter()
+    monitor: MonitorForm = field(default_factory=MonitorForm)
+    document: Document = field(
+        default_factory=lambda: Document(Source("", ""), {}), compare=False, repr=False
+    )
+
+    def place(self, *path: str | int) -> Span:
+        """Where something stands in the file."""
+        return self.document.place(path)
