@@ -11,9 +11,12 @@ from random import Random
 
 import msgspec
 
+from koord.runtime.chaos.network import Newborn
 from koord.runtime.proposals import INIT_ROUND, Attempt, Plain, Proposal, Taken, Write
 from koord.runtime.protocol.entries import Entry, Ran
 from koord.runtime.protocol.events import Reason
+from koord.runtime.protocol.setup import Setup
+from koord.runtime.protocol.state import fresh, returning
 
 #: The variable that all robots write in their atomic block, and how many blocks there are.
 SHARED, CLASSES = 0, 2
@@ -97,3 +100,18 @@ class Ledger:
 
     def hold(self, reason: Reason | None) -> None:
         self.holding = reason
+
+
+class Ledgers:
+    """All robots of a run, with the journals that survive them."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.journals = [Journal() for _ in range(setup.robots)]
+        self.ledgers = [Ledger(pid, journal) for pid, journal in enumerate(self.journals)]
+        self._setup = setup
+
+    def switch_on(self, pid: int, incarnation: int, back: bool) -> Newborn:
+        """A robot with an empty memory, but for its journal."""
+        ledger = self.ledgers[pid] = Ledger(pid, self.journals[pid])
+        begin = returning if back else fresh
+        return Newborn(ledger, self._setup, begin(self._setup, pid, incarnation))

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from random import Random
 
 from koord.runtime.chaos.faults import Faults
-from koord.runtime.chaos.ledger import Journal, Ledger
-from koord.runtime.node import Node
+from koord.runtime.node import Node, Robot
 from koord.runtime.protocol.messages import Message
 from koord.runtime.protocol.setup import Setup
-from koord.runtime.protocol.state import Coordinator, State, fresh, returning
+from koord.runtime.protocol.state import Coordinator, State
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -63,6 +62,18 @@ class Sent:
     message: Message
 
 
+@dataclass(frozen=True, slots=True)
+class Newborn:
+    """A robot as it is switched on, and how its part of the protocol begins."""
+
+    robot: Robot
+    setup: Setup
+    state: State
+
+
+#: Switches a robot on: who, with which incarnation, and whether it was on before.
+SwitchOn = Callable[[int, int, bool], Newborn]
+
 #: How often crashes and cuts are drawn.
 WEATHER_S = 0.1
 
@@ -70,25 +81,23 @@ WEATHER_S = 0.1
 class Network:
     """Robots, their messages under way, and the time."""
 
-    def __init__(self, setup: Setup, faults: Faults, seed: int) -> None:
+    def __init__(self, setup: Setup, faults: Faults, seed: int, switch_on: SwitchOn) -> None:
         self.setup = setup
         self.faults = faults
         self.now = 0.0
         self.sent: list[Sent] = []  #: since whoever watches has looked last
         self.nodes: list[Node | None] = [None] * setup.robots
-        self.ledgers: list[Ledger] = []
-        self.journals = [Journal() for _ in range(setup.robots)]
         self.crashes = 0
         self._random = Random(seed)
         self._due: list[Due] = []
         self._number = 0
         self._births = 0
+        self._new = switch_on
         self._cut: frozenset[int] = frozenset()
         self._cut_until = 0.0
         self._killed_at = 0.0
         for robot in range(setup.robots):
-            self.ledgers.append(Ledger(robot, self.journals[robot]))
-            self._switch_on(robot, fresh(setup, robot, spare=self._incarnation()))
+            self._switch_on(robot, back=False)
         self._later(WEATHER_S, Weather())
 
     def step(self) -> int | None:
@@ -111,7 +120,7 @@ class Network:
                 self._await(robot)
                 return robot
             case Birth(robot=robot):
-                self._be_born(robot)
+                self._switch_on(robot, back=True)
                 return robot
             case Weather():
                 self._draw_weather()
@@ -159,20 +168,13 @@ class Network:
 
     # --- crashes and cuts -----------------------------------------------------------------------
 
-    def _switch_on(self, robot: int, state: State) -> None:
-        node = Node(self.setup, state, self.ledgers[robot], _Outbox(self, robot))
+    def _switch_on(self, robot: int, *, back: bool) -> None:
+        self._births += 1
+        new = self._new(robot, self._births, back)
+        node = Node(new.setup, new.state, new.robot, _Outbox(self, robot))
         self.nodes[robot] = node
         node.start(self.now)
         self._await(robot)
-
-    def _incarnation(self) -> int:
-        self._births += 1
-        return self._births
-
-    def _be_born(self, robot: int) -> None:
-        """With an empty memory, but for the journal."""
-        self.ledgers[robot] = Ledger(robot, self.journals[robot])
-        self._switch_on(robot, returning(self.setup, robot, self._incarnation()))
 
     def _draw_weather(self) -> None:
         faults, draw = self.faults, self._random

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from koord.runtime.chaos.faults import CALM, Faults
-from koord.runtime.chaos.ledger import proposal_of
+from koord.runtime.chaos.ledger import Ledgers, proposal_of
 from koord.runtime.chaos.network import Network, Sent
 from koord.runtime.exploration.claims import (
     Accepted,
@@ -50,7 +50,8 @@ class Course:
 
 def weather(setup: Setup, faults: Faults, seed: int, course: Course = Course()) -> Weathered:
     """Run robots through a storm and into a calm. A function of its arguments."""
-    network = Network(setup, faults, seed)
+    ledgers = Ledgers(setup)
+    network = Network(setup, faults, seed, ledgers.switch_on)
     watch = _Watch(setup)
     broken: Broken | None = None
     try:
@@ -60,7 +61,7 @@ def weather(setup: Setup, faults: Faults, seed: int, course: Course = Course()) 
             network.faults = replace(CALM, most_delay_s=0.002)
             until = network.now + course.calm_s
             broken = _blow(network, watch, until, watch.rounds + course.calm_rounds)
-        broken = broken or watch.at_the_end(network)
+        broken = broken or watch.at_the_end(network, ledgers)
     except AssertionError as error:
         stormy, broken = watch.rounds, Broken("ledger", str(error))
     return Weathered(
@@ -168,24 +169,24 @@ class _Watch:
             changed[admission.robot] = admission.incarnation
         self._rosters.append(tuple(changed))
 
-    def at_the_end(self, network: Network) -> Broken | None:
+    def at_the_end(self, network: Network, ledgers: Ledgers) -> Broken | None:
         """Each robot's own books agree with what was decided about it."""
-        for robot, journal in enumerate(network.journals):
+        for robot, journal in enumerate(ledgers.journals):
             if network.nodes[robot] is None:
                 continue
             through = [
                 held.round
-                for held in self._acted[: network.ledgers[robot].round + 1]
+                for held in self._acted[: ledgers.ledgers[robot].round + 1]
                 if any(taken.robot == robot for taken in held.entry.decision.ran)
             ]
             if journal.kept != through:
                 return Broken("ledger", f"{robot} kept {journal.kept}, was let through {through}")
         stores = {
             ledger.round: ledger.store
-            for robot, ledger in enumerate(network.ledgers)
+            for robot, ledger in enumerate(ledgers.ledgers)
             if network.nodes[robot] is not None
         }
-        for robot, ledger in enumerate(network.ledgers):
+        for robot, ledger in enumerate(ledgers.ledgers):
             if network.nodes[robot] is not None and ledger.store != stores[ledger.round]:
                 return Broken("ledger", f"{robot} has another store at round {ledger.round}")
         return None
