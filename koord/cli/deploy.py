@@ -34,7 +34,7 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.model import Configuration
 from koord.runtime.deploy.ideal import unanswered
-from koord.runtime.deploy.local import launched
+from koord.runtime.deploy.local import Launch, launched
 from koord.runtime.deploy.networks import local_plan, transport_of
 from koord.runtime.deploy.recording import NoLibraryError, Record
 from koord.runtime.deploy.running import Job, Runner
@@ -263,7 +263,7 @@ def _all(arguments: argparse.Namespace, job: Job) -> int:
             job = replace(job, journals=_folder(arguments.state))
         port = _FIRST_PORT + secrets.randbelow(_PORTS)
         plan = local_plan(job.configuration, job.robots, port)
-        fleet = launched(job, plan, keeps_moments=record is not None)
+        fleet = launched(Launch(job, plan, keeps_moments=record is not None))
         stack.callback(fleet.join)
         stack.callback(fleet.kill)
         interrupts = stack.enter_context(Interrupts(at_once=fleet.kill))

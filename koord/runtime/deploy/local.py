@@ -6,12 +6,12 @@ import multiprocessing
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from koord.runtime.deploy.running import Job, Moment, Runner
+from koord.runtime.deploy.running import Job, Make, Moment, Runner, ideal_member
 from koord.runtime.deploy.status import Status
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Plan, Udp
@@ -22,12 +22,28 @@ News = tuple[Status, tuple[Moment, ...]] | TransportError
 _STOP = b"stop"
 
 
+#: Opens the network of one robot. Raises TransportError.
+Carry = Callable[[Plan, int], Transport]
+
+
+@dataclass(frozen=True, slots=True)
+class Launch:
+    """What a robot's process needs to know."""
+
+    job: Job
+    plan: Plan
+    make: Make = ideal_member
+    carry: Carry = Udp
+    keeps_moments: bool = False
+
+
 @dataclass(slots=True)
 class Fleet:
     """The processes, and what they said last."""
 
-    processes: list[BaseProcess]
-    ends: list[Connection]
+    launch: Launch
+    processes: list[BaseProcess] = field(default_factory=list)
+    ends: list[Connection] = field(default_factory=list)
     statuses: dict[int, Status] = field(default_factory=dict)
     failures: list[TransportError] = field(default_factory=list)
 
@@ -76,27 +92,39 @@ class Fleet:
             if process.is_alive():
                 process.kill()
 
+    def replace(self, pid: int) -> None:
+        """End the process of a robot at once, as a crash would, and start another."""
+        self.processes[pid].kill()
+        self.processes[pid].join()
+        self.ends[pid].close()
+        self.processes[pid], self.ends[pid] = _started(self.launch, pid)
+
     def join(self) -> None:
         """Wait until all processes have ended."""
         for process in self.processes:
             process.join()
 
 
-def launched(job: Job, plan: Plan, *, keeps_moments: bool = False) -> Fleet:
+def launched(launch: Launch) -> Fleet:
     """Start a process for each robot."""
-    processes: list[BaseProcess] = []
-    ends: list[Connection] = []
-    for pid in range(job.robots):
-        ours, theirs = multiprocessing.Pipe()
-        process = _process((job, plan, pid, theirs, keeps_moments))
-        process.start()
-        theirs.close()
-        processes.append(process)
-        ends.append(ours)
-    return Fleet(processes, ends)
+    fleet = Fleet(launch)
+    for pid in range(launch.job.robots):
+        process, end = _started(launch, pid)
+        fleet.processes.append(process)
+        fleet.ends.append(end)
+    return fleet
 
 
-def _process(arguments: tuple[Job, Plan, int, Connection, bool]) -> BaseProcess:
+def _started(launch: Launch, pid: int) -> tuple[BaseProcess, Connection]:
+    """A process for a robot, and our end of the line to it."""
+    ours, theirs = multiprocessing.Pipe()
+    process = _process((launch, pid, theirs))
+    process.start()
+    theirs.close()
+    return process, ours
+
+
+def _process(arguments: tuple[Launch, int, Connection]) -> BaseProcess:
     """A process that has all modules already, where the system can do that."""
     if "fork" in multiprocessing.get_all_start_methods():
         fork = multiprocessing.get_context("fork")
@@ -104,16 +132,16 @@ def _process(arguments: tuple[Job, Plan, int, Connection, bool]) -> BaseProcess:
     return multiprocessing.Process(target=_robot, args=arguments, daemon=True)
 
 
-def _robot(job: Job, plan: Plan, pid: int, end: Connection, keeps_moments: bool) -> None:
+def _robot(launch: Launch, pid: int, end: Connection) -> None:
     """The process of one robot. Ctrl-C goes to all of them; the first process tells what to do."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        transport: Transport = Udp(plan, pid)
+        transport = launch.carry(launch.plan, pid)
     except TransportError as error:
         end.send(error)
         return
-    runner = Runner(job, pid, transport)
-    runner.keeps_moments = keeps_moments
+    runner = Runner(launch.job, pid, transport, make=launch.make)
+    runner.keeps_moments = launch.keeps_moments
     parent = os.getppid()
 
     def report(status: Status) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 
 from koord.runtime.deciding import decide, rotating
-from koord.runtime.deploy.ideal import Ideal
 from koord.runtime.deploy.journal import Attributes, Journal, Page
 from koord.runtime.encoding import big_int, encode
+from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
 from koord.runtime.proposals import (
     INIT_ROUND,
@@ -23,7 +23,7 @@ from koord.runtime.proposals import (
 )
 from koord.runtime.protocol.entries import Entry, Ran
 from koord.runtime.protocol.events import Reason
-from koord.runtime.robot import Buffer, Robot, Status, Written
+from koord.runtime.robot import Buffer, Host, Robot, Status, Written
 from koord.runtime.shapes import ShapeError, from_plain, to_plain
 from koord.runtime.store import Store
 
@@ -36,10 +36,17 @@ class DivergedError(Exception):
     """The store is not what the decision says that it is: a mistake in koord, or in memory."""
 
 
+class Body(Host, Protocol):
+    """The host of a deployed robot: it has a place, and can be told to stay there."""
+
+    position: Point
+    holding: bool
+
+
 class Member:
     """One robot: its program, its copy of the store, its journal."""
 
-    def __init__(self, robot: Robot, host: Ideal, journal: Journal | None, program: str) -> None:
+    def __init__(self, robot: Robot, host: Body, journal: Journal | None, program: str) -> None:
         """``program`` is a digest of the program's text, so that no other's journal is read."""
         self.robot = robot
         self.host = host

@@ -84,11 +84,38 @@ class Moment:
     took_s: float
 
 
+def ideal_member(job: Job, pid: int) -> Member:
+    """A robot without a platform."""
+    place = job.configuration.robots[pid]
+    program = job.classes[job.kinds[pid]]
+    host = Ideal(
+        program,
+        pid,
+        job.robots,
+        job.delta_s,
+        job.configuration.seed,
+        place.position,
+        place.vehicle.speed_mps,
+        job.configuration.world,
+    )
+    robot = program(pid, job.kinds, job.delta_s, host)
+    return Member(robot, host, job.journal(pid), job.program)
+
+
+#: Makes a robot of a run.
+Make = Callable[[Job, int], Member]
+
+
 class Runner:
     """One robot of a run. ``report`` gets its status now and then, ``seen`` each of its rounds."""
 
     def __init__(
-        self, job: Job, pid: int, transport: Transport, clock: Clock = time.monotonic
+        self,
+        job: Job,
+        pid: int,
+        transport: Transport,
+        clock: Clock = time.monotonic,
+        make: Make = ideal_member,
     ) -> None:
         self.job = job
         self.tally = Tally()
@@ -97,20 +124,7 @@ class Runner:
         self.trouble: str | None = None  #: why it had to stop
         self._clock = clock
         self._committed_at: float | None = None
-        place = job.configuration.robots[pid]
-        program = job.classes[job.kinds[pid]]
-        host = Ideal(
-            program,
-            pid,
-            job.robots,
-            job.delta_s,
-            job.configuration.seed,
-            place.position,
-            place.vehicle.speed_mps,
-            job.configuration.world,
-        )
-        robot = program(pid, job.kinds, job.delta_s, host)
-        self.member = Member(robot, host, job.journal(pid), job.program)
+        self.member = make(job, pid)
         self.member.seen = self._saw
         setup = Setup(
             job.robots,
