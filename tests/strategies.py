@@ -269,7 +269,7 @@ def sections(*, agents: bool = True) -> SearchStrategy[ast.Section]:
         st.builds(ast.Assume, name, condition),
         st.builds(ast.Invariant, name, st.booleans(), condition),
         st.builds(ast.Eventually, name, condition),
-        st.builds(ast.LeadsTo, name, condition, condition),
+        st.builds(ast.LeadsTo, name, condition, condition, st.booleans()),
     )
     if not agents:
         return found

@@ -522,11 +522,12 @@ class Eventually(Node):
 
 @dataclass(frozen=True, slots=True)
 class LeadsTo(Node):
-    """``eventually NAME: p leadsto q``"""
+    """``eventually NAME: p leadsto q``, or ``assume NAME: p leadsto q`` if it is ``assumed``"""
 
     name: Ident | None
     trigger: Expr
     goal: Expr
+    assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

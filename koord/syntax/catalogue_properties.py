@@ -93,36 +93,6 @@ ENTRIES: dict[str, Entry] = {
             """,
         ),
         error(
-            "K305",
-            "`leadsto` speaks of robot `pid`",
-            """A local without `@` in an invariant means that of every robot. Between the two sides
-            of `leadsto` time passes, and each side is said of the system as a whole: `a leadsto b`
-            cannot mean, for each robot, that its own `a` leads to its own `b`. Quantify on each
-            side.""",
-            """
-            local:
-              bool asked = false
-              bool served = false
-            Ask:
-              eff: asked = true
-            Serve:
-              pre: asked
-              eff: served = true
-            eventually: asked leadsto served
-            """,
-            """
-            local:
-              bool asked = false
-              bool served = false
-            Ask:
-              eff: asked = true
-            Serve:
-              pre: asked
-              eff: served = true
-            eventually: (forall i: asked@i) leadsto exists i: served@i
-            """,
-        ),
-        error(
             "K306",
             "a property speaks of every value of a type",
             """There are infinitely many positions and numbers, and a run visits few. Properties

@@ -616,14 +616,26 @@ class PropertyKind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Each:
+    """A statement meant for each robot, or each of one kind, by itself: it is the ``variable``."""
+
+    variable: Variable
+    agent: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Property(Node):
-    """A closed statement about configurations. ``trigger`` is set for LEADS_TO only."""
+    """A statement about configurations: closed, but for ``each``.
+
+    ``trigger`` is set for LEADS_TO only, and so may be ``each``.
+    """
 
     name: str
     kind: PropertyKind
     condition: Expr
     bound: int
     trigger: Expr | None = None
+    each: Each | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -648,7 +660,8 @@ class Program(Node):
     """A whole program.
 
     ``functions`` and ``externals`` are in order of dependence (a function calls earlier ones only).
-    ``parameters`` are the constants of the run, with the values used.
+    ``parameters`` are the constants of the run, with the values used. ``expectations`` are
+    statements of kind LEADS_TO that fair runs are supposed to satisfy.
     """
 
     name: str
@@ -661,6 +674,7 @@ class Program(Node):
     assumptions: tuple[Assumption, ...]
     properties: tuple[Property, ...]
     parameters: tuple[tuple[str, object], ...] = ()
+    expectations: tuple[Property, ...] = ()
 
     def function(self, name: str) -> Function:
         return next(f for f in self.functions if f.name == name)

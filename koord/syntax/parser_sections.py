@@ -62,7 +62,8 @@ def _section(reader: Reader, part: Part) -> tuple[ast.Section, ...] | None:
         case "ASSUME":
             given = _property_name(reader, part)
             reader.heads.append(ast.Ident("assume", span=part.tokens[0].span))
-            return tuple(ast.Assume(given, e, span=e.span) for e in reader.expressions(part))
+            lines = reader.joined(reader.body(part))
+            return tuple(made for line in lines if (made := _assumed(reader, given, line)))
         case "INVARIANT":
             return _invariant(reader, part)
         case "EVENTUALLY":
@@ -263,6 +264,18 @@ def _invariant(reader: Reader, part: Part) -> tuple[ast.Section, ...]:
     if condition is None:
         return ()
     return (ast.Invariant(name, at_round, condition, span=reach(part)),)
+
+
+def _assumed(reader: Reader, name: ast.Ident | None, line: Part) -> ast.Assume | ast.LeadsTo | None:
+    reader.no_block(line)
+    match reader.line(Form.GOAL, line):
+        case LeadsTo(trigger=trigger, goal=goal):
+            span = trigger.span.to(goal.span)
+            return ast.LeadsTo(name, trigger, goal, assumed=True, span=span)
+        case None:
+            return None
+        case condition:
+            return ast.Assume(name, condition, span=condition.span)
 
 
 def _eventually(reader: Reader, part: Part) -> tuple[ast.Section, ...]:

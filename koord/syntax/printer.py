@@ -189,8 +189,8 @@ def _property(w: Writer, p: ast.Assume | ast.Invariant | ast.Eventually | ast.Le
             if not _on_line(w, _head("eventually", name), p.span, goal):
                 with w.block(_head("eventually", name), p.span):
                     w.condition(goal)
-        case ast.LeadsTo(name=name):
-            _leads_to(w, _head("eventually", name), p)
+        case ast.LeadsTo(name=name, assumed=assumed):
+            _leads_to(w, _head("assume" if assumed else "eventually", name), p)
         case _:
             assert_never(p)
 
@@ -198,9 +198,10 @@ def _property(w: Writer, p: ast.Assume | ast.Invariant | ast.Eventually | ast.Le
 def _leads_to(w: Writer, head: str, p: ast.LeadsTo) -> None:
     """One condition that leads to another."""
     text = f"{head}: {print_expr(p.trigger)} leadsto {print_expr(p.goal)}"
+    first = w.head("assume", [p]) if p.assumed else p.span
     if len(text) <= w.room:
-        w.line(text, p.span, p.span)
+        w.line(text, first, p.span)
         return
-    with w.block(head, p.span):
+    with w.block(head, first):
         w.condition(p.trigger)
         w.condition(p.goal, "leadsto ")

@@ -11,6 +11,7 @@ from koord.syntax.elaborate import Elaborated, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.types import BOOL, FLOAT, INT
+from koord.syntax.walk import nodes
 from tests.syntax.elaborating import codes, errors, only, program
 
 ABOVE = """
@@ -172,8 +173,31 @@ def test_statements_of_a_program_are_not_those_of_properties() -> None:
         assert errors(f"{above}  pre: {text}\n  eff: n = 1\n") == [code]
 
 
-def test_leadsto_names_its_robots() -> None:
-    assert only(f"{ABOVE}\n    eventually: done leadsto total > 0\n").code == "K305"
+def test_leadsto_is_about_one_robot_on_both_sides() -> None:
+    (stated,) = program(f"{ABOVE}\n    eventually: done leadsto n > 0\n").properties
+    each = stated.each
+    assert each is not None
+    assert each.agent is None
+    assert each.variable.name == "pid"
+    assert stated.trigger is not None
+    for side in (stated.trigger, stated.condition):
+        robots = [n.robot for n in nodes(side) if isinstance(n, core.Place) and n.robot]
+        assert robots == [core.Read(core.Place(each.variable))]
+
+
+def test_leadsto_about_all_robots_is_said_once() -> None:
+    (stated,) = program(f"{ABOVE}\n    eventually: total > 0 leadsto total > 1\n").properties
+    assert stated.each is None
+
+
+def test_what_is_expected_of_whole_runs_is_no_assumption_about_starts() -> None:
+    made = program(f"{ABOVE}\n    assume Arrives:\n      n > 0 leadsto done\n      total == 0\n")
+    assert [a.name for a in made.assumptions] == ["Arrives"]
+    assert [(e.name, e.kind) for e in made.expectations] == [
+        ("Arrives", core.PropertyKind.LEADS_TO)
+    ]
+    assert made.expectations[0].each is not None
+    assert not made.properties
 
 
 def test_fresh_answers_are_found_through_functions() -> None:

@@ -358,6 +358,7 @@ def test_init_and_agents() -> None:
         ("eventually: x", ast.Eventually(None, X)),
         ("eventually N: x leadsto y", ast.LeadsTo(ident("N"), X, Y)),
         ("eventually:\n  x\n  leadsto y", ast.LeadsTo(None, X, Y)),
+        ("assume N: x leadsto y", ast.LeadsTo(ident("N"), X, Y, assumed=True)),
         (
             "eventually: forall i: x leadsto y",
             ast.LeadsTo(None, forall(X, bound("i")), Y),

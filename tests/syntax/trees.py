@@ -156,7 +156,7 @@ def _sections() -> st.SearchStrategy[ast.Section]:
         st.builds(ast.Assume, named, expressions),
         st.builds(ast.Invariant, named, st.booleans(), expressions),
         st.builds(ast.Eventually, named, expressions),
-        st.builds(ast.LeadsTo, named, expressions, expressions),
+        st.builds(ast.LeadsTo, named, expressions, expressions, st.booleans()),
     )
     return plain | st.builds(
         ast.Agent,

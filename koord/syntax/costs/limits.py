@@ -217,7 +217,7 @@ def _bodies(program: core.Program) -> Iterator[_Body]:
                 yield _Body(f"the contract `{contract.name}`", contract.span, parts)
     for assumption in program.assumptions:
         yield _Body("the assumption", assumption.span, (assumption.condition,))
-    for stated in program.properties:
+    for stated in (*program.expectations, *program.properties):
         parts = (
             (stated.condition,) if stated.trigger is None else (stated.trigger, stated.condition)
         )

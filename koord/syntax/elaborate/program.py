@@ -91,6 +91,7 @@ def _kinds(sections: Sections) -> list[Kind]:
             [*common.init, *kind.init],
             [*common.events, *kind.events],
             kind.assumptions,
+            kind.expectations,
             kind.properties,
         )
         for kind in sections.kinds
@@ -151,6 +152,7 @@ def _define(
     allread = _shared(session, sections.allread, Where.INITIAL)
     agents = [_agent(session, each) for each in robots]
     assumptions = _assumptions(session, sections)
+    expectations = _expectations(session, sections)
     stated = _properties(session, sections)
     functions.define_functions(session)
     ordered = function_order.in_order(session)
@@ -174,6 +176,7 @@ def _define(
         assumptions,
         stated,
         session.parameters,
+        expectations,
         span=program.span,
     )
 
@@ -236,6 +239,15 @@ def _assumptions(session: Session, sections: Sections) -> tuple[core.Assumption,
         for section in source.assumptions:
             number = len(result) + 1
             result.append(properties.assumption(session, section, number, kind))
+    return tuple(made for made in result if made is not None)
+
+
+def _expectations(session: Session, sections: Sections) -> tuple[core.Property, ...]:
+    result: list[core.Property | None] = []
+    for kind, source in _sources(sections):
+        for section in source.expectations:
+            name = section.name.name if section.name else f"leadsto_{len(result) + 1}"
+            result.append(properties.property_(session, section, name, kind))
     return tuple(made for made in result if made is not None)
 
 

@@ -20,10 +20,13 @@ def closed(body: Body, e: ast.Expr, what: str) -> core.Expr | None:
     made = fit(body, body.expr(e, BOOL), BOOL, e.span, what)
     if made is None or body.closing is None:
         return made
-    kind = body.agent.index if body.agent is not None and not body.session.single else None
-    return core.Quantified(
-        core.QuantifierKind.FORALL, body.closing, core.RobotRange(kind), made, span=e.span
-    )
+    domain = core.RobotRange(_kind(body))
+    return core.Quantified(core.QuantifierKind.FORALL, body.closing, domain, made, span=e.span)
+
+
+def _kind(body: Body) -> int | None:
+    """The kind of the robots that an unqualified local belongs to; None if there is but one."""
+    return body.agent.index if body.agent is not None and not body.session.single else None
 
 
 def scope_of(session: Session, kind: int | None) -> AgentScope | None:
@@ -48,7 +51,7 @@ def assumption(
 def property_(
     session: Session, section: Stated, name: str, kind: int | None
 ) -> core.Property | None:
-    """A property to check."""
+    """A property to check, or an expectation of whole runs."""
     body = Body(session, Where.PROPERTY, scope_of(session, kind), session.findings)
     match section:
         case ast.Invariant(at_round=at_round, condition=condition):
@@ -69,18 +72,14 @@ def property_(
 def _leads_to(body: Body, section: ast.LeadsTo, name: str) -> core.Property | None:
     trigger = fit(body, body.expr(section.trigger, BOOL), BOOL, section.trigger.span, "a trigger")
     goal = fit(body, body.expr(section.goal, BOOL), BOOL, section.goal.span, "a goal")
-    if body.closing is not None:
-        body.error(
-            "K305",
-            section.span,
-            "both sides of `leadsto` are about all robots at once: neither is about robot `pid`",
-            "say which robots are meant on each side: `(exists i: a@i) leadsto (exists i: b@i)`",
-        )
-        return None
     if trigger is None or goal is None:
         return None
+    each = None
+    if body.closing is not None:
+        # Both sides speak of the same robot, and of each by itself.
+        each = core.Each(body.closing, _kind(body))
     return core.Property(
-        name, core.PropertyKind.LEADS_TO, goal, body.bound, trigger, span=section.span
+        name, core.PropertyKind.LEADS_TO, goal, body.bound, trigger, each, span=section.span
     )
 
 

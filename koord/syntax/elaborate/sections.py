@@ -23,6 +23,7 @@ class Kind:
     init: list[ast.Init] = field(default_factory=list)
     events: list[ast.Event] = field(default_factory=list)
     assumptions: list[ast.Assume] = field(default_factory=list)
+    expectations: list[ast.LeadsTo] = field(default_factory=list)
     properties: list[Stated] = field(default_factory=list)
 
 
@@ -56,6 +57,7 @@ class Sections:
             or common.init
             or common.events
             or common.assumptions
+            or common.expectations
             or common.properties
         )
 
@@ -66,7 +68,7 @@ class Sections:
         rest = (self.kinds, self.allread, self.allwrite, common.locals, common.using)
         if any(rest) or common.init or common.events:
             return False
-        return bool(common.assumptions or common.properties)
+        return bool(common.assumptions or common.expectations or common.properties)
 
 
 def sort(sections: Iterable[ast.Section], findings: Findings) -> Sections:
@@ -118,6 +120,8 @@ def _of_kind(section: ast.Section, kind: Kind) -> bool:
             kind.events.append(section)
         case ast.Assume():
             kind.assumptions.append(section)
+        case ast.LeadsTo(assumed=True):
+            kind.expectations.append(section)
         case ast.Invariant() | ast.Eventually() | ast.LeadsTo():
             kind.properties.append(section)
         case (
