@@ -40,6 +40,12 @@ class ByUnrolling:
             self.bounded = Bounded(ledger.system, ledger.subject.judge, ledger.seed)
         return self.bounded
 
+    @property
+    def suspected(self) -> int | None:
+        """The last round with a candidate violation that was none; None without one."""
+        completed = self.bounded.unreplayed.values() if self.bounded is not None else ()
+        return max((0 if last is None else last + 1 for _, last in completed), default=None)
+
     def through(self, ledger: Ledger, rounds: int) -> None:
         """Settle what is violated within so many rounds."""
         bounded = self.of(ledger)
@@ -79,6 +85,7 @@ class ByInduction:
 
     unrolling: ByUnrolling
     effort: Effort = field(default_factory=lambda: Effort.of_seconds(PROOF_S))
+    afterwards: Effort = field(default_factory=lambda: Effort.of_seconds(AFTERWARDS_S))
 
     def work(self, ledger: Ledger) -> None:
         started = time.monotonic()
@@ -90,13 +97,14 @@ class ByInduction:
             claims = [c for c in ledger.open() if c not in bounded.unreplayed]
             if not claims or bounded.reason:
                 return
+            effort = self.afterwards if ledger.is_violated else self.effort
             ledger.progress(f"induction over {depth} round{'s' if depth > 1 else ''}")
             result = prove(
                 ledger.system,
                 claims,
                 ledger.proved(),
                 ledger.deadline,
-                self.effort,
+                effort,
                 depth=depth,
                 seed=ledger.seed,
             )
@@ -107,7 +115,7 @@ class ByInduction:
                     shortest.setdefault(claim, result.steps[claim])
                 step = shortest.get(claim)
                 ledger.leave([claim], Reach(Engine.INDUCTION, None, reason, seconds, step))
-            if not ledger.open() or ledger.deadline.passed() or self.effort.left <= 0:
+            if not ledger.open() or ledger.deadline.passed() or effort.left <= 0:
                 return
 
 

@@ -59,7 +59,7 @@ class Ledger:
     deadline: Deadline
     claims: tuple[Claim, ...]
     seed: int = 0
-    progress: Callable[[str], None] = lambda text: None
+    report: Callable[[str], None] = lambda text: None
     verdicts: dict[Claim, Verdict] = field(default_factory=dict)
     stopped: str = ""  #: why all engines were stopped, if they were
     _reaches: dict[Claim, dict[Engine, Reach]] = field(default_factory=dict)
@@ -67,6 +67,11 @@ class Ledger:
     @property
     def system(self) -> System:
         return self.subject.system
+
+    def progress(self, text: str) -> None:
+        """Say what is being done, and what is known to be violated by now."""
+        violated = [c.name for c, v in self.verdicts.items() if v.outcome is Outcome.VIOLATED]
+        self.report(f"{text}; violated: {', '.join(violated)}" if violated else text)
 
     def open(self) -> list[Claim]:
         """The claims that are not settled, in order."""
@@ -83,8 +88,8 @@ class Ledger:
 
     def proved(self) -> list[Claim]:
         """The claims that hold in all rounds: what else is asked may rely on them."""
-        held = (claim for claim in self.claims if claim in self.verdicts)
-        return [claim for claim in held if self.verdicts[claim].outcome is Outcome.HOLDS]
+        settled = [(claim, self.verdicts[claim]) for claim in self.claims if claim in self.verdicts]
+        return [c for c, v in settled if v.outcome is Outcome.HOLDS and v.rounds is None]
 
     def settle(self, verdicts: Mapping[Claim, Verdict]) -> None:
         self.verdicts.update(verdicts)

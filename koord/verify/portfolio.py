@@ -70,18 +70,14 @@ def verify(
     ask = partial(_ask, bounds=bounds, choice=choice, seed=seed, progress=progress)
     subject = _abstract_subject(system) or _plain_subject(system)
     asked = ask(subject, deadline)
-    given = dict(zip(claims_of(system), asked.verdicts, strict=True))
-    cut, vacuities = asked.interrupted, asked.vacuities
-    if subject.system is not system and asked.spurious and not asked.interrupted:
+    given, cut = asked.verdicts, asked.interrupted
+    if subject.is_abstract and asked.suspected is not None and not cut:
         # Opaque values let something happen that real ones do not: look at those.
-        again = ask(_plain_subject(system), deadline)
-        cut = again.interrupted
-        for claim, verdict in zip(given, again.verdicts, strict=True):
-            if given[claim].outcome is Outcome.UNKNOWN:
-                given[claim] = verdict
+        again = ask(_plain_subject(system), deadline, known=asked)
+        given, cut = again.verdicts, again.interrupted
     verdicts = tuple(
         replace(verdict, claim=claim)
-        for claim, verdict in given.items()
+        for claim, verdict in zip(claims_of(system), given, strict=True)
         if not names or claim.name in names
     )
     live = tuple(
@@ -91,17 +87,20 @@ def verify(
     )
     seconds = time.monotonic() - started
     every_n = choice is Choice.EVERY_N
-    return Report(verdicts + live, vacuities, seconds, cut, every_n=every_n)
+    return Report(verdicts + live, asked.vacuities, seconds, cut, every_n=every_n)
 
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """The verdicts on a subject's claims, in order."""
+    """The verdicts on a subject's claims, in order.
+
+    ``suspected`` is the last round in which something seemed violated and was not.
+    """
 
     verdicts: tuple[Verdict, ...]
     vacuities: tuple[Vacuity, ...]
     interrupted: bool
-    spurious: bool
+    suspected: int | None
 
 
 def _plain_subject(system: System) -> Subject:
@@ -133,22 +132,33 @@ def _ask(
     subject: Subject,
     deadline: Deadline,
     *,
+    known: _Asked | None = None,
     bounds: Bounds,
     choice: Choice,
     seed: int,
     progress: Callable[[str], None],
 ) -> _Asked:
+    """Verdicts on the claims about a subject.
+
+    Of ``known`` ones only the unknown are asked, suspected rounds first; what is empty is known.
+    """
     claims = claims_of(subject.system)
     ledger = Ledger(subject, bounds, deadline, claims, seed, progress)
+    for claim, verdict in zip(claims, known.verdicts if known else (), strict=known is not None):
+        if verdict.outcome is not Outcome.UNKNOWN:
+            ledger.settle({claim: verdict})
     unrolling = ByUnrolling()
     interrupted = False
     empty: tuple[Vacuity, ...] = ()
     try:
+        if known is not None and known.suspected is not None:
+            unrolling.through(ledger, min(known.suspected, bounds.rounds))
         for engine in engines(choice, unrolling):
             if ledger.open():
                 engine.work(ledger)
         _find_others(ledger)
-        empty = vacuities(ledger)
+        if known is None:
+            empty = vacuities(ledger)
     except NotFiniteError as error:
         ledger.stopped = str(error)
     except NumberTooLongError as error:
@@ -158,9 +168,8 @@ def _ask(
     except KeyboardInterrupt:
         interrupted = True
         ledger.stopped = "interrupted"
-    spurious = unrolling.bounded is not None and bool(unrolling.bounded.unreplayed)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
-    return _Asked(verdicts, empty, interrupted, spurious)
+    return _Asked(verdicts, empty, interrupted, unrolling.suspected)
 
 
 def _find_others(ledger: Ledger) -> None:

@@ -27,9 +27,9 @@ from koord.verify.abstraction import abstracted
 from koord.verify.bmc import Bounded
 from koord.verify.claims import Claim, Phase, claims_of
 from koord.verify.concretion import Concretion
-from koord.verify.portfolio import Choice
+from koord.verify.portfolio import Choice, verify
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Counterexample, Outcome
+from koord.verify.verdicts import Bounds, Counterexample, Outcome
 from koord.verify.witness import replayed
 from tests.semantics import programs
 from tests.semantics.building import (
@@ -218,6 +218,21 @@ def test_records_made_of_parts_are_told_apart_after_all() -> None:
     for choice in (Choice.BMC, Choice.AUTO):
         asked = ask(made_of_parts().program(), rounds=2, choice=choice)
         assert asked.outcome("Never") is Outcome.HOLDS
+
+
+def test_only_what_is_open_is_asked_again_of_real_values() -> None:
+    """What opaque values settled stays settled, and the suspected round is looked at first."""
+    b = made_of_parts()
+    n = b.local("n", INT, 0)
+    b.event("Count", n < 1, n.set(n + 1))
+    b.invariant("Low", forall(I, n.at(I) < 1))
+    told: list[str] = []
+    report = verify(dealt(b.program(), 2), Bounds(2), progress=told.append)
+    outcomes = {verdict.claim.name: verdict.outcome for verdict in report.verdicts}
+    assert (outcomes["Low"], outcomes["Never"]) == (Outcome.VIOLATED, Outcome.HOLDS)
+    (last,) = [i for i, text in enumerate(told) if text.startswith("looking for what never")]
+    assert told[last + 1] == "bmc, round 0 of 2; violated: Low"
+    assert all(text.endswith("; violated: Low") for text in told[last:])
 
 
 def test_a_dropped_promise_is_kept_after_all() -> None:

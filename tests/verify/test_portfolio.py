@@ -15,9 +15,11 @@ from koord.semantics.traces.recording import Recording
 from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT, ListType
 from koord.verify import portfolio
-from koord.verify.claims import ClaimKind
+from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
+from koord.verify.ledger import Ledger, Subject
 from koord.verify.portfolio import Choice, verify
-from koord.verify.verdicts import Bounds, Engine, Outcome, Report
+from koord.verify.solving import Deadline
+from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Report, Verdict
 from tests.semantics import programs
 from tests.semantics.building import (
     PID,
@@ -261,6 +263,22 @@ def test_ctrl_c_at_any_moment() -> None:
         assert report.interrupted or moment > 6
         assert [v.claim.name for v in report.verdicts] == ["Small", "no fault"]
         assert report.verdicts[0].outcome is not Outcome.HOLDS
+
+
+def test_what_holds_for_some_rounds_is_no_lemma() -> None:
+    """Other claims may rely only on what holds in every round."""
+    system = dealt(growing().program(), 1)
+    claims = claims_of(system)
+    ledger = Ledger(Subject(system, _judge, system), Bounds(9), Deadline.after(None), claims)
+    some, every = claims
+    ledger.settle({some: Verdict(some, Outcome.HOLDS, Engine.BMC, 0.0, rounds=4)})
+    ledger.settle({every: Verdict(every, Outcome.HOLDS, Engine.INDUCTION, 0.0, rounds=None)})
+    assert ledger.proved() == [every]
+    assert ledger.open() == []
+
+
+def _judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    raise AssertionError("nothing is replayed")
 
 
 # --- what is not covered --------------------------------------------------------------------------
