@@ -1,0 +1,425 @@
+// The page: time, keys, and what is drawn when.
+
+const PANELS_MS = 150; // while it plays, numbers change no more often than one can read
+
+class Page {
+  constructor(run) {
+    this.run = run;
+    this.time = 0;
+    this.chosen = run.count <= CHIPS ? 0 : -1;
+    this.speed = 1;
+    this.isPlaying = false;
+    this.follows = false; // stays at the end while the run goes on
+    this.isDirty = true;
+    this.drawn = 0; // frames so far
+    this.panelsAt = 0;
+    this.map = new WorldMap(run, byId("map"));
+    this.timeline = new Timeline(run, byId("timeline"));
+    this.panels = new Panels(run, this);
+    this.fillBar();
+    this.fillLayers();
+    this.fillEvents();
+    this.fillSpeeds();
+    this.listen();
+    this.fromAddress();
+    this.paintPlay();
+    this.last = performance.now();
+    requestAnimationFrame((now) => this.frame(now));
+  }
+
+  get round() { return this.run.roundAt(this.time); }
+
+  // --- what can be done -------------------------------------------------------------------------
+
+  play(on = !this.isPlaying) {
+    if (on && !this.follows && this.time >= this.run.duration - 1e-6) this.time = 0;
+    this.isPlaying = on;
+    this.paintPlay();
+    this.redraw();
+  }
+
+  seek(time) {
+    this.time = Math.min(Math.max(time, 0), this.run.duration);
+    this.follows = this.isLive && this.time >= this.run.duration - 1e-6;
+    this.redraw();
+  }
+
+  /** So many rounds on, or back. */
+  step(rounds) {
+    this.play(false);
+    const { run } = this, to = Math.min(Math.max(this.round + rounds, 0), run.rounds - 1);
+    const time = run.rounds ? run.roundTimes[to] : 0;
+    this.seek(rounds > 0 && this.round + rounds >= run.rounds ? run.duration : time);
+  }
+
+  faster(by) {
+    const at = SPEEDS.indexOf(this.speed);
+    this.setSpeed(SPEEDS[Math.min(Math.max(at + by, 0), SPEEDS.length - 1)]);
+  }
+
+  setSpeed(speed) {
+    this.speed = speed;
+    byId("speed").value = String(speed);
+  }
+
+  choose(robot) {
+    this.chosen = robot;
+    this.redraw();
+  }
+
+  /** To the next violation, or to the one before. */
+  toViolation(by) {
+    const times = this.run.violations.map((one) => one.time);
+    const found = by > 0 ? times.find((time) => time > this.time + 1e-6)
+      : times.findLast((time) => time < this.time - 1e-6);
+    if (found === undefined) return;
+    this.play(false);
+    const violation = this.run.violations.find((one) => one.time === found);
+    if (violation.robots.length) this.chosen = violation.robots[0];
+    this.seek(found);
+  }
+
+  switchTheme() {
+    const root = document.documentElement;
+    root.dataset.theme = root.dataset.theme === "dark" ? "light" : "dark";
+    this.changedTheme();
+  }
+
+  changedTheme() {
+    themed.clear();
+    hatching = null;
+    this.map.sprites.clear();
+    this.map.groundKey = "";
+    this.fillEvents();
+    this.panels.paintIcons();
+    this.redraw();
+  }
+
+  redraw() {
+    this.isDirty = true;
+    this.panelsAt = 0;
+  }
+
+  // --- frames -----------------------------------------------------------------------------------
+
+  frame(now) {
+    const passed = Math.min((now - this.last) / 1000, 0.25);
+    this.last = now;
+    if (this.follows) {
+      if (this.time !== this.run.duration) this.isDirty = true;
+      this.time = this.run.duration;
+    } else if (this.isPlaying) {
+      this.time += passed * this.speed;
+      this.isDirty = true;
+      if (this.time >= this.run.duration) {
+        this.time = this.run.duration;
+        this.play(false);
+      }
+    }
+    if (this.isDirty) {
+      this.isDirty = false;
+      this.draw(now);
+    }
+    requestAnimationFrame((next) => this.frame(next));
+  }
+
+  draw(now) {
+    this.map.draw(this.time, this.chosen);
+    this.timeline.draw(this.time, this.chosen);
+    this.paintClock();
+    if (now - this.panelsAt > PANELS_MS || !this.isPlaying) {
+      this.panelsAt = now;
+      this.panels.draw();
+      this.paintLegend();
+      this.paintToast();
+    }
+    this.drawn++;
+  }
+
+  paintClock() {
+    const { run, round } = this, number = run.rounds ? run.roundNumbers[round] : 0;
+    byId("clock").innerHTML = `<b>${clock(this.time)}</b> / ${clock(run.duration)} · round ${Math.max(number, 0)}`;
+    const box = byId("timeline");
+    box.setAttribute("aria-valuenow", this.time.toFixed(1));
+    box.setAttribute("aria-valuemax", run.duration.toFixed(1));
+    box.setAttribute("aria-valuetext", `${this.time.toFixed(1)} seconds, round ${Math.max(number, 0)}`);
+  }
+
+  paintPlay() {
+    const button = byId("play");
+    button.setAttribute("aria-label", this.isPlaying ? "Pause" : "Play");
+    button.innerHTML = this.isPlaying
+      ? '<svg viewBox="0 0 20 20" aria-hidden="true"><path d="M5 3h4v14H5zM11 3h4v14h-4z" fill="currentColor"/></svg>'
+      : '<svg viewBox="0 0 20 20" aria-hidden="true"><path d="M6 3l11 7-11 7z" fill="currentColor"/></svg>';
+  }
+
+  paintToast() {
+    const toast = byId("toast");
+    const shown = this.run.violations.find((one) => one.time <= this.time + 1e-6 && this.time - one.time < 1.5);
+    toast.hidden = !shown;
+    if (!shown) return;
+    toast.style.bottom = `${14 + this.map.height - this.map.planHeight}px`;
+    toast.replaceChildren(made("b", {}, `▲ ${shown.claim}`), ` ${shown.words}`);
+  }
+
+  // --- what stands around -----------------------------------------------------------------------
+
+  fillBar() {
+    const { run } = this, { header } = run;
+    byId("program").textContent = header.program;
+    const looks = new Map();
+    for (const robot of run.robots) looks.set(robot.device, (looks.get(robot.device) ?? 0) + 1);
+    const fleet = [...looks].map(([look, count]) => `${count} ${look}${count > 1 && !look.endsWith("s") ? "s" : ""}`).join(", ");
+    const facts = [
+      ["", made("b", {}, String(run.count)), ` robot${run.count === 1 ? "" : "s"} (${fleet})`],
+      ["", made("b", {}, clock(run.duration)), ""],
+      ["", "δ ", made("b", {}, `${header.delta} s`)],
+      ["", "seed ", made("b", {}, String(header.seed))],
+    ];
+    const done = run.tasksAt(run.duration).filter((one) => one.state === DONE).length;
+    const all = header.world.tasks.length;
+    if (all) facts.push([done === all ? "good" : "", made("b", {}, `${done} of ${all}`), " tasks done"]);
+    if (run.violations.length) {
+      facts.push(["bad", made("b", {}, `▲ ${run.violations.length}`), ` violation${run.violations.length > 1 ? "s" : ""}`]);
+    }
+    if (run.ending) facts.push(["", run.ending]);
+    byId("facts").replaceChildren(...facts.map(([kind, ...words]) => made("li", { class: kind || null }, ...words)));
+    const jump = byId("violations");
+    jump.hidden = run.violations.length === 0;
+    jump.textContent = `▲ ${run.violations.length} violation${run.violations.length > 1 ? "s" : ""}`;
+    byId("map").setAttribute("aria-label",
+      `${header.program}: ${run.count} robots in a world of ${metres(header.world.high[0] - header.world.low[0])} by ${metres(header.world.high[1] - header.world.low[1])}`);
+  }
+
+  fillLayers() {
+    const box = byId("layers");
+    box.replaceChildren(...LAYERS.filter(([layer]) =>
+      (layer !== "side" || this.map.hasHeights()) && (layer !== "safety" || this.run.header.safety > 0))
+      .map(([layer, name]) => made("button", {
+        "aria-pressed": String(this.map.shown[layer]),
+        onclick: (event) => {
+          this.map.shown[layer] = !this.map.shown[layer];
+          event.currentTarget.setAttribute("aria-pressed", String(this.map.shown[layer]));
+          if (layer === "side" && this.map.isFitted) this.map.fit();
+          this.redraw();
+        },
+      }, name)));
+  }
+
+  fillEvents() {
+    const names = [...new Set(this.run.header.agents.flatMap((agent) => agent.events.map((name, k) => `${k} ${name}`)))];
+    const entries = names.map((name) => [Number(name.split(" ")[0]), name.slice(name.indexOf(" ") + 1)]);
+    entries.push([BLOCKED, "kept out by a lock"], [STOPPED, "stopped"]);
+    byId("events").replaceChildren(...entries.map(([deed, name]) => {
+      const swatch = made("canvas");
+      drawDeed(fitted(swatch, 14, 14), deed, 1, 12, 1, 12);
+      return made("li", {}, swatch, name);
+    }));
+  }
+
+  paintLegend() {
+    const box = byId("legend"), { run } = this;
+    if (!run.header.world.tasks.length) {
+      box.hidden = true;
+      return;
+    }
+    if (!box.children.length || box.dataset.theme !== document.documentElement.dataset.theme) {
+      box.dataset.theme = document.documentElement.dataset.theme;
+      box.replaceChildren(...["open", "assigned", "done"].map((name, state) => {
+        const icon = made("canvas");
+        drawTask(fitted(icon, 20, 20), 10, 10, 7, state);
+        return made("div", {}, icon, name, made("b"));
+      }));
+    }
+    const counts = [0, 0, 0];
+    for (const task of run.tasksAt(this.time)) counts[task.state]++;
+    counts.forEach((count, state) => { box.children[state].querySelector("b").textContent = count; });
+  }
+
+  fillSpeeds() {
+    const select = byId("speed");
+    select.replaceChildren(...SPEEDS.map((speed) => made("option", { value: speed }, `${speed}×`)));
+    select.addEventListener("change", () => this.setSpeed(Number(select.value)));
+    const { duration } = this.run;
+    this.setSpeed(duration > 60 ? 4 : duration > 20 ? 2 : 1);
+  }
+
+  /** `#t=12.5&robot=2` in the address: where to begin. */
+  fromAddress() {
+    const wanted = new URLSearchParams(location.hash.slice(1));
+    const robot = Number(wanted.get("robot") ?? NaN), time = Number(wanted.get("t") ?? NaN);
+    if (Number.isInteger(robot) && robot >= 0 && robot < this.run.count) this.choose(robot);
+    if (Number.isFinite(time)) this.seek(time);
+  }
+
+  // --- live -------------------------------------------------------------------------------------
+
+  /** More of the run has come. */
+  grow(pack) {
+    this.run.append(pack);
+    this.fillBar();
+    if (this.timeline.layout().reduce((sum, [, h]) => sum + h + 2, 8) !== this.timeline.height) this.resize();
+    this.redraw();
+  }
+
+  setLive(on, word) {
+    this.isLive = on;
+    if (!on) this.follows = false;
+    byId("live").hidden = false;
+    byId("live").classList.toggle("on", on);
+    byId("live-word").textContent = word;
+    this.redraw();
+  }
+
+  resize() {
+    this.timeline.resize();
+    this.map.resize();
+    this.redraw();
+  }
+
+  // --- hands ------------------------------------------------------------------------------------
+
+  listen() {
+    byId("play").addEventListener("click", () => this.play());
+    byId("back").addEventListener("click", () => this.step(-1));
+    byId("forth").addEventListener("click", () => this.step(1));
+    byId("violations").addEventListener("click", () => this.toViolation(1));
+    byId("theme").addEventListener("click", () => this.switchTheme());
+    byId("help").addEventListener("click", () => byId("keys").showModal());
+    window.addEventListener("hashchange", () => this.fromAddress());
+    document.addEventListener("keydown", (event) => this.pressed(event));
+    new ResizeObserver(() => this.resize()).observe(byId("stage"));
+    this.listenToMap(byId("map"));
+    this.listenToTimeline(byId("timeline"));
+  }
+
+  pressed(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || byId("keys").open) return;
+    if (event.target.matches("input, select")) return;
+    const keys = {
+      " ": () => this.play(),
+      ArrowLeft: () => this.step(event.shiftKey ? -10 : -1),
+      ArrowRight: () => this.step(event.shiftKey ? 10 : 1),
+      Home: () => this.seek(0),
+      End: () => this.seek(this.run.duration),
+      "+": () => this.faster(1), "=": () => this.faster(1),
+      "-": () => this.faster(-1), "_": () => this.faster(-1),
+      n: () => this.toViolation(1), p: () => this.toViolation(-1),
+      "]": () => this.choose((this.chosen + 1) % this.run.count),
+      "[": () => this.choose((Math.max(this.chosen, 0) + this.run.count - 1) % this.run.count),
+      f: () => { this.map.fit(); this.redraw(); },
+      d: () => this.switchTheme(),
+      "?": () => byId("keys").showModal(),
+    };
+    const action = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (!action) return;
+    event.preventDefault(); // space would press the button that was pressed last
+    action();
+  }
+
+  listenToMap(canvas) {
+    let from = null, moved = 0;
+    canvas.addEventListener("pointerdown", (event) => {
+      from = event;
+      moved = 0;
+      canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!from) return;
+      const dx = event.clientX - from.clientX, dy = event.clientY - from.clientY;
+      moved += Math.abs(dx) + Math.abs(dy);
+      if (moved < 4) return;
+      canvas.classList.add("dragged");
+      this.map.move(dx, dy);
+      from = event;
+      this.redraw();
+    });
+    canvas.addEventListener("pointerup", (event) => {
+      canvas.classList.remove("dragged");
+      if (from && moved < 4) {
+        const box = canvas.getBoundingClientRect();
+        const robot = this.map.robotAt(event.clientX - box.left, event.clientY - box.top);
+        if (robot >= 0) this.choose(robot);
+      }
+      from = null;
+    });
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      const box = canvas.getBoundingClientRect();
+      this.map.zoom(Math.exp(-event.deltaY * 0.0015), event.clientX - box.left, event.clientY - box.top);
+      this.redraw();
+    }, { passive: false });
+    canvas.addEventListener("dblclick", () => { this.map.fit(); this.redraw(); });
+  }
+
+  listenToTimeline(box) {
+    const tip = byId("tip");
+    let isDragging = false;
+    const at = (event) => {
+      const place = box.getBoundingClientRect();
+      return [event.clientX - place.left, event.clientY - place.top];
+    };
+    box.addEventListener("pointerdown", (event) => {
+      const [x, y] = at(event), robot = this.timeline.robotAt(y);
+      box.setPointerCapture(event.pointerId);
+      isDragging = true;
+      this.play(false);
+      if (robot >= 0) this.choose(robot);
+      if (x >= LANE_LEFT - 8) this.seek(this.timeline.timeAt(x));
+    });
+    box.addEventListener("pointermove", (event) => {
+      const [x, y] = at(event);
+      if (isDragging) this.seek(this.timeline.timeAt(x));
+      const stage = byId("stage").getBoundingClientRect();
+      tip.hidden = x < LANE_LEFT;
+      tip.textContent = this.timeline.wordsAt(x, y);
+      tip.style.left = `${Math.min(Math.max(event.clientX - stage.left - 40, 6), stage.width - 200)}px`;
+      tip.style.bottom = "6px";
+    });
+    box.addEventListener("pointerup", () => { isDragging = false; });
+    box.addEventListener("pointerleave", () => { tip.hidden = true; });
+  }
+}
+
+async function begin() {
+  const root = document.documentElement;
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  root.dataset.theme = dark.matches ? "dark" : "light";
+  const text = byId("data").textContent;
+  if (text.trim()) {
+    window.page = new Page(new Run(unpacked(await inflated(text))));
+  } else {
+    listenLive();
+  }
+  dark.addEventListener("change", () => {
+    root.dataset.theme = dark.matches ? "dark" : "light";
+    window.page?.changedTheme();
+  });
+}
+
+/** A page without data is served while the run goes on: its packs come one after the other. */
+function listenLive() {
+  const source = new EventSource("packs");
+  source.addEventListener("pack", (event) => {
+    const pack = unpacked(fromBase64(event.data));
+    if (pack.header) {
+      if (window.page) location.reload(); // the server begins anew
+      window.page = new Page(new Run(pack));
+      window.page.setLive(true, "live");
+      window.page.follows = true;
+    } else {
+      window.page.grow(pack);
+    }
+    if (pack.ending) {
+      source.close();
+      window.page.setLive(false, "over");
+    }
+  });
+  source.addEventListener("error", () => {
+    if (source.readyState === EventSource.CLOSED || !window.page) return;
+    source.close();
+    window.page.setLive(false, "connection lost");
+  });
+}
+
+begin();

@@ -1,0 +1,526 @@
+// The world from above, and from the side where somebody flies.
+
+const TRAIL_S = 8; // how far back trails reach
+const MANY = 60; // of more robots only the chosen one is labelled
+const SIDE_HEIGHT = 96;
+const LAYERS = [
+  ["trails", "Trails"], ["paths", "Paths"], ["safety", "Safety discs"], ["labels", "Labels"], ["side", "Side view"],
+];
+
+class WorldMap {
+  constructor(run, canvas) {
+    this.run = run;
+    this.canvas = canvas;
+    this.now = new Float32Array(4 * run.count);
+    this.shown = { trails: true, paths: true, safety: run.header.safety > 0, labels: true, side: this.hasHeights() };
+    this.scale = 1;
+    this.left = 0;
+    this.top = 0;
+    this.isFitted = true; // until it is moved
+    this.ground = made("canvas"); // what does not move, drawn once for each view
+    this.groundKey = "";
+    this.sprites = new Map();
+    this.spriteScale = 0;
+    this.resize();
+  }
+
+  hasHeights() {
+    return this.run.robots.some((robot) => robot.flies) && this.run.count <= 2000;
+  }
+
+  resize() {
+    const box = this.canvas.parentElement.getBoundingClientRect();
+    this.width = box.width;
+    this.height = box.height;
+    if (this.isFitted) this.fit();
+    this.groundKey = "";
+  }
+
+  get planHeight() {
+    return this.height - (this.shown.side ? SIDE_HEIGHT : 0);
+  }
+
+  fit() {
+    const { low, high } = this.run.header.world;
+    const w = high[0] - low[0], h = high[1] - low[1];
+    const aside = 34, above = 46, below = 26; // room for what stands around
+    const room = this.planHeight - above - below;
+    this.scale = Math.max(Math.min((this.width - 2 * aside) / w, room / h), 1e-3);
+    this.left = this.width / 2 - this.scale * (low[0] + high[0]) / 2;
+    this.top = above + room / 2 + this.scale * (low[1] + high[1]) / 2;
+    this.isFitted = true;
+  }
+
+  zoom(factor, x, y) {
+    const { low, high } = this.run.header.world;
+    const least = 0.3 * Math.min(this.width, this.height) / Math.max(high[0] - low[0], high[1] - low[1]);
+    const scale = Math.min(Math.max(this.scale * factor, least), 2000);
+    const by = scale / this.scale;
+    this.left = x - by * (x - this.left);
+    this.top = y - by * (y - this.top);
+    this.scale = scale;
+    this.isFitted = false;
+  }
+
+  move(dx, dy) {
+    this.left += dx;
+    this.top += dy;
+    this.isFitted = false;
+  }
+
+  x(x) { return this.left + this.scale * x; }
+  y(y) { return this.top - this.scale * y; }
+
+  /** The robot that is drawn at a point, or -1. */
+  robotAt(x, y) {
+    let best = -1, least = Infinity;
+    for (let robot = 0; robot < this.run.count; robot++) {
+      const gap = Math.hypot(this.x(this.now[4 * robot]) - x, this.y(this.now[4 * robot + 1]) - y);
+      const near = Math.max(this.run.robots[robot].radius * this.scale, 9) + 3;
+      if (gap < near && gap < least) [best, least] = [robot, gap];
+    }
+    return best;
+  }
+
+  draw(time, chosen) {
+    const { run } = this;
+    const context = fitted(this.canvas, this.width, this.height);
+    const tasks = run.tasksAt(time);
+    const round = run.roundAt(time);
+    run.posesAt(time, this.now);
+    this.drawGround(context, round, tasks);
+    context.save();
+    context.beginPath();
+    context.rect(0, 0, this.width, this.planHeight);
+    context.clip();
+    if (this.shown.paths) this.drawPaths(context, time, chosen);
+    if (this.shown.trails) this.drawTrails(context, time, chosen);
+    this.drawShadows(context);
+    if (this.shown.safety && run.header.safety > 0) this.drawSafety(context);
+    this.drawRobots(context, chosen);
+    this.drawViolations(context, time);
+    context.restore();
+    if (this.shown.side) this.drawSide(context, tasks, chosen);
+  }
+
+  // --- what stands still ------------------------------------------------------------------------
+
+  drawGround(context, round, tasks) {
+    const map = this.run.header.map;
+    const cells = map ? this.run.shared[map.variable].at(round) : null;
+    const known = cells ? JSON.stringify(cells) : "";
+    const states = tasks.map((task) => `${task.state}${task.robot}`).join();
+    const view = [this.scale, this.left, this.top, this.width, this.height, this.shown.side, this.shown.labels];
+    const key = [view, states, known, document.documentElement.dataset.theme].join("|");
+    if (key !== this.groundKey) {
+      this.groundKey = key;
+      const pen = fitted(this.ground, this.width, this.height);
+      this.paintGround(pen, cells, tasks);
+    }
+    context.drawImage(this.ground, 0, 0, this.width, this.height);
+  }
+
+  paintGround(pen, cells, tasks) {
+    const { low, high, obstacles, tasks: places } = this.run.header.world;
+    pen.fillStyle = theme("--page");
+    pen.fillRect(0, 0, this.width, this.height);
+    const x0 = this.x(low[0]), y0 = this.y(high[1]);
+    const w = this.scale * (high[0] - low[0]), h = this.scale * (high[1] - low[1]);
+    pen.save();
+    pen.beginPath();
+    pen.rect(0, 0, this.width, this.planHeight);
+    pen.clip();
+    pen.fillStyle = theme("--arena");
+    pen.fillRect(x0, y0, w, h);
+    this.paintGrid(pen);
+    if (cells) this.paintCells(pen, cells);
+    pen.strokeStyle = theme("--edge");
+    pen.lineWidth = 1.5;
+    pen.strokeRect(x0, y0, w, h);
+    for (const obstacle of obstacles) this.paintObstacle(pen, obstacle);
+    const size = Math.min(Math.max(this.scale * 0.11, 5), 11);
+    places.forEach((place, k) => {
+      const x = this.x(place[0]), y = this.y(place[1]);
+      drawTask(pen, x, y, size, tasks[k].state);
+      if (this.shown.labels && this.scale > 26 && places.length <= 200) {
+        pen.fillStyle = theme("--soft");
+        pen.font = "11px system-ui, sans-serif";
+        pen.textAlign = "left";
+        const height = this.shown.side ? ` ↑${place[2].toFixed(1)}` : "";
+        const by = tasks[k].state === ASSIGNED ? ` → ${tasks[k].robot}` : "";
+        pen.fillText(`t${k}${by || height}`, x + size + 3, y + 4);
+      }
+    });
+    pen.restore();
+  }
+
+  paintGrid(pen) {
+    const { low, high } = this.run.header.world;
+    let step = 1;
+    while (step * this.scale < 28) step *= step === 2 || step === 20 || step === 200 ? 2.5 : 2;
+    pen.strokeStyle = theme("--grid");
+    pen.fillStyle = theme("--faint");
+    pen.lineWidth = 1;
+    pen.font = "11px system-ui, sans-serif";
+    pen.beginPath();
+    const bottom = Math.min(this.y(low[1]) + 15, this.planHeight - 5);
+    const left = Math.max(this.x(low[0]) - 6, 22);
+    pen.textAlign = "center";
+    for (let x = Math.ceil(low[0] / step) * step; x <= high[0] + 1e-9; x += step) {
+      pen.moveTo(Math.round(this.x(x)) + 0.5, this.y(low[1]));
+      pen.lineTo(Math.round(this.x(x)) + 0.5, this.y(high[1]));
+      if (Math.round(x / step) % 2 === 0) pen.fillText(Math.round(x * 10) / 10, this.x(x), bottom);
+    }
+    pen.textAlign = "right";
+    for (let y = Math.ceil(low[1] / step) * step; y <= high[1] + 1e-9; y += step) {
+      pen.moveTo(this.x(low[0]), Math.round(this.y(y)) + 0.5);
+      pen.lineTo(this.x(high[0]), Math.round(this.y(y)) + 0.5);
+      if (Math.round(y / step) % 2 === 0) pen.fillText(Math.round(y * 10) / 10, left, this.y(y) + 4);
+    }
+    pen.stroke();
+    pen.textAlign = "left";
+    pen.fillText("m", Math.min(this.x(high[0]) + 8, this.width - 14), bottom);
+  }
+
+  paintCells(pen, cells) {
+    const map = this.run.header.map, size = map.cell * this.scale;
+    const of = map.free === undefined ? new Map(cells) : null;
+    for (let cell = 0; cell < map.columns * map.rows; cell++) {
+      const value = of ? of.get(cell) : cells[cell];
+      const unknown = of ? value === undefined : value === map.unknown || value === null;
+      const free = of ? value === false : value === map.free;
+      if (free) continue;
+      const x = this.x(map.origin[0] + (cell % map.columns) * map.cell);
+      const y = this.y(map.origin[1] + (Math.floor(cell / map.columns) + 1) * map.cell);
+      pen.fillStyle = unknown ? theme("--unknown") : theme("--soft");
+      pen.fillRect(x, y, size + 0.5, size + 0.5);
+      if (unknown) {
+        pen.fillStyle = theme("--faint");
+        pen.font = "10px system-ui, sans-serif";
+        pen.textAlign = "center";
+        if (size > 16) pen.fillText("?", x + size / 2, y + size / 2 + 4);
+      }
+    }
+  }
+
+  paintObstacle(pen, obstacle) {
+    pen.beginPath();
+    let cx = 0, cy = 0, room = 0;
+    if (obstacle.corners) {
+      const points = obstacle.corners.map(([x, y]) => [this.x(x), this.y(y)]);
+      points.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+      pen.closePath();
+      cx = points.reduce((sum, [x]) => sum + x, 0) / points.length;
+      cy = points.reduce((sum, [, y]) => sum + y, 0) / points.length;
+      room = Math.max(...points.map(([x]) => x)) - Math.min(...points.map(([x]) => x));
+    } else {
+      [cx, cy] = [this.x(obstacle.centre[0]), this.y(obstacle.centre[1])];
+      room = 2 * obstacle.radius * this.scale;
+      pen.arc(cx, cy, room / 2, 0, 7);
+    }
+    pen.fillStyle = theme("--wall");
+    pen.fill();
+    pen.fillStyle = hatched(pen, theme("--wall-line"));
+    pen.globalAlpha = 0.55;
+    pen.fill();
+    pen.globalAlpha = 1;
+    pen.strokeStyle = theme("--wall-line");
+    pen.lineWidth = 1.5;
+    pen.stroke();
+    const { low, high } = this.run.header.world;
+    if (this.shown.side && room > 60 && (obstacle.high < high[2] || obstacle.low > low[2])) {
+      const text = `${obstacle.low}–${obstacle.high} m`;
+      pen.font = "11px system-ui, sans-serif";
+      pen.textAlign = "center";
+      pen.lineWidth = 3;
+      pen.strokeStyle = theme("--wall");
+      pen.strokeText(text, cx, cy + 4);
+      pen.fillStyle = theme("--ink");
+      pen.fillText(text, cx, cy + 4);
+    }
+  }
+
+  // --- what moves -------------------------------------------------------------------------------
+
+  drawPaths(context, time, chosen) {
+    const few = this.run.count <= 200;
+    context.lineWidth = 1.5;
+    for (let robot = 0; robot < this.run.count; robot++) {
+      if (!few && robot !== chosen) continue;
+      const points = this.run.pathAt(robot, time);
+      if (!points || points.length < 6) continue;
+      const last = points.length - 3;
+      const x = this.x(points[last]), y = this.y(points[last + 1]);
+      context.strokeStyle = colourOf(robot);
+      context.globalAlpha = robot === chosen ? 0.95 : 0.55;
+      context.setLineDash([5, 4]);
+      context.beginPath();
+      for (let k = 0; k < points.length; k += 3) context.lineTo(this.x(points[k]), this.y(points[k + 1]));
+      context.stroke();
+      context.setLineDash([]);
+      context.beginPath();
+      context.moveTo(x - 4, y - 4);
+      context.lineTo(x + 4, y + 4);
+      context.moveTo(x - 4, y + 4);
+      context.lineTo(x + 4, y - 4);
+      context.stroke();
+    }
+    context.globalAlpha = 1;
+  }
+
+  /** Trails in three parts that fade; all of one colour at once, which is quick. */
+  drawTrails(context, time, chosen) {
+    const { run } = this, robots = run.count;
+    const last = run.sampleAt(time), first = Math.max(run.sampleAt(time - TRAIL_S), 0);
+    if (last <= first) return;
+    const points = Math.max(3, Math.min(40, Math.floor(12000 / robots)));
+    const stride = Math.max(1, Math.ceil((last - first) / points));
+    context.lineWidth = robots > MANY ? 1.2 : 2;
+    context.lineJoin = "round";
+    for (let part = 0; part < 3; part++) {
+      const from = first + Math.floor(((last - first) * part) / 3);
+      const to = first + Math.floor(((last - first) * (part + 1)) / 3);
+      context.globalAlpha = [0.12, 0.25, 0.45][part];
+      for (let hue = 0; hue < Math.min(HUES.length, robots); hue++) {
+        context.strokeStyle = colourOf(hue);
+        context.beginPath();
+        for (let robot = hue; robot < robots; robot += HUES.length) {
+          // Every trail goes through the same samples, whatever the time, so that none flickers.
+          const start = Math.ceil(from / stride) * stride;
+          let moved = false;
+          for (let k = Math.min(start, to); k <= to; k += stride) {
+            const at = (k * robots + robot) * 4;
+            const x = this.x(run.poses[at]), y = this.y(run.poses[at + 1]);
+            if (moved) context.lineTo(x, y); else context.moveTo(x, y);
+            moved = true;
+          }
+          if (part === 2) {
+            context.lineTo(this.x(this.now[4 * robot]), this.y(this.now[4 * robot + 1]));
+          } else {
+            const at = (Math.ceil(to / stride) * stride * robots + robot) * 4;
+            if (at < last * robots * 4) context.lineTo(this.x(run.poses[at]), this.y(run.poses[at + 1]));
+          }
+        }
+        context.stroke();
+      }
+    }
+    context.globalAlpha = 1;
+  }
+
+  /** A robot in the air throws a shadow: the higher, the further away. */
+  drawShadows(context) {
+    const ground = this.run.header.world.low[2];
+    context.fillStyle = theme("--shadow");
+    context.beginPath();
+    for (let robot = 0; robot < this.run.count; robot++) {
+      const up = this.now[4 * robot + 2] - ground;
+      if (!this.run.robots[robot].flies || up < 0.05) continue;
+      const r = Math.max(this.run.robots[robot].radius * this.scale * 0.62, 2);
+      const shift = up * this.scale * 0.09;
+      const x = this.x(this.now[4 * robot]) + shift, y = this.y(this.now[4 * robot + 1]) + shift;
+      context.moveTo(x + r, y);
+      context.arc(x, y, r, 0, 7);
+    }
+    context.fill();
+  }
+
+  /** Discs of half the safety distance: robots are too near where two would meet, heights counted. */
+  drawSafety(context) {
+    const half = this.run.header.safety / 2, near = this.tooNear();
+    for (const bad of [false, true]) {
+      context.beginPath();
+      for (let robot = 0; robot < this.run.count; robot++) {
+        if (near.has(robot) !== bad) continue;
+        const x = this.x(this.now[4 * robot]), y = this.y(this.now[4 * robot + 1]);
+        context.moveTo(x + half * this.scale, y);
+        context.arc(x, y, half * this.scale, 0, 7);
+      }
+      context.strokeStyle = theme(bad ? "--bad" : "--faint");
+      context.lineWidth = bad ? 3 : 1;
+      context.globalAlpha = bad ? 1 : 0.7;
+      context.stroke();
+    }
+    context.globalAlpha = 1;
+  }
+
+  /** Robots that are nearer to another than the safety distance; from left to right, as a sweep. */
+  tooNear() {
+    const { now } = this, apart = this.run.header.safety, found = new Set();
+    const order = Array.from({ length: this.run.count }, (_, k) => k);
+    order.sort((a, b) => now[4 * a] - now[4 * b]);
+    for (let k = 0; k < order.length; k++) {
+      const a = 4 * order[k];
+      for (let m = k + 1; m < order.length; m++) {
+        const b = 4 * order[m], dx = now[b] - now[a];
+        if (dx >= apart) break;
+        const dy = now[b + 1] - now[a + 1], dz = now[b + 2] - now[a + 2];
+        if (dx * dx + dy * dy + dz * dz < apart * apart - 1e-4) found.add(order[k]).add(order[m]);
+      }
+    }
+    return found;
+  }
+
+  drawRobots(context, chosen) {
+    const ratio = window.devicePixelRatio || 1, { now, run } = this;
+    if (this.spriteScale !== this.scale * ratio) {
+      this.spriteScale = this.scale * ratio;
+      this.sprites.clear();
+    }
+    if (chosen >= 0) this.drawHalo(context, chosen);
+    for (let robot = 0; robot < run.count; robot++) {
+      const { sprite, half, middle } = this.spriteOf(robot);
+      const yaw = now[4 * robot + 3], cos = Math.cos(yaw), sin = Math.sin(yaw);
+      const x = this.x(now[4 * robot] + cos * middle), y = this.y(now[4 * robot + 1] + sin * middle);
+      if (x < -50 || y < -50 || x > this.width + 50 || y > this.planHeight + 50) continue;
+      context.setTransform(cos * ratio, -sin * ratio, sin * ratio, cos * ratio, x * ratio, y * ratio);
+      context.drawImage(sprite, -half, -half, 2 * half, 2 * half);
+    }
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    if (this.shown.labels) this.drawLabels(context, chosen);
+  }
+
+  spriteOf(robot) {
+    const look = this.run.robots[robot];
+    const key = `${look.device} ${look.look} ${look.radius} ${robot % HUES.length}`;
+    if (!this.sprites.has(key)) {
+      const ratio = window.devicePixelRatio || 1;
+      const extent = Math.max(look.radius * 1.25, look.length * 0.62);
+      const unit = Math.max(this.scale, 3.2 / look.radius); // never too small to be seen
+      const half = Math.min(extent * unit + 1, 400);
+      const sprite = made("canvas");
+      sprite.width = sprite.height = Math.ceil(2 * half * ratio);
+      const pen = sprite.getContext("2d");
+      pen.translate(sprite.width / 2, sprite.height / 2);
+      drawRobot(pen, look, unit * ratio, colourOf(robot));
+      this.sprites.set(key, { sprite, half, middle: look.middle });
+    }
+    return this.sprites.get(key);
+  }
+
+  drawHalo(context, robot) {
+    const x = this.x(this.now[4 * robot]), y = this.y(this.now[4 * robot + 1]);
+    const r = Math.max(this.run.robots[robot].radius * this.scale, 8) + 5;
+    context.fillStyle = theme("--halo");
+    context.beginPath();
+    context.arc(x, y, r, 0, 7);
+    context.fill();
+    context.strokeStyle = theme("--accent");
+    context.lineWidth = 1.5;
+    context.stroke();
+  }
+
+  drawLabels(context, chosen) {
+    const { now, run } = this;
+    const all = run.count <= MANY || this.scale > 60;
+    context.font = "600 12px system-ui, sans-serif";
+    context.textAlign = "left";
+    context.lineJoin = "round";
+    const taken = [];
+    // The chosen one first: of labels that would cover each other the first is drawn.
+    for (let turn = -1; turn < run.count; turn++) {
+      const robot = turn < 0 ? chosen : turn;
+      if (robot < 0 || turn === chosen || (!all && robot !== chosen)) continue;
+      const x = this.x(now[4 * robot]), y = this.y(now[4 * robot + 1]);
+      if (x < 0 || y < 0 || x > this.width || y > this.planHeight) continue;
+      const r = Math.max(run.robots[robot].radius * this.scale * 0.75, 6);
+      const height = run.robots[robot].flies && run.count <= MANY ? ` ↑${now[4 * robot + 2].toFixed(1)}` : "";
+      const text = isFree(taken, x + r, y - r, context.measureText(`${robot}${height}`).width) ? `${robot}${height}`
+        : isFree(taken, x + r, y - r, 14) ? String(robot) : "";
+      if (!text) continue;
+      taken.push([x + r, y - r, context.measureText(text).width]);
+      context.strokeStyle = theme("--arena");
+      context.lineWidth = 3.5;
+      context.strokeText(text, x + r, y - r + 2);
+      context.fillStyle = theme("--ink");
+      context.fillText(text, x + r, y - r + 2);
+    }
+  }
+
+  drawViolations(context, time) {
+    for (const violation of this.run.violations) {
+      if (violation.time > time + 1e-6) break;
+      const near = time - violation.time < 1.5;
+      for (const [x, y] of this.placesOf(violation)) {
+        if (near) {
+          context.strokeStyle = theme("--bad");
+          context.lineWidth = 2.5;
+          context.beginPath();
+          context.arc(x, y, 20 + 14 * (time - violation.time), 0, 7);
+          context.stroke();
+        }
+        context.globalAlpha = near ? 1 : 0.55;
+        drawViolation(context, x, y - (near ? 26 : 0), near ? 11 : 8);
+        context.globalAlpha = 1;
+      }
+    }
+  }
+
+  /** Where to look: the place of a violation, or its robots at that time. */
+  placesOf(violation) {
+    if (violation.place) return [[this.x(violation.place[0]), this.y(violation.place[1])]];
+    const then = this.run.posesAt(violation.time, new Float32Array(4 * this.run.count));
+    return violation.robots.map((robot) => [this.x(then[4 * robot]), this.y(then[4 * robot + 1])]);
+  }
+
+  // --- from the side ----------------------------------------------------------------------------
+
+  /** Heights over x, in the same columns as the view from above. */
+  drawSide(context, tasks, chosen) {
+    const { low, high, obstacles, tasks: places } = this.run.header.world;
+    const top = this.planHeight, floor = this.height - 14, roof = top + 16;
+    const z = (value) => floor - ((value - low[2]) / (high[2] - low[2])) * (floor - roof);
+    context.fillStyle = theme("--panel");
+    context.fillRect(0, top, this.width, SIDE_HEIGHT);
+    context.fillStyle = theme("--line");
+    context.fillRect(0, top, this.width, 1);
+    context.font = "11px system-ui, sans-serif";
+    context.textAlign = "right";
+    context.fillStyle = theme("--faint");
+    context.strokeStyle = theme("--grid");
+    context.lineWidth = 1;
+    const x0 = this.x(low[0]), x1 = this.x(high[0]);
+    const step = Math.max(1, Math.ceil((high[2] - low[2]) / 4));
+    for (let height = low[2]; height <= high[2] + 1e-9; height += step) {
+      context.fillText(`${height} m`, Math.max(x0 - 6, 34), z(height) + 4);
+      context.beginPath();
+      context.moveTo(x0, Math.round(z(height)) + 0.5);
+      context.lineTo(x1, Math.round(z(height)) + 0.5);
+      context.stroke();
+    }
+    context.textAlign = "left";
+    context.fillText("from the side: height over x", Math.max(x0, 34), top + 12);
+    for (const obstacle of obstacles) {
+      const xs = obstacle.corners ? obstacle.corners.map(([x]) => x)
+        : [obstacle.centre[0] - obstacle.radius, obstacle.centre[0] + obstacle.radius];
+      const left = this.x(Math.min(...xs)), right = this.x(Math.max(...xs));
+      context.globalAlpha = 0.45;
+      context.fillStyle = theme("--wall");
+      context.fillRect(left, z(obstacle.high), right - left, z(obstacle.low) - z(obstacle.high));
+      context.globalAlpha = 1;
+    }
+    places.forEach((place, k) => drawTask(context, this.x(place[0]), z(place[2]), 4, tasks[k].state));
+    const small = this.run.count > MANY, taken = [];
+    for (let robot = 0; robot < this.run.count; robot++) {
+      const x = this.x(this.now[4 * robot]), y = z(this.now[4 * robot + 2]);
+      const half = Math.max(this.run.robots[robot].radius * this.scale * 0.6, small ? 2 : 5);
+      const thick = small ? 2 : 5;
+      context.fillStyle = colourOf(robot);
+      context.fillRect(x - half, y - thick, 2 * half, thick);
+      if (robot === chosen) {
+        context.strokeStyle = theme("--accent");
+        context.lineWidth = 1.5;
+        context.strokeRect(x - half - 3, y - thick - 3, 2 * half + 6, thick + 6);
+      }
+      if (!small && this.shown.labels && isFree(taken, x + half, y, 14)) {
+        taken.push([x + half, y, 14]);
+        context.fillStyle = theme("--ink");
+        context.fillText(String(robot), x + half + 2, y);
+      }
+    }
+  }
+}
+
+/** Whether a label of a width has room beside the others. */
+function isFree(taken, x, y, width) {
+  return taken.every(([a, b, w]) => x > a + w + 2 || a > x + width + 2 || Math.abs(y - b) > 12);
+}

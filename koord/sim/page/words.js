@@ -1,0 +1,111 @@
+// Words, numbers, colours and shapes: what things are called and look like.
+
+const HUES = ["--r0", "--r1", "--r2", "--r3", "--r4", "--r5", "--r6", "--r7"];
+const EVENT_COLOURS = ["--e0", "--e1", "--e2", "--e3", "--e4", "--e5"];
+// Where a bar of an event stands in its lane: so events differ without colour too.
+const EVENT_BARS = [[0, 1], [0.5, 1], [0, 0.5], [0.28, 0.72], [0.7, 1], [0, 0.3]];
+
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8, 16, 32, 64];
+
+const colourOf = (robot) => theme(HUES[robot % HUES.length]);
+
+const themed = new Map();
+function theme(name) {
+  if (!themed.has(name)) {
+    themed.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+  }
+  return themed.get(name);
+}
+
+function clock(time) {
+  const minutes = Math.floor(time / 60 + 1e-9), seconds = Math.max(time - 60 * minutes, 0);
+  return `${minutes}:${seconds.toFixed(1).padStart(4, "0")}`;
+}
+
+const metres = (value) => `${value.toFixed(2)} m`;
+
+/** A type as programs write it. */
+function typeOf(shape) {
+  if (typeof shape === "string") return shape;
+  if (shape.enum) return shape.enum;
+  if (shape.record) return shape.record;
+  if (shape.array) return `${typeOf(shape.array)}[${shape.size}]`;
+  if (shape.robots) return `${typeOf(shape.robots)}[numAgents]`;
+  if (shape.list) return `${typeOf(shape.list)}[]`;
+  return `Map<${shape.map.map(typeOf).join(", ")}>`;
+}
+
+/** A value in the words of its program, at most about so many characters long. */
+function valueOf(shape, value, room = 160) {
+  if (value === null || value === undefined) return "unset";
+  if (typeof shape === "string") return scalar(shape, value);
+  if (shape.enum) return shape.members[value] ?? String(value);
+  if (shape.record) {
+    const parts = shape.fields.map(([name, of], k) => [name, valueOf(of, value[k], room)]);
+    if (isPlace(shape)) return `(${parts.map(([, text]) => text).join(", ")})`;
+    return `{${parts.map(([name, text]) => `${name} ${text}`).join(", ")}}`;
+  }
+  if (shape.map) {
+    const [key, held] = shape.map;
+    return listed(value, ([k, v]) => `${valueOf(key, k)}: ${valueOf(held, v)}`, "{", "}", room);
+  }
+  const element = elementOf(shape);
+  return listed(value, (item) => valueOf(element, item, room), "[", "]", room);
+}
+
+function listed(items, say, open, close, room) {
+  let text = open;
+  for (let k = 0; k < items.length; k++) {
+    if (text.length > room) return `${text}, … ${items.length - k} more${close}`;
+    text += (k ? ", " : "") + say(items[k]);
+  }
+  return text + close;
+}
+
+function scalar(kind, value) {
+  if (kind !== "float" || typeof value !== "number") return String(value);
+  return Number.isInteger(value) ? value.toFixed(1) : String(Math.round(value * 1000) / 1000);
+}
+
+const elementOf = (shape) => shape.array ?? shape.robots ?? shape.list ?? null;
+
+/** Whether a record is made of numbers alone, as places are. */
+function isPlace(shape) {
+  return Boolean(shape.record) && shape.fields.every(([, of]) => of === "float");
+}
+
+/** What a robot did in a round, in words. */
+function deedOf(run, robot, round) {
+  const deed = run.deed(robot, round);
+  if (deed >= 0) return { words: run.events(robot)[deed], kind: "event", deed };
+  if (deed === BLOCKED) return { words: "kept out by a lock", kind: "blocked", deed };
+  if (deed === STOPPED) return { words: "stopped", kind: "stopped", deed };
+  return { words: "skipped", kind: "skipped", deed };
+}
+
+/** A new element with attributes and children. */
+function made(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name === "class") element.className = value;
+    else if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (value !== null && value !== undefined) element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+const byId = (id) => document.getElementById(id);
+
+/** A canvas that is as sharp as the screen; its context in units of CSS pixels. */
+function fitted(canvas, width, height) {
+  const ratio = window.devicePixelRatio || 1;
+  const w = Math.max(1, Math.round(width * ratio)), h = Math.max(1, Math.round(height * ratio));
+  if (canvas.width !== w || canvas.height !== h) {
+    canvas.width = w;
+    canvas.height = h;
+  }
+  const context = canvas.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  return context;
+}

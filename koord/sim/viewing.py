@@ -1,0 +1,40 @@
+"""The page that shows a run: one file that loads nothing, or the same served while it goes on."""
+
+from __future__ import annotations
+
+import base64
+import html
+import re
+import zlib
+from importlib.resources import files
+
+from koord.sim.packing import Cursor, cursor_of, pack
+from koord.sim.recording import Recording
+
+#: The parts of the script, in their order; each may use what stands in those before it.
+_SCRIPTS = ("decode", "run", "words", "glyphs", "map", "timeline", "panels", "main")
+
+
+def page_of(recording: Recording) -> bytes:
+    """A run as one HTML file."""
+    packed = zlib.compress(pack(recording, Cursor(), cursor_of(recording)), 9)
+    return _page(recording.header.program, base64.b64encode(packed).decode())
+
+
+def live_page(program: str) -> bytes:
+    """A page without a run, which asks the server that it came from for one."""
+    return _page(program, "")
+
+
+def _page(program: str, data: str) -> bytes:
+    parts = {
+        "title": html.escape(f"{program} – a run"),
+        "style": _text("style.css"),
+        "script": '"use strict";\n' + "\n".join(_text(f"{name}.js") for name in _SCRIPTS),
+        "data": data,
+    }
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _text("page.html")).encode()
+
+
+def _text(name: str) -> str:
+    return (files("koord.sim") / "page" / name).read_text("utf-8")

@@ -1,0 +1,355 @@
+"""The page of a run: what is embedded in it, and what it does in a browser."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.world import Disc, World
+from koord.runtime.shapes import FLOAT
+from koord.sim.packing import Cursor, cursor_of, pack
+from koord.sim.recording import (
+    Agent,
+    Change,
+    Header,
+    Home,
+    Look,
+    Recorder,
+    Recording,
+    TaskState,
+    Variable,
+)
+from koord.sim.recording import Recorded as Robot
+from koord.sim.viewing import page_of
+from tests.sim import browser
+from tests.sim.browser import Tab
+from tests.sim.recorded import lineform, task
+from tests.sim.unpacking import data_of, unpacked
+
+WORLD = World((0, 0, 0), (8, 6, 3), (Disc((4, 3), 0.5, 0, 2),), ((1, 1, 0), (7, 5, 1)))
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return task().recording
+
+
+# --- what is embedded -----------------------------------------------------------------------------
+
+
+def test_poses_come_back(recording: Recording) -> None:
+    found = unpacked(data_of(page_of(recording)))
+    assert np.allclose(found.times_s, recording.times_s, atol=5e-4)
+    assert np.allclose(found.poses[..., :3], recording.stacked()[..., :3], atol=6e-4)
+    turn = found.poses[..., 3] - recording.stacked()[..., 3]
+    assert np.abs(np.angle(np.exp(1j * turn))).max() < 2e-3
+
+
+def test_rounds_paths_and_tasks_come_back(recording: Recording) -> None:
+    found = unpacked(data_of(page_of(recording)))
+    assert np.array_equal(found.deeds, [done.deeds for done in recording.rounds])
+    assert len(found.paths) == len(recording.paths)
+    for (time_s, robot, points), planned in zip(found.paths, recording.paths, strict=True):
+        assert (robot, round(planned.time_s, 3)) == (planned.robot, time_s)
+        assert np.allclose(points, planned.points, atol=6e-4)
+    changes = [[list(c[:3]) for c in done.changes] for done in recording.rounds]
+    assert [[c[:3] for c in r[2]] for r in found.document["rounds"]] == changes
+    tasks = [[round(c.time_s * 1000), c.task, c.state, c.robot] for c in recording.tasks]
+    assert found.document["tasks"] == tasks
+
+
+def test_the_header_is_json_that_says_all_shapes(recording: Recording) -> None:
+    header = unpacked(data_of(page_of(recording))).document["header"]
+    of_task = header["shared"][1]["shape"]
+    assert of_task["size"] == 6
+    fields = [name for name, _ in of_task["array"]["fields"]]
+    assert fields == ["loc", "assigned", "assignedTo", "id"]
+    assert header["text"] == recording.header.text
+
+
+def test_packs_in_pieces_are_one_pack(recording: Recording) -> None:
+    whole = unpacked(pack(recording, Cursor(), cursor_of(recording)))
+    until = Cursor(50, 40, 3, 2, 0)
+    first = unpacked(pack(recording, Cursor(), until))
+    header = first.document["header"]
+    second = unpacked(pack(recording, until, cursor_of(recording)), header)
+    assert "header" not in second.document
+    assert first.document["ending"] is None
+    assert second.document["ending"] == "all robots have stopped"
+    assert np.array_equal(np.concatenate([first.poses, second.poses]), whole.poses)
+    assert np.array_equal(np.concatenate([first.deeds, second.deeds]), whole.deeds)
+    assert first.document["rounds"] + second.document["rounds"] == whole.document["rounds"]
+    assert len(first.paths) + len(second.paths) == len(whole.paths)
+
+
+def test_headings_may_turn_any_number_of_times() -> None:
+    recorder = Recorder(header(1))
+    turns = np.linspace(0, 300, 400)
+    for k, angle in enumerate(turns):
+        wrapped = np.angle(np.exp(1j * angle))
+        recorder.sample(0.1 * k, np.array([[1.0, 2.0, 0.5]]), np.array([wrapped]))
+    found = unpacked(pack(recorder.recording, Cursor(), cursor_of(recorder.recording)))
+    assert np.abs(np.angle(np.exp(1j * (found.poses[:, 0, 3] - turns)))).max() < 2e-3
+
+
+def test_what_lies_outside_of_the_world_is_drawn_at_its_edge() -> None:
+    recorder = Recorder(header(1))
+    recorder.sample(0.0, np.array([[1e6, -1e6, 0.0]]), np.zeros(1))
+    (x, y, _, _) = unpacked(data_of(page_of(recorder.recording))).poses[0, 0]
+    assert x > 8
+    assert y < 0
+
+
+@pytest.mark.parametrize("evil", ["</script><script>x()</script>", "{{style}}", "a&b<c>"])
+def test_names_and_texts_cannot_leave_their_place(evil: str) -> None:
+    recorder = Recorder(header(1, program=evil))
+    page = page_of(recorder.recording).decode()
+    assert page.count("<script") == 2
+    assert "x()" not in page.replace("&lt;/script&gt;&lt;script&gt;x()&lt;/script&gt;", "")
+    assert unpacked(data_of(page.encode())).document["header"]["program"] == evil
+
+
+def test_a_page_of_16_robots_and_two_minutes_is_small() -> None:
+    page = page_of(lineform(16, 1200).recording)
+    assert len(page) < 1_000_000
+
+
+def header(robots: int, program: str = "a.krd", safety_m: float = 0.6) -> Header:
+    team = tuple(
+        Robot(f"robot {k}", 0, "drone" if k % 2 else "car", *_LOOKS[k % 2]) for k in range(robots)
+    )
+    agent = Agent("A", ("Go", "Wait"), (Variable("speed", Home.LOCAL, FLOAT),))
+    return Header(program, "Go:\n    eff: x = 1\n", 0.1, 7, WORLD, (agent,), team, (), safety_m)
+
+
+_LOOKS: tuple[Any, ...] = ((Look.CAR, 0.48, 0.58, 0.31, 0.165), (Look.DRONE, 0.29, 0.58, 0.58))
+
+
+def circling(robots: int, seconds: float, broken: tuple[float, ...] = ()) -> Recording:
+    """Robots on circles, with an event in every fifth round."""
+    recorder = Recorder(header(robots))
+    middle = np.column_stack([1 + 6 * (np.arange(robots) * 0.618 % 1), np.arange(robots) % 5 + 0.5])
+    for k in range(round(seconds / 0.1) + 1):
+        time_s = 0.1 * k
+        angle: Floats = 0.7 * time_s + np.arange(robots, dtype=np.float64)
+        if recorder.is_due(time_s):
+            flat = middle + 0.4 * np.column_stack([np.cos(angle), np.sin(angle)])
+            yaw: Floats = angle + np.pi / 2
+            place = np.column_stack([flat, np.ones(robots)])
+            recorder.sample(time_s, place, yaw, 0.7 + 0.3 * float(np.cos(time_s)))
+        deeds = np.where((np.arange(robots) + k) % 5 == 0, 0, -1).astype(np.int16)
+        deeds[-1] = -2
+        recorder.round(k, time_s, deeds, [Change(0, 0, -1, 0.5 * k)])
+    for time_s in broken:
+        recorder.violation(time_s, "separation", "0.41 m apart", (0, 1), (4.0, 5.0, 0.0))
+    recorder.task(1.0, 0, TaskState.ASSIGNED, 0)
+    recorder.task(2.0, 0, TaskState.DONE, 0)
+    recorder.end("time is up")
+    return recorder.recording
+
+
+# --- in a browser ---------------------------------------------------------------------------------
+
+BROWSER = browser.installed()
+in_a_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
+
+
+@pytest.fixture(scope="module")
+def tab() -> Iterator[Tab]:
+    assert BROWSER is not None
+    with browser.browser(BROWSER) as tab:
+        yield tab
+
+
+@pytest.fixture
+def opened(tab: Tab, tmp_path: Path) -> Iterator[Tab]:
+    """A page of ten seconds, three robots and two violations; nothing may complain of it."""
+    path = tmp_path / "run.html"
+    path.write_bytes(page_of(circling(3, 10.0, (3.05, 6.0))))
+    tab.complaints.clear()
+    tab.open(path.as_uri())
+    yield tab
+    assert tab.complaints == []
+
+
+@in_a_browser
+def test_the_page_shows_the_run(opened: Tab) -> None:
+    assert opened.ask("document.querySelector('h1').textContent") == "a.krd"
+    assert "3 robots (2 cars, 1 drone)" in opened.ask("byId('facts').textContent")
+    assert opened.ask("page.run.duration") == pytest.approx(10.0)
+    assert opened.ask("page.run.speedOf(0, 5)") == pytest.approx(0.28, abs=0.02)
+    here = opened.ask("[...page.run.posesAt(4.25, new Float32Array(12))]")
+    assert here[0] == pytest.approx(1 + 0.4 * np.cos(0.7 * 4.25), abs=2e-3)
+    assert not is_blank(opened, "map")
+    assert not is_blank(opened, "lanes")
+
+
+@in_a_browser
+def test_it_plays_and_pauses(opened: Tab) -> None:
+    opened.ask("page.setSpeed(4)")
+    opened.press(" ")
+    assert opened.ask("page.isPlaying") is True
+    opened.until("page.time > 0.5")
+    opened.press(" ")
+    assert opened.ask("page.isPlaying") is False
+    stopped = opened.ask("page.time")
+    opened.ask("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert opened.ask("page.time") == stopped
+    opened.ask("page.setSpeed(64), page.play()")
+    opened.until("!page.isPlaying")
+    assert opened.ask("page.time") == pytest.approx(10.0)
+
+
+@in_a_browser
+def test_keys_step_and_jump(opened: Tab) -> None:
+    def time() -> float:
+        found: float = opened.ask("page.time")
+        return found
+
+    opened.press("ArrowRight")
+    assert time() == pytest.approx(0.1)
+    opened.press("ArrowRight", shift=True)
+    assert time() == pytest.approx(1.1)
+    opened.press("ArrowLeft")
+    assert time() == pytest.approx(1.0)
+    opened.press("n")
+    assert time() == pytest.approx(3.05)
+    assert "separation" in shown_text(opened, "toast")
+    opened.press("n")
+    assert time() == pytest.approx(6.0)
+    opened.press("n")
+    assert time() == pytest.approx(6.0)  # there is no further one
+    opened.press("p")
+    assert time() == pytest.approx(3.05)
+    opened.press("End")
+    assert time() == pytest.approx(10.0)
+    opened.press("Home")
+    assert time() == 0
+    before = opened.ask("page.speed")
+    opened.press("+")
+    assert opened.ask("page.speed") > before
+    opened.press("-")
+    assert opened.ask("page.speed") == before
+    opened.press("]")
+    assert opened.ask("page.chosen") == 1
+    opened.press("?")
+    assert opened.ask("byId('keys').open") is True
+
+
+@in_a_browser
+def test_the_timeline_scrubs(opened: Tab) -> None:
+    place = opened.ask(
+        "(({x, y, width}) => [x, y, width])(byId('timeline').getBoundingClientRect())"
+    )
+    x, y, width = place
+    opened.mouse("mousePressed", x + 64 + (width - 78) / 2, y + 10)
+    assert opened.ask("page.time") == pytest.approx(5.0, abs=0.1)
+    opened.mouse("mouseMoved", x + 64 + (width - 78) / 4, y + 10)
+    opened.mouse("mouseReleased", x + 64 + (width - 78) / 4, y + 10)
+    assert opened.ask("page.time") == pytest.approx(2.5, abs=0.1)
+    assert opened.ask("byId('timeline').getAttribute('aria-valuenow')") == "2.5"
+
+
+@in_a_browser
+def test_a_click_in_the_world_chooses_a_robot(opened: Tab) -> None:
+    opened.ask("page.seek(2), new Promise((done) => requestAnimationFrame(done))")
+    x, y = opened.ask(
+        "(({x, y}) => [x + page.map.x(page.map.now[8]), y + page.map.y(page.map.now[9])])"
+        "(byId('map').getBoundingClientRect())"
+    )
+    opened.mouse("mousePressed", x, y)
+    opened.mouse("mouseReleased", x, y)
+    assert opened.ask("page.chosen") == 2
+    assert "Robot 2" in shown_text(opened, "pane")
+
+
+@in_a_browser
+def test_variables_are_those_of_the_round(opened: Tab) -> None:
+    for time_s, speed in ((4.0, "20.0"), (1.0, "5.0"), (9.9, "49.5")):
+        opened.ask(f"page.choose(0), page.seek({time_s})")
+        assert f"speed{speed}" in shown_text(opened, "pane")
+    opened.ask("page.choose(2)")
+    assert "kept out by a lock" in shown_text(opened, "pane")
+
+
+@in_a_browser
+def test_every_tab_and_layer_can_be_shown_light_and_dark(opened: Tab) -> None:
+    for name in ("Shared", "Log", "Program", "Robot"):
+        opened.ask(f"page.panels.show('{name}')")
+        assert shown_text(opened, "pane")
+    opened.ask("[...byId('layers').children].forEach((button) => button.click())")
+    light = opened.ask("theme('--panel')")
+    opened.press("d")
+    assert opened.ask("theme('--panel')") != light
+
+
+@in_a_browser
+def test_values_are_told_as_programs_write_them(opened: Tab) -> None:
+    place = {"record": "pos", "fields": [["x", "float"], ["y", "float"], ["z", "float"]]}
+    for shape, value, words in (
+        (place, [1, 2.5, 0.12345], "(1.0, 2.5, 0.123)"),
+        ({"list": place}, [[0, 0, 0]], "[(0.0, 0.0, 0.0)]"),
+        ({"enum": "Mode", "members": ["go", "wait"]}, 1, "wait"),
+        ({"map": ["int", "bool"]}, [[3, True]], "{3: true}"),
+        ({"record": "T", "fields": [["a", "int"], ["b", "string"]]}, [1, "x"], "{a 1, b x}"),
+        ("int", None, "unset"),
+        ({"list": "int"}, list(range(100)), "… "),
+    ):
+        told = opened.ask(f"valueOf({json.dumps(shape)}, {json.dumps(value)}, 60)")
+        assert words in told
+
+
+@in_a_browser
+def test_a_page_of_a_whole_task_run(tab: Tab, tmp_path: Path, recording: Recording) -> None:
+    path = tmp_path / "task.html"
+    path.write_bytes(page_of(recording))
+    tab.complaints.clear()
+    tab.open(f"{path.as_uri()}#t=9.5&robot=2")
+    assert tab.ask("[page.time, page.chosen]") == [9.5, 2]
+    for k, done in enumerate(recording.rounds[:: len(recording.rounds) // 8]):
+        number = recording.rounds.index(done)
+        (mine,) = [v for v in recording.header.agents[0].variables if v.name == "mine"]
+        position = recording.header.agents[0].variables.index(mine)
+        known = -1
+        for earlier in recording.rounds[: number + 1]:
+            for change in earlier.changes:
+                if change.robot == k % 3 and change.variable == position:
+                    known = int(change.value)  # type: ignore[arg-type]
+        assert tab.ask(f"page.run.own[{k % 3}][{position}].at({number})") == known
+    assert tab.complaints == []
+
+
+@in_a_browser
+def test_many_robots_are_drawn_without_complaint(tab: Tab, tmp_path: Path) -> None:
+    path = tmp_path / "many.html"
+    path.write_bytes(page_of(circling(150, 3.0)))
+    tab.complaints.clear()
+    tab.open(path.as_uri())
+    tab.ask("page.choose(149), page.seek(2)")
+    tab.ask("new Promise((done) => requestAnimationFrame(done))")
+    assert "Robot 149" in shown_text(tab, "pane")
+    assert tab.complaints == []
+
+
+def shown_text(tab: Tab, name: str) -> str:
+    """The text of an element after the next frame."""
+    wait = "await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+    found: str = tab.ask(f"(async () => {{ {wait}; return byId('{name}').textContent; }})()")
+    return found
+
+
+def is_blank(tab: Tab, canvas: str) -> bool:
+    """Whether all of a canvas has one colour."""
+    wait = "await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+    colours = tab.ask(
+        f"(async () => {{ {wait}; const canvas = byId('{canvas}');"
+        "const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;"
+        "return new Set(new Uint32Array(data.buffer)).size; })()"
+    )
+    return bool(colours < 5)
