@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -120,21 +121,23 @@ def test_a_page_of_16_robots_and_two_minutes_is_small() -> None:
     assert len(page) < 1_000_000
 
 
-def header(robots: int, program: str = "a.krd", safety_m: float = 0.6) -> Header:
+def header(robots: int, program: str = "a.krd", world: World = WORLD) -> Header:
     team = tuple(
         Robot(f"robot {k}", 0, "drone" if k % 2 else "car", *_LOOKS[k % 2]) for k in range(robots)
     )
     agent = Agent("A", ("Go", "Wait"), (Variable("speed", Home.LOCAL, FLOAT),))
-    return Header(program, "Go:\n    eff: x = 1\n", 0.1, 7, WORLD, (agent,), team, (), safety_m)
+    return Header(program, "Go:\n    eff: x = 1\n", 0.1, 7, world, (agent,), team, (), 0.6)
 
 
 _LOOKS: tuple[Any, ...] = ((Look.CAR, 0.48, 0.58, 0.31, 0.165), (Look.DRONE, 0.29, 0.58, 0.58))
 
 
 def circling(robots: int, seconds: float, broken: tuple[float, ...] = ()) -> Recording:
-    """Robots on circles, with an event in every fifth round."""
-    recorder = Recorder(header(robots))
-    middle = np.column_stack([1 + 6 * (np.arange(robots) * 0.618 % 1), np.arange(robots) % 5 + 0.5])
+    """Robots on circles, with an event in every fifth round; the more, the wider their world."""
+    wide = max(1.0, (robots / 10) ** 0.5)
+    recorder = Recorder(header(robots, world=replace(WORLD, high=(8 * wide, 6 * wide, 3))))
+    row, rows = np.arange(robots), np.ceil(robots**0.5)
+    middle = wide * np.column_stack([8 * (row % rows + 0.5), 6 * (row // rows + 0.5)]) / rows
     for k in range(round(seconds / 0.1) + 1):
         time_s = 0.1 * k
         angle: Floats = 0.7 * time_s + np.arange(robots, dtype=np.float64)
@@ -185,7 +188,7 @@ def test_the_page_shows_the_run(opened: Tab) -> None:
     assert opened.ask("page.run.duration") == pytest.approx(10.0)
     assert opened.ask("page.run.speedOf(0, 5)") == pytest.approx(0.28, abs=0.02)
     here = opened.ask("[...page.run.posesAt(4.25, new Float32Array(12))]")
-    assert here[0] == pytest.approx(1 + 0.4 * np.cos(0.7 * 4.25), abs=2e-3)
+    assert here[0] == pytest.approx(2 + 0.4 * np.cos(0.7 * 4.25), abs=2e-3)
     assert not is_blank(opened, "map")
     assert not is_blank(opened, "lanes")
 
@@ -248,10 +251,10 @@ def test_the_timeline_scrubs(opened: Tab) -> None:
         "(({x, y, width}) => [x, y, width])(byId('timeline').getBoundingClientRect())"
     )
     x, y, width = place
-    opened.mouse("mousePressed", x + 64 + (width - 78) / 2, y + 10)
+    opened.mouse("mousePressed", x + 84 + (width - 98) / 2, y + 10)
     assert opened.ask("page.time") == pytest.approx(5.0, abs=0.1)
-    opened.mouse("mouseMoved", x + 64 + (width - 78) / 4, y + 10)
-    opened.mouse("mouseReleased", x + 64 + (width - 78) / 4, y + 10)
+    opened.mouse("mouseMoved", x + 84 + (width - 98) / 4, y + 10)
+    opened.mouse("mouseReleased", x + 84 + (width - 98) / 4, y + 10)
     assert opened.ask("page.time") == pytest.approx(2.5, abs=0.1)
     assert opened.ask("byId('timeline').getAttribute('aria-valuenow')") == "2.5"
 

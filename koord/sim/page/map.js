@@ -2,6 +2,8 @@
 
 const TRAIL_S = 8; // how far back trails reach
 const MANY = 60; // of more robots only the chosen one is labelled
+const CROWD = 200; // more robots are drawn more plainly, to be quick
+const TURNS = 64; // a crowd has so many headings
 const SIDE_HEIGHT = 96;
 const LAYERS = [
   ["trails", "Trails"], ["paths", "Paths"], ["safety", "Safety discs"], ["labels", "Labels"], ["side", "Side view"],
@@ -268,19 +270,20 @@ class WorldMap {
     context.globalAlpha = 1;
   }
 
-  /** Trails in three parts that fade; all of one colour at once, which is quick. */
+  /** Trails in parts that fade; all of one colour at once, which is quick. */
   drawTrails(context, time, chosen) {
     const { run } = this, robots = run.count;
     const last = run.sampleAt(time), first = Math.max(run.sampleAt(time - TRAIL_S), 0);
     if (last <= first) return;
-    const points = Math.max(3, Math.min(40, Math.floor(12000 / robots)));
+    const points = Math.max(4, Math.min(40, Math.floor(6000 / robots)));
+    const parts = robots > CROWD ? [0.3] : [0.12, 0.25, 0.45];
     const stride = Math.max(1, Math.ceil((last - first) / points));
-    context.lineWidth = robots > MANY ? 1.2 : 2;
+    context.lineWidth = robots > CROWD ? 1 : robots > MANY ? 1.2 : 2;
     context.lineJoin = "round";
-    for (let part = 0; part < 3; part++) {
-      const from = first + Math.floor(((last - first) * part) / 3);
-      const to = first + Math.floor(((last - first) * (part + 1)) / 3);
-      context.globalAlpha = [0.12, 0.25, 0.45][part];
+    for (let part = 0; part < parts.length; part++) {
+      const from = first + Math.floor(((last - first) * part) / parts.length);
+      const to = first + Math.floor(((last - first) * (part + 1)) / parts.length);
+      context.globalAlpha = parts[part];
       for (let hue = 0; hue < Math.min(HUES.length, robots); hue++) {
         context.strokeStyle = colourOf(hue);
         context.beginPath();
@@ -294,7 +297,7 @@ class WorldMap {
             if (moved) context.lineTo(x, y); else context.moveTo(x, y);
             moved = true;
           }
-          if (part === 2) {
+          if (part === parts.length - 1) {
             context.lineTo(this.x(this.now[4 * robot]), this.y(this.now[4 * robot + 1]));
           } else {
             const at = (Math.ceil(to / stride) * stride * robots + robot) * 4;
@@ -327,6 +330,10 @@ class WorldMap {
   /** Discs of half the safety distance: robots are too near where two would meet, heights counted. */
   drawSafety(context) {
     const half = this.run.header.safety / 2, near = this.tooNear();
+    if (this.run.count > CROWD) {
+      this.stampSafety(context, half * this.scale, near);
+      return;
+    }
     for (const bad of [false, true]) {
       context.beginPath();
       for (let robot = 0; robot < this.run.count; robot++) {
@@ -341,6 +348,34 @@ class WorldMap {
       context.stroke();
     }
     context.globalAlpha = 1;
+  }
+
+  /** The same disc for all of a crowd, drawn once. */
+  stampSafety(context, radius, near) {
+    const half = Math.ceil(radius + 3);
+    const discs = [false, true].map((bad) => this.picture(`disc ${bad}`, half, (pen) => {
+      pen.strokeStyle = theme(bad ? "--bad" : "--faint");
+      pen.lineWidth = bad ? 3 : 1;
+      pen.globalAlpha = bad ? 1 : 0.7;
+      pen.arc(0, 0, radius, 0, 7);
+      pen.stroke();
+    }));
+    for (let robot = 0; robot < this.run.count; robot++) {
+      const disc = discs[Number(near.has(robot))];
+      this.stamp(context, disc, half, this.x(this.now[4 * robot]), this.y(this.now[4 * robot + 1]));
+    }
+  }
+
+  /** A picture that is drawn once for each scale. */
+  picture(key, half, draw) {
+    if (!this.sprites.has(key)) this.sprites.set(key, drawnOnce(half, draw));
+    return this.sprites.get(key);
+  }
+
+  /** A small picture about a point, on whole pixels, which is quick. */
+  stamp(context, picture, half, x, y) {
+    if (x < -half || y < -half || x > this.width + half || y > this.planHeight + half) return;
+    context.drawImage(picture, Math.round(x - half), Math.round(y - half), 2 * half, 2 * half);
   }
 
   /** Robots that are nearer to another than the safety distance; from left to right, as a sweep. */
@@ -367,7 +402,8 @@ class WorldMap {
       this.sprites.clear();
     }
     if (chosen >= 0) this.drawHalo(context, chosen);
-    for (let robot = 0; robot < run.count; robot++) {
+    for (let robot = 0; run.count > CROWD && robot < run.count; robot++) this.stampRobot(context, robot);
+    for (let robot = 0; run.count <= CROWD && robot < run.count; robot++) {
       const { sprite, half, middle } = this.spriteOf(robot);
       const yaw = now[4 * robot + 3], cos = Math.cos(yaw), sin = Math.sin(yaw);
       const x = this.x(now[4 * robot] + cos * middle), y = this.y(now[4 * robot + 1] + sin * middle);
@@ -379,22 +415,26 @@ class WorldMap {
     if (this.shown.labels) this.drawLabels(context, chosen);
   }
 
-  spriteOf(robot) {
+  /** One of a crowd: its heading is one of a few, so that no picture need be turned. */
+  stampRobot(context, robot) {
+    const yaw = this.now[4 * robot + 3], turn = Math.round((yaw / (2 * Math.PI)) * TURNS) & (TURNS - 1);
+    const { sprite, half, middle } = this.spriteOf(robot, turn);
+    const x = this.x(this.now[4 * robot] + Math.cos(yaw) * middle);
+    this.stamp(context, sprite, half, x, this.y(this.now[4 * robot + 1] + Math.sin(yaw) * middle));
+  }
+
+  /** The picture of a robot that points along x, or by so many parts of a turn elsewhere. */
+  spriteOf(robot, turn = 0) {
     const look = this.run.robots[robot];
-    const key = `${look.device} ${look.look} ${look.radius} ${robot % HUES.length}`;
-    if (!this.sprites.has(key)) {
-      const ratio = window.devicePixelRatio || 1;
-      const extent = Math.max(look.radius * 1.25, look.length * 0.62);
-      const unit = Math.max(this.scale, 3.2 / look.radius); // never too small to be seen
-      const half = Math.min(extent * unit + 1, 400);
-      const sprite = made("canvas");
-      sprite.width = sprite.height = Math.ceil(2 * half * ratio);
-      const pen = sprite.getContext("2d");
-      pen.translate(sprite.width / 2, sprite.height / 2);
-      drawRobot(pen, look, unit * ratio, colourOf(robot));
-      this.sprites.set(key, { sprite, half, middle: look.middle });
-    }
-    return this.sprites.get(key);
+    const key = `${look.device} ${look.look} ${look.radius} ${robot % HUES.length} ${turn}`;
+    const extent = Math.max(look.radius * 1.25, look.length * 0.62);
+    const unit = Math.max(this.scale, 3.2 / look.radius); // never too small to be seen
+    const half = Math.ceil(Math.min(extent * unit + 1, 400));
+    const sprite = this.picture(key, half, (pen) => {
+      pen.rotate((-turn / TURNS) * 2 * Math.PI);
+      drawRobot(pen, look, unit, colourOf(robot));
+    });
+    return { sprite, half, middle: look.middle };
   }
 
   drawHalo(context, robot) {
@@ -411,7 +451,13 @@ class WorldMap {
 
   drawLabels(context, chosen) {
     const { now, run } = this;
-    const all = run.count <= MANY || this.scale > 60;
+    const isSeen = (robot) => {
+      const x = this.x(now[4 * robot]), y = this.y(now[4 * robot + 1]);
+      return x >= 0 && y >= 0 && x <= this.width && y <= this.planHeight;
+    };
+    let seen = 0;
+    for (let robot = 0; robot < run.count && seen <= MANY; robot++) seen += isSeen(robot);
+    const all = seen <= MANY;
     context.font = "600 12px system-ui, sans-serif";
     context.textAlign = "left";
     context.lineJoin = "round";
@@ -419,9 +465,8 @@ class WorldMap {
     // The chosen one first: of labels that would cover each other the first is drawn.
     for (let turn = -1; turn < run.count; turn++) {
       const robot = turn < 0 ? chosen : turn;
-      if (robot < 0 || turn === chosen || (!all && robot !== chosen)) continue;
+      if (robot < 0 || turn === chosen || (!all && robot !== chosen) || !isSeen(robot)) continue;
       const x = this.x(now[4 * robot]), y = this.y(now[4 * robot + 1]);
-      if (x < 0 || y < 0 || x > this.width || y > this.planHeight) continue;
       const r = Math.max(run.robots[robot].radius * this.scale * 0.75, 6);
       const height = run.robots[robot].flies && run.count <= MANY ? ` ↑${now[4 * robot + 2].toFixed(1)}` : "";
       const text = isFree(taken, x + r, y - r, context.measureText(`${robot}${height}`).width) ? `${robot}${height}`
@@ -518,6 +563,15 @@ class WorldMap {
       }
     }
   }
+}
+
+/** A picture that reaches `half` pixels from its middle to each side. */
+function drawnOnce(half, draw) {
+  const picture = made("canvas");
+  const pen = fitted(picture, 2 * half, 2 * half);
+  pen.translate(half, half);
+  draw(pen);
+  return picture;
 }
 
 /** Whether a label of a width has room beside the others. */

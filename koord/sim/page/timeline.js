@@ -1,6 +1,6 @@
 // What happened when: tasks, distances, and a lane of events for each robot.
 
-const LANE_LEFT = 64, LANE_RIGHT = 14, MOST_LANES = 24;
+const LANE_LEFT = 84, LANE_RIGHT = 14, MOST_LANES = 24;
 
 class Timeline {
   constructor(run, box) {
