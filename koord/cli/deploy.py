@@ -30,6 +30,7 @@ from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable
 from koord.cli.inputs import Reading, load_programs
+from koord.cli.systems import kinds_by_role
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.model import Configuration
@@ -41,14 +42,9 @@ from koord.runtime.deploy.running import Job, Runner
 from koord.runtime.deploy.status import Status
 from koord.runtime.robot import Robot
 from koord.runtime.transports.transport import TransportError
-from koord.semantics.configurations import dealt
-from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, Severity, refusal
 from koord.syntax.elaborate.settings import Settings
 from koord.syntax.source import whole_file
-
-#: Where ports for robots on this machine are looked for.
-_FIRST_PORT, _PORTS = 20_000, 30_000
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -126,7 +122,9 @@ def _job(arguments: argparse.Namespace, report: Report) -> Job | None:
         return None
     program = programs[0].program
     classes = loaded(compiled(program))
-    kinds = _kinds(program, configuration, report)
+    roles = [robot.kind for robot in configuration.robots]
+    kinds, problems = kinds_by_role(program, roles, configuration.name)
+    report.add(problems)
     _check_functions(classes, configuration, report)
     key, run = _secret(arguments, configuration, report)
     delta_s = arguments.delta if arguments.delta is not None else configuration.delta_s
@@ -141,23 +139,6 @@ def _job(arguments: argparse.Namespace, report: Report) -> Job | None:
         rounds=arguments.rounds,
         journals=None,
     )
-
-
-def _kinds(program: core.Program, configuration: Configuration, report: Report) -> tuple[int, ...]:
-    """Of which kind each robot is: as configured, or dealt round."""
-    names = [agent.name for agent in program.agents]
-    robots = configuration.robots
-    if all(robot.kind is None for robot in robots):
-        return dealt(program, len(robots)).kinds
-    kinds = []
-    for robot in robots:
-        if robot.kind in names:
-            kinds.append(names.index(robot.kind))
-            continue
-        known = ", ".join(str(name) for name in names)
-        story = f"robot {robot.pid} is of kind {robot.kind}, which the program does not have"
-        report.add((_diagnostic("K932", configuration.name, story, f"its kinds are {known}"),))
-    return tuple(kinds)
 
 
 def _check_functions(
@@ -261,8 +242,7 @@ def _all(arguments: argparse.Namespace, job: Job) -> int:
         record = _recording(arguments, stack)
         if arguments.state is not None:
             job = replace(job, journals=_folder(arguments.state))
-        port = _FIRST_PORT + secrets.randbelow(_PORTS)
-        plan = local_plan(job.configuration, job.robots, port)
+        plan = local_plan(job.configuration, job.robots)
         fleet = launched(Launch(job, plan, keeps_moments=record is not None))
         stack.callback(fleet.join)
         stack.callback(fleet.kill)

@@ -179,6 +179,15 @@ INPUT_CATALOGUE = dict(
             "network.",
         ),
         _entry(
+            "K934",
+            "a simulated run does not begin as the program assumes",
+            "The program says with `assume` how its runs begin, and whoever verifies it takes that "
+            "for granted. Here robots, or what they share, begin otherwise: mostly because the "
+            "configuration leaves open where robots are, and then the seed says.\n\n"
+            "The message names the assumption and the robots. `position` of a robot, `positions` "
+            "and `world: {start: …}` say where they begin.",
+        ),
+        _entry(
             "K940",
             "a file is not a certificate of koord",
             "A certificate is one JSON document, written by `koord verify --certificate`. This "

@@ -67,6 +67,7 @@ COMMANDS = (
     Entry("run", "run a program by the rules and show each round"),
     Entry("recheck", "settle the obligations of a proof with another solver"),
     Entry("replay", "check a trace rule by rule against its program"),
+    Entry("sim", "run a program in a simulated world"),
     Entry("compile", "compile a program to Python that robots run"),
     Entry("deploy", "run a program on robots, or as processes on this machine"),
     Entry("config", "check configuration files of runs"),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Floats, Ints
+from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.automaton import State
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.geometry import as_path
@@ -136,6 +136,13 @@ class Fleet:
     def headings(self) -> Floats:
         """Where the robots point, shape ``(n,)``."""
         return self._gathered(lambda members: members.truth()[1][:, None], 1)[:, 0]
+
+    def reached(self) -> Bools:
+        """Which robots have reached what they were told to."""
+        found = np.empty(len(self.robots), np.bool_)
+        for members, numbers in self._squads:
+            found[numbers] = members.group.automata.reached
+        return found
 
     def attitudes(self) -> Floats:
         """Their attitudes as unit quaternions, w first, shape ``(n, 4)``."""

@@ -19,7 +19,16 @@ from koord.runtime.motion.library import Library
 from koord.runtime.motion.mapping import occupied
 from koord.runtime.motion.world import Point
 from koord.runtime.robot import Key, Robot, Turn
-from koord.runtime.shapes import Array, Enumeration, Record, Scalar, Shape, default, element_of
+from koord.runtime.shapes import (
+    Array,
+    Enumeration,
+    Kind,
+    Record,
+    Scalar,
+    Shape,
+    default,
+    element_of,
+)
 from koord.runtime.shapes import Sequence as ListOf
 from koord.sim.fleet import Fleet, Sensed
 from koord.sim.lidar import Scanner
@@ -44,6 +53,7 @@ class Hosted:
         scanners: Mapping[int, Scanner] | None = None,
     ) -> None:
         self.classes, self.kinds = tuple(classes), tuple(kinds)
+        self.watches: tuple[type[Robot], ...] = ()  #: others that may ask the library
         self.fleet, self.library = fleet, library
         self.scanners = dict(scanners or {})
         self._draw = {robot: Random(f"{seed} {robot}") for robot in range(len(kinds))}
@@ -52,7 +62,7 @@ class Hosted:
             for robot in self.scanners
         }
         self._sent: dict[tuple[int, str], Any] = {}
-        self._sensed: tuple[Sensed, ...] = fleet.sensed()
+        self.sensed: tuple[Sensed, ...] = fleet.sensed()  #: what robots know of themselves
         self._walls = occupied(fleet.world) if fleet.world.obstacles else frozenset()
 
     def pass_time(
@@ -69,7 +79,7 @@ class Hosted:
                     self._order(robot.pid, name, robot.PORTS[name], getattr(robot, name))
         self.library.begin_round()
         self.fleet.advance_to(time_s, watch)
-        self._sensed = self.fleet.sensed()
+        self.sensed = self.fleet.sensed()
 
     # --- the host of compiled robots ------------------------------------------------------------
 
@@ -77,20 +87,20 @@ class Hosted:
         """[INIT]: where a robot is, the world's tasks, and else the plainest value there is."""
         shape, robots = self._shape(robot, name), len(self.kinds)
         if robot is not None and name.rpartition("_")[2] == "psn":
-            return _placed(shape, self._sensed[robot].psn)
+            return placed(shape, self.sensed[robot].psn)
         if isinstance(shape, Array) and _is_task(shape.element):
             return tuple(self._task(shape.element, k) for k in range(shape.size))
         return default(shape, robots)
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
         """[ENV-FREE]: what the sensors of a robot say at the end of the round."""
-        sensed = self._sensed[robot.pid]
+        sensed = self.sensed[robot.pid]
         readings: dict[str, Any] = {}
         for name in robot.SENSORS:
             shape = robot.PORTS[name]
             match name.rpartition("_")[2]:
                 case "psn" | "position":
-                    readings[name] = _placed(shape, sensed.psn)
+                    readings[name] = placed(shape, sensed.psn)
                 case "reached" | "done":
                     readings[name] = sensed.reached
                 case "planner":
@@ -108,7 +118,7 @@ class Hosted:
     ) -> Any:
         """[EXTERNAL]: the answers of the library, on real geometry."""
         library, clearance = self.library, self.library.clearance
-        result = self.classes[self.kinds[robot]].EXTERNALS[function]
+        result = self._result(robot, function)
         match re.sub(r"_\d+$", "", function), arguments:
             case "sqrt", (x,):
                 return math.sqrt(x)
@@ -162,10 +172,20 @@ class Hosted:
             return ()
         return scanner.scan(sensed.psn, sensed.heading_rad, self._noise[robot])
 
+    def _result(self, robot: int, function: str) -> Shape:
+        """The shape of the answer; properties may ask what robots do not."""
+        for program in (self.classes[self.kinds[robot]], *self.watches):
+            if function in program.EXTERNALS:
+                return program.EXTERNALS[function]
+        raise LookupError(function)
+
     def _task(self, shape: Shape, number: int) -> Any:
         assert isinstance(shape, Record)
         values = list(default(shape, len(self.kinds)))
         tasks = self.fleet.world.tasks
+        for k, part in enumerate(shape.fields):
+            if isinstance(part, Scalar) and part.kind is Kind.INT:
+                values[k] = -1  # nobody's
         if number < len(tasks):
             values[0] = _point(tasks[number])
         return tuple(values)
@@ -182,14 +202,15 @@ class Hosted:
 
 
 def _is_task(shape: Shape) -> bool:
-    return isinstance(shape, Record) and shape.make.__name__ == "Task"
+    """A task is a record that begins with a place."""
+    return isinstance(shape, Record) and bool(shape.fields) and isinstance(shape.fields[0], Record)
 
 
 def _is_set(place: Any) -> bool:
     return place is not None and not (isinstance(place, tuple) and any(c is None for c in place))
 
 
-def _placed(shape: Shape, point: Point) -> Any:
+def placed(shape: Shape, point: Point) -> Any:
     """A place as a program has it: a record of two or three coordinates, or one number."""
     if isinstance(shape, Scalar):
         return point[0]

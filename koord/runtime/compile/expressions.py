@@ -12,7 +12,14 @@ from typing import assert_never
 
 from koord.runtime.compile.knowledge import Knowledge
 from koord.runtime.compile.naming import Names
-from koord.runtime.compile.spelling import constant, has_floats, is_tree, string, tuple_of
+from koord.runtime.compile.spelling import (
+    constant,
+    has_floats,
+    is_tree,
+    shape,
+    string,
+    tuple_of,
+)
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, UnaryOp
 from koord.syntax.source import Span
@@ -65,6 +72,7 @@ class Scope:
     ranges: dict[int, core.Expr] = field(default_factory=dict)
     #: Ports that the environment writes, and the local variables that they are written to.
     after: dict[int, str] = field(default_factory=dict)
+    watching: bool = False  #: in claims, which are about all robots and of no one
 
     def name(self, variable: core.Variable) -> str:
         """The local variable of a bound slot."""
@@ -143,8 +151,12 @@ def expression(scope: Scope, e: core.Expr) -> Code:
             return replace(asked, faults=True)
         case core.Quantified():
             return _quantified(scope, e)
-        case core.Ran() | core.Stopped():
-            raise AssertionError("only properties ask what robots did")
+        case core.Ran(events=events, robot=robot):
+            return _call(
+                "self.has_run", [expression(scope, robot), Code(repr(events))], faults=True
+            )
+        case core.Stopped(robot=robot):
+            return _call("self.has_stopped", [expression(scope, robot)], faults=True)
     assert_never(e)
 
 
@@ -300,6 +312,8 @@ def _quantified(scope: Scope, e: core.Quantified) -> Code:
     asks = scope.knowledge.asks(e.body)
     label = variable
     match e.domain:
+        case core.AllValues(type=of) if scope.watching:
+            over = Code(f"self.samples({shape(scope.names, of)})")
         case core.AllValues():
             # Nobody can try them all: a summary that speaks of them is taken on trust. [REPLAY]
             return Code("True")
@@ -343,7 +357,7 @@ def read(scope: Scope, place: core.Place) -> Code:
     at its end.
     """
     variable = place.variable
-    code = Code(root(scope, variable))
+    code = _viewed(scope, place) or Code(root(scope, variable))
     sure = scope.is_sure(variable)
     if not sure and variable.home is Home.BOUND:
         scope.unset[variable.slot] = variable
@@ -361,6 +375,40 @@ def read(scope: Scope, place: core.Place) -> Code:
         check = "whole" if is_tree(type_) else "known"
         code = Code(f"{check}({code.text}, {name}, {where})", ATOM, True)
     return code
+
+
+def _viewed(scope: Scope, place: core.Place) -> Code | None:
+    """What a robot holds as claims see it; None where a variable stands for itself. [PROP-READ]"""
+    variable = place.variable
+    if place.primed:
+        return Code(f"self.after[{string(scope.names.attribute(variable, scope.agent))}]")
+    if place.robot is None:
+        return None
+    held = tuple_of(_held_by(scope.names, number, variable) for number in _kinds(scope))
+    return _call(
+        "self.held",
+        [expression(scope, place.robot), Code(held), Code(scope.place(place.robot.span))],
+        faults=True,
+    )
+
+
+def _kinds(scope: Scope) -> range:
+    return range(len(scope.names.program.agents))
+
+
+def _held_by(names: Names, kind: int, variable: core.Variable) -> str:
+    """The attribute of one kind of robot: kinds may number a name differently."""
+    agent = names.program.agents[kind]
+    entries = (
+        agent.locals
+        if variable.home is Home.LOCAL
+        else tuple(port.declaration for port in agent.ports)
+    )
+    named = [entry.variable for entry in entries if entry.variable.name == variable.name]
+    same = [one for one in named if one.slot == variable.slot and one.type == variable.type]
+    for one in (*same, *named):
+        return string(names.attribute(one, kind))
+    return "None"
 
 
 def _step(scope: Scope, above: Code, step: core.Step, type_: Type) -> Code:

@@ -71,14 +71,14 @@ class Knowledge:
             *(entry.initial for entry in entries if not isinstance(entry.initial, Start)),
             *(agent.init for agent in program.agents),
         )
-        self.in_init = self._called(parts)
+        self.in_init = self.called(parts)
 
     def _find_used(self) -> None:
         program = self.program
         entries = [*program.allread, *program.allwrite]
         for agent in program.agents:
             entries += [*agent.locals, *(port.declaration for port in agent.ports)]
-        self.used = self._called(
+        self.used = self.called(
             (
                 *(entry.initial for entry in entries if not isinstance(entry.initial, Start)),
                 *(agent.init for agent in program.agents),
@@ -87,7 +87,7 @@ class Knowledge:
             )
         )
 
-    def _called(self, parts: tuple[object, ...]) -> set[str]:
+    def called(self, parts: tuple[object, ...]) -> set[str]:
         """The functions that are called from some parts of the program, at once or in between."""
         bodies: dict[str, object] = {f.name: f.body for f in self.program.functions}
         bodies |= {f.name: f.requires for f in self.program.externals}

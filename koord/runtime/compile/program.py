@@ -24,11 +24,13 @@ def compiled(program: core.Program) -> str:
 
     Raises NotCompilableError for programs that the verifier has abstracted.
     """
-    return formatted(_Module(program).lines())
+    return formatted(Module(program).lines())
 
 
-class _Module:
+class Module:
     """A module in the making."""
+
+    watching = False  #: whether it is about claims
 
     def __init__(self, program: core.Program) -> None:
         self.program = program
@@ -377,6 +379,7 @@ class _Module:
             in_method,
             taken=self.names.locals_taken(),
             assigned=set(sure),
+            watching=self.watching,
         )
 
     def blanks(self, scope: Scope) -> Lines:

@@ -50,7 +50,7 @@ _CHOICES: Mapping[str, Iterable[str]] = {
     "bot_type": [one.value for one in BotType],
     "transport": [one.value for one in Carrier],
     "level": ["simple", "full", "fast"],
-    "steering": ["pursuit", "predictive"],
+    "steering": ["MPC", "PURSUIT"],
 }
 _MISSING = re.compile(r"Object missing required field `([^`]*)`")
 

@@ -101,7 +101,7 @@ class SimulationForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     """How a device is simulated."""
 
     level: Literal["simple", "full", "fast"] = "full"
-    steering: Literal["pursuit", "predictive"] = "predictive"
+    steering: Literal["MPC", "PURSUIT"] = "MPC"  #: of cars
     noise: NoiseForm = NoiseForm()
     delay: NotNegative = 0.0  #: s, from a command to the actuator
     wind: WindForm = WindForm()

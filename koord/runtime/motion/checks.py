@@ -14,6 +14,9 @@ from koord.runtime.motion.field import field
 from koord.runtime.motion.planning import suits
 from koord.runtime.motion.world import Box, Disc, Point, Polygon, World
 
+#: Up to so many robots all pairs are looked at.
+_FEW = 64
+
 
 class Part(Enum):
     """What a complaint is about."""
@@ -74,12 +77,25 @@ def start_complaints(
         reach = body.width_m / 2 if isinstance(body, Car) else body.radius_m
         if fields[flat].clearance(*start) < (reach if world.obstacles else 0.0):
             yield Complaint(Part.ROBOT, k, f"something stands at the start, {_shown(start)}")
-    for (i, (one, here)), (k, (other, there)) in combinations(enumerate(robots), 2):
+    for i, k in _near_pairs(robots, apart_m):
+        (one, here), (other, there) = robots[i], robots[k]
         least = max(apart_m, _half(one) + _half(other))
         if math.dist(here, there) <= least:
             yield Complaint(
                 Part.ROBOT, k, f"it starts {math.dist(here, there):.2f} m from robot {i}"
             )
+
+
+def _near_pairs(robots: Sequence[tuple[Body, Point]], apart_m: float) -> Iterator[tuple[int, int]]:
+    """The pairs of robots that may be too near to each other, in order."""
+    if len(robots) <= _FEW:
+        yield from combinations(range(len(robots)), 2)
+        return
+    from scipy.spatial import cKDTree
+
+    reach = max(apart_m, 2 * max(_half(body) for body, _ in robots))
+    tree = cKDTree([start for _, start in robots])
+    yield from sorted(tree.query_pairs(reach * (1 + 1e-9)))
 
 
 def _half(body: Body) -> float:

@@ -1,0 +1,159 @@
+"""What a simulated run came to, as text and as JSON."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict
+
+from rich.console import Console
+from rich.table import Table
+
+from koord.cli.simulating import NO_FILE, Job
+from koord.cli.terminal import Paint, style_of, visible
+from koord.sim.measuring import Figures
+from koord.sim.running import Broken, Ending, Simulation
+
+#: More robots, tasks and broken claims than this are summed up in a line.
+_MOST_ROWS = 24
+
+
+def heading(job: Job) -> str:
+    """What is run."""
+    scene = job.scene
+    name = job.configuration.name
+    with_ = "" if name == NO_FILE else f" with {visible(name)}"
+    counts = {n: scene.names.count(n) for n in dict.fromkeys(scene.names)}
+    who = ", ".join(f"{count} {device}" for device, count in counts.items())
+    count = len(scene.robots)
+    robots = f"{count} robot{'' if count == 1 else 's'} ({who})"
+    program = visible(job.loaded.source.name)
+    return f"{program}{with_}: {robots}, δ = {scene.delta_s:g} s, seed {scene.seed}"
+
+
+# --- the report -----------------------------------------------------------------------------------
+
+
+def table(simulation: Simulation, wall_s: float) -> Iterator[str]:
+    """What each robot came to, and all of them together."""
+    figures = simulation.figures()
+    yield from _drawn(_robots(simulation, figures))
+    yield from _drawn(_together(simulation, figures, wall_s))
+
+
+def _drawn(one: Table) -> list[str]:
+    text = io.StringIO()
+    Console(file=text, width=max(60, style_of(sys.stdout).width), no_color=True).print(one)
+    return [line.rstrip() for line in text.getvalue().splitlines()]
+
+
+def _robots(simulation: Simulation, figures: Figures) -> Table:
+    made = Table(box=None, pad_edge=False)
+    made.add_column("robot", justify="right")
+    made.add_column("device")
+    columns = ("m", "waited s", "events", "skips", "blocked", *(["tasks"] if figures.tasks else []))
+    for name in columns:
+        made.add_column(name, justify="right")
+    for pid, of in enumerate(figures.robots[:_MOST_ROWS]):
+        cells = [f"{of.distance_m:.1f}", f"{of.waited_s:.1f}"]
+        cells += [str(of.events), str(of.skips), str(of.blocked)]
+        cells += [str(of.tasks)] if figures.tasks else []
+        made.add_row(str(pid), visible(simulation.scene.names[pid]), *cells)
+    left = len(figures.robots) - _MOST_ROWS
+    if left > 0:
+        made.add_row("…", f"and {left} more", *[""] * len(columns))
+    return made
+
+
+def _together(simulation: Simulation, figures: Figures, wall_s: float) -> Table:
+    made = Table(box=None, pad_edge=False, show_header=False)
+    made.add_column()
+    made.add_column()
+    if figures.tasks:
+        done = f"{figures.tasks_done} of {len(figures.tasks)} visited"
+        when = "" if figures.tasks_s is None else f", the last after {figures.tasks_s:.1f} s"
+        made.add_row("tasks", done + when)
+    made.add_row("distance", f"{figures.distance_m:.1f} m in all")
+    near = figures.nearest
+    if near is not None:
+        one, other = near.robots
+        wanted = f"; safe from {simulation.scene.safety_m:.2f} m on" * (
+            simulation.scene.safety_m > 0
+        )
+        place = f"robots {one} and {other} after {near.time_s:.1f} s"
+        made.add_row("separation", f"at least {near.distance_m:.2f} m ({place}{wanted})")
+    skips = sum(robot.skips for robot in figures.robots)
+    blocked = sum(robot.blocked for robot in figures.robots)
+    events = sum(robot.events for robot in figures.robots)
+    made.add_row("events", f"{events}, and {skips} skips, {blocked} of them for a lock")
+    made.add_row("messages", f"{figures.messages} in {figures.rounds} rounds")
+    if simulation.looked:
+        looks = sum(simulation.looked.values())
+        made.add_row("claims", f"{len(simulation.looked)}, looked at {looks} times")
+    speed = figures.time_s / wall_s if wall_s > 0 else 0.0
+    made.add_row("time", f"{figures.time_s:.1f} s in {wall_s:.1f} s, {speed:.0f} × real time")
+    made.add_row("trace", figures.digest[:16])
+    return made
+
+
+def conclusion(job: Job, simulation: Simulation) -> Iterator[str]:
+    """How the run ended, and what was broken."""
+    style = style_of(sys.stdout)
+    yield ""
+    for broken in simulation.broken[:_MOST_ROWS]:
+        yield f"{style.paint('broken', Paint.ERROR)}: {visible(_told(broken))}"
+    if len(simulation.broken) > _MOST_ROWS:
+        yield f"  and {len(simulation.broken) - _MOST_ROWS} more"
+    assert simulation.ending is not None
+    match simulation.ending:
+        case Ending.FAULT:
+            ended = simulation.fault
+            assert ended is not None
+            whose = "" if ended.robot is None else f" of robot {ended.robot}"
+            said = style.paint("fault", Paint.ERROR)
+            kind, place = ended.fault.kind.value, visible(ended.fault.place)
+            yield f"{said}: {kind}{whose}, after {simulation.time_s:.1f} s, at {place}"
+        case Ending.VIOLATED:
+            pass
+        case ending if simulation.broken:
+            count = len(simulation.broken)
+            yield f"{ending.value}; {count} claim{'' if count == 1 else 's'} broken"
+        case ending:
+            yield f"{style.paint('done', Paint.ADDED)}: {ending.value}"
+
+
+def _told(broken: Broken) -> str:
+    who = ""
+    if broken.robots:
+        many = "robots" if len(broken.robots) > 1 else "robot"
+        who = f" of {many} {' and '.join(map(str, broken.robots))}"
+    where = ""
+    if broken.place is not None:
+        where = f" at ({', '.join(f'{c:.2f}' for c in broken.place)})"
+    words = f": {broken.words}" if broken.words else ""
+    return f"{broken.claim}{who}, after {broken.time_s:.2f} s{where}{words}"
+
+
+def as_document(job: Job, simulation: Simulation, wall_s: float) -> str:
+    """The run as JSON."""
+    figures = simulation.figures()
+    assert simulation.ending is not None
+    document = {
+        "format": "koord-simulated",
+        "version": 1,
+        "program": job.loaded.source.name,
+        "seed": job.scene.seed,
+        "ending": simulation.ending.name.lower(),
+        **asdict(figures),
+        "devices": job.scene.names,
+        "safety_m": job.scene.safety_m,
+        "wall_s": wall_s,
+        "broken": [asdict(broken) for broken in simulation.broken],
+        "fault": None
+        if simulation.fault is None
+        else asdict(simulation.fault.fault)
+        | {"kind": simulation.fault.fault.kind.value, "robot": simulation.fault.robot},
+    }
+    return json.dumps(document, indent=2) + "\n"

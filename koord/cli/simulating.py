@@ -1,0 +1,228 @@
+"""From the files and flags of ``koord sim`` to what is to be simulated: a program in a scene."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+from koord.cli.arguments import settings
+from koord.cli.diagnostics import Report
+from koord.cli.files import DASH, read_program
+from koord.cli.inputs import LoadedProgram, Reading, no_program
+from koord.cli.systems import kinds_by_role
+from koord.runtime.compile import compiled
+from koord.runtime.compile.loading import loaded
+from koord.runtime.compile.watching import Sort, watched
+from koord.runtime.configuration.checking import load as load_configuration
+from koord.runtime.configuration.model import Configuration, Scatter
+from koord.sim.claims import Watching
+from koord.sim.running import Cast, Simulation
+from koord.sim.scene import Scene, params, scene
+from koord.syntax import core
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.load import load
+from koord.syntax.source import Source, whole_file
+from koord.syntax.types import POS, ArrayType, ListType, RecordType, Type
+
+#: So many robots and tasks there are where nobody says how many.
+_ROBOTS, _TASKS = 3, 20
+
+#: What stands for the file of a configuration where there is none.
+NO_FILE = "(none)"
+
+_DEFAULT = """\
+agents:
+{agents}
+devices:
+    car: {{bot_type: CAR, planner: RRT_CAR}}
+    drone: {{bot_type: QUAD, planner: RRT_DRONE}}
+world: {{}}
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A program in a scene. ``given`` are the values of params."""
+
+    loaded: LoadedProgram
+    configuration: Configuration
+    scene: Scene
+    kinds: tuple[int, ...]
+
+    def simulation(self, *, keep_going: bool = False) -> Simulation:
+        """The program in its scene, with all that it claims watched."""
+        program, source, scene = self.loaded.program, self.loaded.source, self.scene
+        cast = Cast(source.name, source.text, loaded(compiled(program)), self.kinds)
+        made = Simulation(cast, scene, keep_going=keep_going)
+        slack = Fraction(repr(scene.slack_m))
+        made.claims.append(Watching(watched(program, slack), made))
+        return made
+
+    def check_start(self, simulation: Simulation) -> None:
+        """Raises KoordError if the run does not begin as the program assumes. (K934)"""
+        problems = []
+        for broken in simulation.broken:
+            if broken.sort != Sort.ASSUMPTION.value:
+                continue
+            name = self.configuration.name
+            span = whole_file("the scene" if name == NO_FILE else name)
+            place = self.configuration.place()
+            if broken.robots:
+                place = self.configuration.place(*self.configuration.robots[0].path)
+                pid = broken.robots[0]
+                if pid < len(self.configuration.robots):
+                    place = self.configuration.place(*self.configuration.robots[pid].path)
+            who = f" of robot{'s' * (len(broken.robots) > 1)} " if broken.robots else ""
+            who += " and ".join(map(str, broken.robots))
+            story = f"the run does not begin as the program assumes: {broken.claim}{who}"
+            hint = f"it is {broken.words}; say where robots are with `position`"
+            problems.append(
+                Diagnostic("K934", Severity.ERROR, span if name == NO_FILE else place, story, hint)
+            )
+        if problems:
+            raise KoordError(tuple(problems[:10]))
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is to be simulated, as far as flags say so."""
+
+    source: Source
+    configuration: Configuration | None  #: None: the plainest that suits the program
+    properties: tuple[Source, ...]
+    params: Mapping[str, ParamValue]
+
+    def job(self, report: Report, robots: int | None, seed: int | None) -> Job | None:
+        """The job, for so many robots and with that seed; None if there are errors in the report.
+
+        Raises KoordError.
+        """
+        before = report.errors
+        program = self._elaborated(report, Settings(self.params))
+        if program is None:
+            return None
+        chosen = dict(self.params)
+        if self.configuration is None:
+            configuration = _default(program, robots or _ROBOTS)
+        else:
+            configuration = self.configuration
+            chosen = {**params(configuration), **chosen}
+        configuration = _with_tasks(configuration, program, sized="tasks" in chosen)
+        made = scene(configuration, seed, robots)
+        kinds, problems = kinds_by_role(program, made.roles, configuration.name)
+        report.add(problems)
+        tasks = made.world.tasks
+        chosen |= self._sizes(program, chosen, len(tasks))
+        places = tuple((Fraction(x), Fraction(y), Fraction(z)) for x, y, z in tasks)
+        reading = Reading(Settings(chosen, places or None), self.properties)
+        program = self._elaborated(report, reading.settings)
+        if program is None or report.errors > before:
+            return None
+        return Job(LoadedProgram(self.source, program, reading), configuration, made, kinds)
+
+    def _elaborated(self, report: Report, chosen: Settings) -> core.Program | None:
+        before = report.errors
+        elaborated = load(self.source, chosen, self.properties)
+        if elaborated.program is None:
+            report.add(elaborated.diagnostics, self.source, *self.properties)
+            if report.errors == before:
+                report.add((no_program(self.source.name),))
+        return elaborated.program
+
+    def _sizes(
+        self, program: core.Program, chosen: Mapping[str, ParamValue], tasks: int
+    ) -> dict[str, ParamValue]:
+        """The param that says how many tasks there are, if nobody has set it: as many as there are.
+
+        Which one it is shows when it is changed.
+        """
+        size = _size(program)
+        if size is None or size == tasks or not tasks:
+            return {}
+        for name, value in program.parameters:
+            if value != size or name in chosen:
+                continue
+            changed = load(self.source, Settings({**chosen, name: tasks}), self.properties).program
+            if changed is not None and _size(changed) == tasks:
+                return {name: tasks}
+        return {}
+
+
+def asked(arguments: argparse.Namespace, report: Report) -> Asked | None:
+    """What the flags ask for; what is wrong with the files goes to the report."""
+    try:
+        source = read_program(arguments.file).source
+        properties = tuple(read_program(path).source for path in arguments.properties)
+    except KoordError as error:
+        report.add(error.diagnostics)
+        return None
+    configuration = None
+    path = arguments.config if arguments.config is not None else _beside(arguments.file)
+    if path is not None:
+        try:
+            text = read_program(path).source
+        except KoordError as error:
+            report.add(error.diagnostics)
+            return None
+        report.add((), text)
+        try:
+            configuration = load_configuration(text)
+        except KoordError as error:
+            report.add(error.diagnostics, text)
+            return None
+        if arguments.delta is not None:
+            configuration = replace(configuration, delta_s=float(arguments.delta))
+    return Asked(source, configuration, properties, settings(arguments.settings))
+
+
+def _beside(path: str) -> str | None:
+    """The configuration that lies beside a program and has its name, if there is one."""
+    beside = Path(path).with_suffix(".yaml")
+    return str(beside) if path != DASH and beside.is_file() else None
+
+
+def _default(program: core.Program, robots: int) -> Configuration:
+    """Cars and drones in turn, or what the kinds of robots of a program are called after."""
+    names = [agent.name for agent in program.agents]
+    lines = []
+    for pid in range(robots):
+        name = names[pid % len(names)]
+        device = ("car", "drone")[pid % 2]
+        if name:
+            device = "car" if "car" in name.lower() else "drone"
+        kind = f", kind: {name}" if name else ""
+        lines.append(f"    - {{pid: {pid}, on_device: {device}{kind}}}")
+    return load_configuration(Source(NO_FILE, _DEFAULT.format(agents="\n".join(lines))))
+
+
+def _with_tasks(
+    configuration: Configuration, program: core.Program, *, sized: bool
+) -> Configuration:
+    """Tasks for a program that has a list of them, if the configuration has none."""
+    size, scatter = _size(program), configuration.scatter
+    if size is None or scatter.tasks or (configuration.world and configuration.world.tasks):
+        return configuration
+    count = size if sized or configuration.name != NO_FILE else _TASKS
+    return replace(configuration, scatter=Scatter(count, scatter.start))
+
+
+def _size(program: core.Program) -> int | None:
+    """How many tasks a program has a list of; 0 for a list of any length, None without a list."""
+    for entry in program.allwrite:
+        match entry.variable.type:
+            case ArrayType(element=element, size=int() as size) if _is_task(element):
+                return size
+            case ListType(element=element) if _is_task(element):
+                return 0
+            case _:
+                pass
+    return None
+
+
+def _is_task(type_: Type) -> bool:
+    """A task is a record that begins with a place."""
+    return isinstance(type_, RecordType) and bool(type_.fields) and type_.fields[0][1] == POS

@@ -1,0 +1,205 @@
+"""Claims with slack: what a program states of exact numbers, as vehicles can keep it.
+
+A vehicle is near to where its program has it be. So comparisons of floats that a claim hangs on
+are loosened by the slack where they count for it, and tightened where they count against it::
+
+    a ≤ b   becomes   a ≤ b + slack, or a ≤ b − slack where it is a supposition
+    a = b   becomes   |a − b| ≤ slack, and stays as it is where it is a supposition
+
+What a function answers is looked at in the same way, as far as its body shows what counts for its
+answer. So with slack a claim never says more than without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from fractions import Fraction
+
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, Home, UnaryOp
+from koord.syntax.types import BOOL, FLOAT, FloatType, RecordType, Type
+
+
+class Side(Enum):
+    """What the truth of an expression counts for."""
+
+    FOR = 1
+    AGAINST = -1
+    BOTH = 0
+
+    @property
+    def other(self) -> Side:
+        return Side(-self.value)
+
+
+@dataclass
+class Loosening:
+    """Loosens the claims of a program; the functions that this takes are gathered."""
+
+    program: core.Program
+    slack: Fraction
+    functions: dict[str, core.Function] = field(default_factory=dict)
+
+    def expression(self, e: core.Expr, side: Side = Side.FOR) -> core.Expr:
+        """A Boolean expression, loosened."""
+        if side is Side.BOTH or not self.slack:
+            return e
+        return self._loose(e, side, {})
+
+    def _loose(self, e: core.Expr, side: Side, variables: dict[int, Side]) -> core.Expr:
+        match e:
+            case core.Binary(op=BinaryOp.AND | BinaryOp.OR, left=left, right=right):
+                made = self._loose(left, side, variables), self._loose(right, side, variables)
+                return replace(e, left=made[0], right=made[1])
+            case core.Binary(op=BinaryOp.IMPLIES, left=left, right=right):
+                supposed = self._loose(left, side.other, variables)
+                return replace(e, left=supposed, right=self._loose(right, side, variables))
+            case core.Unary(op=UnaryOp.NOT, operand=operand):
+                return replace(e, operand=self._loose(operand, side.other, variables))
+            case core.Quantified(body=body):
+                return replace(e, body=self._loose(body, side, variables))
+            case core.Binary(op=BinaryOp.LT | BinaryOp.LE, left=left) if _is_float(left.type):
+                return self._order(e, side)
+            case core.Binary(op=BinaryOp.EQ | BinaryOp.NE):
+                return self._equality(e, side)
+            case core.Call(function=name) if e.type == BOOL:
+                return replace(e, function=self._function(name, side))
+            case _:
+                return e
+
+    def _order(self, e: core.Binary, side: Side) -> core.Expr:
+        amount = core.Const(self.slack * side.value, FLOAT)
+        return replace(e, right=core.Binary(BinaryOp.ADD, e.right, amount, FLOAT))
+
+    def _equality(self, e: core.Binary, side: Side) -> core.Expr:
+        """Equality where it counts for the claim, inequality where it counts against it."""
+        counts = side is Side.FOR if e.op is BinaryOp.EQ else side is Side.AGAINST
+        parts = list(_floats(e.left, e.right))
+        if not counts or not parts:
+            return e
+        near: core.Expr = self._near(*parts[0])
+        for left, right in parts[1:]:
+            near = core.Binary(BinaryOp.AND, near, self._near(left, right), BOOL)
+        return near if e.op is BinaryOp.EQ else core.Unary(UnaryOp.NOT, near, BOOL)
+
+    def _near(self, left: core.Expr, right: core.Expr) -> core.Expr:
+        gap = core.Binary(BinaryOp.SUB, left, right, FLOAT)
+        size = core.Unary(UnaryOp.ABS, gap, FLOAT)
+        return core.Binary(BinaryOp.LE, size, core.Const(self.slack, FLOAT), BOOL)
+
+    # --- functions ------------------------------------------------------------------------------
+
+    def _function(self, name: str, side: Side) -> str:
+        """The name of a function whose answer is loosened; it is made if need be."""
+        loose = f"{name} {side.name.lower()}"
+        if loose not in self.functions:
+            function = self.program.function(name)
+            variables = self._sides(function, side)
+            body = self._block(function.body, side, variables)
+            self.functions[loose] = replace(function, name=loose, body=body)
+        return loose
+
+    def _sides(self, function: core.Function, side: Side) -> dict[int, Side]:
+        """What the truth of each Boolean variable of a function counts for, seen by its reads."""
+        found: dict[int, Side] = {}
+        for slot, one in _reads(function.body, side):
+            found[slot] = one if found.get(slot, one) is one else Side.BOTH
+        return found
+
+    def _block(self, block: core.Block, side: Side, variables: dict[int, Side]) -> core.Block:
+        return tuple(self._statement(s, side, variables) for s in block)
+
+    def _statement(self, s: core.Stmt, side: Side, variables: dict[int, Side]) -> core.Stmt:
+        match s:
+            case core.Return(value=value) if value is not None:
+                return replace(s, value=self._loose(value, side, variables))
+            case core.Assign(place=place, value=value) if value.type == BOOL:
+                counts = Side.BOTH
+                if place.variable.home is Home.BOUND and not place.steps:
+                    counts = variables.get(place.variable.slot, Side.BOTH)
+                if counts is Side.BOTH:
+                    return s
+                return replace(s, value=self._loose(value, counts, variables))
+            case core.If(condition=condition, then=then, otherwise=otherwise):
+                counts = _side_of_condition(then, side)
+                if counts is not Side.BOTH:
+                    condition = self._loose(condition, counts, variables)
+                return core.If(
+                    condition,
+                    self._block(then, side, variables),
+                    self._block(otherwise, side, variables),
+                    span=s.span,
+                )
+            case core.ForRange(body=body) | core.ForEach(body=body) | core.Atomic(body=body):
+                return replace(s, body=self._block(body, side, variables))
+            case _:
+                return s
+
+
+def _side_of_condition(then: core.Block, side: Side) -> Side:
+    """What a condition counts for, seen by what is answered where it is true."""
+    match then:
+        case (core.Return(value=core.Const(value=True)),):
+            return side
+        case (core.Return(value=core.Const(value=False)),):
+            return side.other
+        case _:
+            return Side.BOTH
+
+
+def _reads(block: core.Block, side: Side) -> Iterator[tuple[int, Side]]:
+    """The Boolean variables that are read in a block, and what each read counts for."""
+    for s in block:
+        match s:
+            case core.Return(value=value) if value is not None:
+                yield from _reads_in(value, side)
+            case core.If(condition=condition, then=then, otherwise=otherwise):
+                yield from _reads_in(condition, _side_of_condition(then, side))
+                yield from _reads((*then, *otherwise), side)
+            case core.ForRange(body=body) | core.ForEach(body=body) | core.Atomic(body=body):
+                yield from _reads(body, side)
+            case core.Assign(value=value):
+                yield from _reads_in(value, Side.BOTH)
+            case _:
+                pass
+
+
+def _reads_in(e: core.Expr, side: Side) -> Iterator[tuple[int, Side]]:
+    match e:
+        case core.Read(place=core.Place(variable=variable, steps=())):
+            if variable.home is Home.BOUND and variable.type == BOOL:
+                yield variable.slot, side
+        case core.Binary(op=BinaryOp.AND | BinaryOp.OR, left=left, right=right):
+            yield from (*_reads_in(left, side), *_reads_in(right, side))
+        case core.Binary(op=BinaryOp.IMPLIES, left=left, right=right):
+            yield from (*_reads_in(left, side.other), *_reads_in(right, side))
+        case core.Unary(op=UnaryOp.NOT, operand=operand):
+            yield from _reads_in(operand, side.other)
+        case core.Binary(left=left, right=right):
+            yield from (*_reads_in(left, Side.BOTH), *_reads_in(right, Side.BOTH))
+        case core.Quantified(body=body):
+            yield from _reads_in(body, side)
+        case core.Call(arguments=arguments) | core.ExternalCall(arguments=arguments):
+            for argument in arguments:
+                yield from _reads_in(argument, Side.BOTH)
+        case _:
+            pass
+
+
+def _is_float(type_: Type) -> bool:
+    return isinstance(type_, FloatType)
+
+
+def _floats(left: core.Expr, right: core.Expr) -> Iterator[tuple[core.Expr, core.Expr]]:
+    """The floats of two values of one type, pair by pair; none if there is anything else in it."""
+    match left.type:
+        case FloatType():
+            yield left, right
+        case RecordType(fields=fields) if all(_is_float(type_) for _, type_ in fields):
+            for position, (name, type_) in enumerate(fields):
+                step = core.FieldStep(position, name, type_)
+                yield core.Select(left, step), core.Select(right, step)
+        case _:
+            pass

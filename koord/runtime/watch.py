@@ -1,0 +1,94 @@
+"""What looks at robots from outside: the base of the class that a program's claims compile to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+from koord.runtime.operations import FaultError
+from koord.runtime.proposals import FaultKind
+from koord.runtime.robot import Host, Key, Robot, Status, Turn
+from koord.runtime.shapes import Record, Scalar, Shape, from_plain
+from koord.runtime.shapes import Sequence as ListOf
+
+
+class Watch(Robot):
+    """Claims about robots. What is shared are its attributes; ``robots`` are those looked at.
+
+    In a contract its attributes are a robot's own as well, and ``after`` has what its ports hold
+    after the environment's turn. ``points`` are tried where a summary speaks of all positions.
+    """
+
+    __slots__ = ("after", "points", "robots")
+
+    def __init__(self, kinds: Sequence[int], delta: float, host: Host) -> None:
+        super().__init__(0, kinds, delta, host)
+        self.robots: Sequence[Robot] = ()
+        self.after: Mapping[str, Any] = {}
+        self.points: Sequence[Any] = ()
+
+    def look(self, robots: Sequence[Robot], shared: Mapping[str, Any]) -> None:
+        """Look at robots, and at the variables that they share."""
+        self.robots = robots
+        self.__dict__ = dict(shared)
+
+    def look_at(self, robot: Robot, after: Mapping[str, Any]) -> None:
+        """Look at one robot between two rounds, with what its ports hold now."""
+        self.pid = robot.pid
+        self.__dict__ = vars(robot)
+        self.after = after
+
+    def holds(self, method: str, *arguments: Any) -> bool:
+        """Whether a claim holds; one that faults does not. [PROP-FAULT]"""
+        try:
+            return bool(getattr(self, method)(*arguments))
+        except FaultError:
+            return False
+
+    # --- what claims ask --------------------------------------------------------------------------
+
+    def held(self, robot: int, names: tuple[str | None, ...], place: str) -> Any:
+        """What a robot holds, by the name that its kind gives it. [PROP-READ]"""
+        name = names[self.kinds[robot]] if 0 <= robot < self.numAgents else None
+        if name is None:
+            raise FaultError(FaultKind.INDEX, place, str(robot))
+        return self.robots[robot].__dict__[name]
+
+    def has_run(self, robot: int, events: tuple[tuple[int, int], ...]) -> bool:
+        """[PROP-RAN]"""
+        if not 0 <= robot < self.numAgents:
+            return False
+        return (self.kinds[robot], self.robots[robot].ran) in events
+
+    def has_stopped(self, robot: int) -> bool:
+        """[PROP-STOPPED]"""
+        return 0 <= robot < self.numAgents and self.robots[robot].status is Status.STOPPED
+
+    def samples(self, shape: Shape) -> Sequence[Any]:
+        """Some values of a shape, for summaries that speak of all of them: points, and no more."""
+        return self.points if isinstance(shape, Record) and len(shape.fields) == 3 else ()
+
+    def ask(self, function: str, key: Key, *arguments: Any) -> Any:
+        """What the library answers; claims are no turn, and leave no answers behind. [EXTERNAL]"""
+        shape = self.EXTERNALS[function]
+        answer = self.host.ask(Turn.ENV, self.pid, key, function, arguments)
+        return answer if isinstance(shape, Scalar) else from_plain(shape, answer, self.numAgents)
+
+
+def points_in(values: Sequence[Any], shapes: Sequence[Shape]) -> list[Any]:
+    """The points in some values, and those halfway along the paths in them."""
+    found: list[Any] = []
+    for value, shape in zip(values, shapes, strict=True):
+        match shape:
+            case Record(fields=fields) if len(fields) == 3:
+                found.append(value)
+            case ListOf(element=Record(fields=fields)) if len(fields) == 3:
+                found += value
+                found += [
+                    type(a)(*((x + y) / 2 for x, y in zip(a, b, strict=True)))
+                    for a, b in pairwise(value)
+                ]
+            case _:
+                pass
+    return found

@@ -1,0 +1,190 @@
+"""What a program claims, watched while it runs.
+
+Invariants are looked at after the robots' events and at the end of each round. Contracts are about
+the world as it is, at every tick: not only about what robots are told at the end of a round. All
+claims have the slack of the scene (:mod:`koord.runtime.compile.slack`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Any
+
+from koord.runtime.compile.loading import loaded
+from koord.runtime.compile.watching import Claim, Sort, Watched
+from koord.runtime.motion.world import Point
+from koord.runtime.shapes import from_plain
+from koord.runtime.watch import Watch
+from koord.sim.hosting import placed
+from koord.sim.running import Broken, Moment, Simulation
+
+#: What is looked at when.
+_SORTS = {
+    Moment.BEGUN: (Sort.ASSUMPTION, Sort.INVARIANT, Sort.AT_ROUND),
+    Moment.EVENTS: (Sort.INVARIANT,),
+    Moment.ROUND: (Sort.INVARIANT, Sort.AT_ROUND),
+}
+
+
+@dataclass
+class _Stated:
+    """A claim about robots, and for which of them it is known to hold still."""
+
+    claim: Claim
+    robots: tuple[Sequence[int], ...]
+    broken: set[tuple[int, ...]] = field(default_factory=set)
+    seen: _Seen | None = None
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What a claim has looked at last: of each robot what it holds, and what is shared."""
+
+    own: list[tuple[Any, ...]]
+    shared: tuple[Any, ...]
+
+
+class Watching:
+    """Looks at the claims of a run. ``looked`` counts them, each time that they were looked at."""
+
+    def __init__(self, watched: Watched, run: Simulation) -> None:
+        (made,) = loaded(watched.text)
+        assert issubclass(made, Watch)
+        kinds = run.cast.kinds
+        self.watch = made(kinds, run.scene.delta_s, run.host)
+        run.host.watches = (made,)
+        self.looked: dict[str, int] = {}
+        self._stated: dict[Sort, list[_Stated]] = {sort: [] for sort in Sort}
+        self._contracts: list[list[Claim]] = [[] for _ in run.cast.classes]
+        for claim in watched.claims:
+            if claim.sort is Sort.CONTRACT:
+                (kind,) = claim.agents
+                assert kind is not None
+                self._contracts[kind].append(claim)
+            elif claim.sort is not Sort.SUMMARY:
+                whose = tuple(_robots(kinds, agent) for agent in claim.agents)
+                self._stated[claim.sort].append(_Stated(claim, whose))
+
+    def look(self, moment: Moment, run: Simulation) -> Iterator[Broken]:
+        """The claims that do not hold now. [PROP-INVARIANT] [PROP-ROUND]"""
+        engine = run.engine
+        if engine.ended is not None:
+            return
+        self.watch.look(engine.robots, engine.store.values)
+        time_s = run.fleet.now_s
+        for sort in _SORTS[moment]:
+            for stated in self._stated[sort]:
+                claim = stated.claim
+                self._count(claim)
+                for robots in self._broken(stated):
+                    place = _place(run, robots[0]) if robots else None
+                    yield Broken(
+                        _named(claim), time_s, robots, place, f"at {claim.span}", sort.value
+                    )
+
+    def glance(self, run: Simulation) -> Iterator[Broken]:
+        """The contracts that the world does not keep now. [PROP-CONTRACT]"""
+        if not any(self._contracts):
+            return
+        fleet = run.fleet
+        positions, reached = fleet.positions().tolist(), fleet.reached().tolist()
+        for robot in run.engine.robots:
+            contracts = self._contracts[robot.KIND]
+            if not contracts:
+                continue
+            x, y, z = positions[robot.pid]
+            after = dict(vars(robot))
+            for name in robot.SENSORS:
+                match name.rpartition("_")[2]:
+                    case "psn" | "position":
+                        shape = robot.PORTS[name]
+                        after[name] = from_plain(shape, placed(shape, (x, y, z)), robot.numAgents)
+                    case "reached" | "done":
+                        after[name] = reached[robot.pid]
+                    case _:
+                        pass
+            self.watch.look_at(robot, after)
+            for claim in contracts:
+                self._count(claim)
+                if not self.watch.holds(claim.method):
+                    who = (robot.pid,)
+                    where = f"at {claim.span}"
+                    yield Broken(_named(claim), fleet.now_s, who, (x, y, z), where, "contract")
+
+    # --- inside ---------------------------------------------------------------------------------
+
+    def _count(self, claim: Claim) -> None:
+        name = _named(claim)
+        self.looked[name] = self.looked.get(name, 0) + 1
+
+    def _broken(self, stated: _Stated) -> list[tuple[int, ...]]:
+        """The robots for which a claim does not hold; one that holds for all has none.
+
+        What nothing has changed of since it was last looked at is as it was.
+        """
+        changed = self._changed(stated)
+        claim, broken = stated.claim, stated.broken
+        for robots in _tuples(stated.robots, changed):
+            if self.watch.holds(claim.method, *robots):
+                broken.discard(robots)
+            else:
+                broken.add(robots)
+        return sorted(broken)
+
+    def _changed(self, stated: _Stated) -> set[int] | None:
+        """The robots of which a claim sees something else than before; None: it may be any."""
+        looks = stated.claim.looks
+        if looks is None:
+            return None
+        values = vars(self.watch)
+        names = sorted(frozenset().union(*looks.own))
+        entries = sorted(frozenset().union(*looks.entries))
+        own = []
+        for robot in self.watch.robots:
+            held, pid = vars(robot), robot.pid
+            own.append(
+                (*(held.get(name) for name in names), *(values[name][pid] for name in entries))
+            )
+        shared = tuple(values[name] for name in sorted(looks.shared))
+        before, stated.seen = stated.seen, _Seen(own, shared)
+        if before is None or any(a is not b for a, b in zip(shared, before.shared, strict=True)):
+            return None
+        return {
+            pid
+            for pid, (now, then) in enumerate(zip(own, before.own, strict=True))
+            if any(a is not b for a, b in zip(now, then, strict=True))
+        }
+
+
+def _robots(kinds: Sequence[int], agent: int | None) -> Sequence[int]:
+    if agent is None:
+        return range(len(kinds))
+    return [pid for pid, kind in enumerate(kinds) if kind == agent]
+
+
+def _tuples(
+    robots: tuple[Sequence[int], ...], changed: set[int] | None
+) -> Iterator[tuple[int, ...]]:
+    """The tuples of robots; only those with one in them that has changed, if that is known."""
+    if changed is None or not robots:
+        yield from product(*robots)
+    elif len(robots) == 2:
+        first, second = robots
+        for one in first:
+            if one in changed:
+                yield from ((one, other) for other in second)
+            else:
+                yield from ((one, other) for other in second if other in changed)
+    else:
+        yield from (several for several in product(*robots) if not changed.isdisjoint(several))
+
+
+def _named(claim: Claim) -> str:
+    return f"{claim.sort.value} {claim.name}"
+
+
+def _place(run: Simulation, robot: int) -> Point:
+    x, y, z = run.fleet.positions()[robot].tolist()
+    return x, y, z

@@ -1,0 +1,221 @@
+"""What a run comes to: distances, separation, waiting, events and skips, tasks and their times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from koord.runtime.engine.fleet import Fleet as Engine
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.automaton import State
+from koord.runtime.motion.world import Point
+from koord.runtime.proposals import Decision
+from koord.runtime.robot import Status
+from koord.runtime.shapes import Array, Record
+from koord.runtime.shapes import Sequence as ListOf
+from koord.sim.fleet import Fleet
+from koord.sim.recording import Recorder, TaskState
+from koord.sim.scene import Scene
+from koord.sim.separation import Nearest, nearest
+
+#: What the field of a task is called that says which robot has it.
+_OWNERS = ("assignedTo", "assignId", "carrier")
+
+
+@dataclass(frozen=True, slots=True)
+class Near:
+    """The smallest separation of a run, and when it was."""
+
+    distance_m: float
+    robots: tuple[int, int]
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class OfRobot:
+    """What a robot came to. ``waited_s``: it had nowhere to go, and had not stopped."""
+
+    distance_m: float
+    waited_s: float
+    events: int
+    skips: int
+    blocked: int  #: rounds in which another robot was in its lock class
+    tasks: int
+
+
+@dataclass(frozen=True, slots=True)
+class OfTask:
+    """A task: who had it, since when, and when that robot came there. None: not yet."""
+
+    robot: int | None
+    assigned_s: float | None
+    visited_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What a run came to. ``messages`` are those that robots would have sent for it. (R-ROUND)"""
+
+    rounds: int
+    time_s: float
+    robots: tuple[OfRobot, ...]
+    tasks: tuple[OfTask, ...]
+    nearest: Near | None
+    messages: int
+    digest: str
+
+    @property
+    def tasks_done(self) -> int:
+        return sum(task.visited_s is not None for task in self.tasks)
+
+    @property
+    def tasks_s(self) -> float | None:
+        """When the last task was visited; None while there are any left, or if there are none."""
+        times = [task.visited_s for task in self.tasks]
+        known = [time for time in times if time is not None]
+        return max(known) if known and len(known) == len(times) else None
+
+    @property
+    def distance_m(self) -> float:
+        return sum(robot.distance_m for robot in self.robots)
+
+
+class Gauge:
+    """Measures a run while it goes on."""
+
+    def __init__(self, fleet: Fleet, engine: Engine, recorder: Recorder, scene: Scene) -> None:
+        self.fleet, self.engine, self.recorder, self.scene = fleet, engine, recorder, scene
+        n = len(scene.robots)
+        self._last = fleet.positions()
+        self._distance: Floats = np.zeros(n)
+        self._waited, self._events = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        self._skips, self._blocked = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        self._near: Near | None = None
+        self._tasks = _task_list(engine)
+        self._owner: list[int | None] = []
+        self._assigned: list[float | None] = []
+        self._visited: list[float | None] = []
+        self._visit_m = [placed.kind.visit.epsilon_m for placed in scene.robots]
+
+    @property
+    def tasks(self) -> int:
+        """How many tasks there are."""
+        return len(self._owner)
+
+    @property
+    def visited(self) -> int:
+        """How many of them were visited."""
+        return sum(time is not None for time in self._visited)
+
+    def tick(self) -> Nearest | None:
+        """A tick of the fleet is over. The answer is the pair of robots that is nearest now."""
+        here = self.fleet.positions()
+        gap = here - self._last
+        self._distance += np.sqrt(np.einsum("ij,ij->i", gap, gap))
+        self._last = here
+        near = nearest(here)
+        if near is not None and (self._near is None or near.distance_m < self._near.distance_m):
+            self._near = Near(near.distance_m, (near.one, near.other), self.fleet.now_s)
+        return near
+
+    def events(self, decision: Decision) -> None:
+        """The robots' events of a round are over."""
+        self._events[[taken.robot for taken in decision.ran]] += 1
+        for robot in decision.skipped:
+            if self.engine.robots[robot].status is Status.STOPPED:
+                continue
+            self._skips[robot] += 1
+            self._blocked[robot] += self.engine.robots[robot].had_an_event
+        self._note_assigned()
+
+    def round(self, states: tuple[State, ...]) -> None:
+        """A round is over, and its robots are in these states."""
+        robots = zip(states, self.engine.robots, strict=True)
+        waits = [s is State.IDLE and r.status is not Status.STOPPED for s, r in robots]
+        self._waited += np.array(waits, np.int64)
+        if self._tasks is not None:
+            self._note_visits(self._tasks)
+
+    def figures(self, digest: str) -> Figures:
+        """What the run has come to."""
+        n, delta_s = len(self.scene.robots), self.scene.delta_s
+        robots = tuple(
+            OfRobot(
+                float(self._distance[k]),
+                float(self._waited[k]) * delta_s,
+                int(self._events[k]),
+                int(self._skips[k]),
+                int(self._blocked[k]),
+                sum(
+                    owner == k and visited is not None
+                    for owner, visited in zip(self._owner, self._visited, strict=True)
+                ),
+            )
+            for k in range(n)
+        )
+        tasks = map(OfTask, self._owner, self._assigned, self._visited)
+        rounds = self.engine.round
+        # One proposal and one acknowledgement of each robot, a decision and a commit.
+        messages = (rounds + 1) * (2 * n + 2)
+        time_s = rounds * delta_s
+        return Figures(rounds, time_s, robots, tuple(tasks), self._near, messages, digest)
+
+    # --- tasks ----------------------------------------------------------------------------------
+
+    def _note_assigned(self) -> None:
+        tasks = self._tasks
+        if tasks is None:
+            return
+        held = self.engine.store.values[tasks.name]
+        if held is None or held is tasks.seen:
+            return
+        tasks.seen = held
+        for known in (self._owner, self._assigned, self._visited):
+            known += [None] * (len(held) - len(known))
+        for number, task in enumerate(held):
+            if self._owner[number] is None and (task[tasks.owner] or 0) >= 0 and tasks.taken(task):
+                self._owner[number] = task[tasks.owner]
+                self._assigned[number] = self.engine.round * self.scene.delta_s
+
+    def _note_visits(self, tasks: _TaskList) -> None:
+        held = self.engine.store.values[tasks.name]
+        for number, owner in self._open():
+            place: Point = tuple(held[number][0])
+            away = math.dist(self._last[owner].tolist(), place)
+            if away <= self._visit_m[owner]:
+                self._visited[number] = self.fleet.now_s
+                self.recorder.task(self.fleet.now_s, number, TaskState.DONE, owner)
+
+    def _open(self) -> Iterator[tuple[int, int]]:
+        for number, owner in enumerate(self._owner):
+            if owner is not None and self._visited[number] is None:
+                yield number, owner
+
+
+@dataclass(slots=True)
+class _TaskList:
+    """The shared list of tasks of a program: its name, and where in a task its owner stands."""
+
+    name: str
+    owner: int
+    flag: int | None
+    seen: object = None
+
+    def taken(self, task: tuple[object, ...]) -> bool:
+        return self.flag is None or task[self.flag] is True
+
+
+def _task_list(engine: Engine) -> _TaskList | None:
+    """The list of tasks, if the program has one; INIT need not be over."""
+    for variable in type(engine.robots[0]).SHARED.variables:
+        shape = variable.shape
+        if isinstance(shape, Array | ListOf) and isinstance(shape.element, Record):
+            names = list(getattr(shape.element.make, "_fields", ()))
+            owners = [names.index(name) for name in _OWNERS if name in names]
+            if owners and isinstance(shape.element.fields[0], Record):
+                flag = names.index("assigned") if "assigned" in names else None
+                return _TaskList(variable.name, owners[0], flag)
+    return None

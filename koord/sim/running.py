@@ -1,0 +1,274 @@
+"""A simulated run: rounds of a compiled program, and a world in which time passes between them.
+
+Nothing here reads a clock or waits: the time of a run is virtual. Equal seeds, programs and scenes
+give equal runs, and equal :attr:`Figures.digest`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Protocol
+
+from koord.runtime.encoding import encode, flat_decision
+from koord.runtime.engine.fleet import Ended
+from koord.runtime.engine.fleet import Fleet as Engine
+from koord.runtime.engine.schedules import Deployed, Schedule
+from koord.runtime.motion.automaton import State
+from koord.runtime.motion.library import Chart, Library
+from koord.runtime.motion.planning import Pose, planner
+from koord.runtime.motion.world import Point
+from koord.runtime.proposals import Decision
+from koord.runtime.robot import Robot, Status
+from koord.sim.fleet import Fleet
+from koord.sim.hosting import Hosted
+from koord.sim.lidar import Scanner
+from koord.sim.measuring import Figures, Gauge
+from koord.sim.observing import Observer, header_of
+from koord.sim.recording import Recorder, Recording
+from koord.sim.scene import Scene
+
+#: A run in which nothing has changed for so long is over.
+_STILL_S = 3.0
+
+
+class Ending(Enum):
+    """How a run ended."""
+
+    STOPPED = "all robots have stopped"
+    STILL = "nothing changes any more"
+    LIMIT = "the time was up"
+    VIOLATED = "a claim was broken"
+    FAULT = "a fault"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """A claim that does not hold: what, when, whose, where; ``sort`` is what it is."""
+
+    claim: str
+    time_s: float
+    robots: tuple[int, ...] = ()
+    place: Point | None = None
+    words: str = ""
+    sort: str = ""
+
+
+class Moment(Enum):
+    """When claims are looked at."""
+
+    BEGUN = "after INIT"
+    EVENTS = "after the robots' events"
+    ROUND = "at the end of a round"
+
+
+class Claims(Protocol):
+    """What a program claims of its runs. ``looked`` says how often each claim was looked at."""
+
+    looked: dict[str, int]
+
+    def look(self, moment: Moment, run: Simulation) -> Iterator[Broken]:
+        """The claims that do not hold now."""
+        ...
+
+    def glance(self, run: Simulation) -> Iterator[Broken]:
+        """The claims that do not hold of the world, at a tick between two rounds."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Cast:
+    """A compiled program, and which robot is of which kind."""
+
+    name: str
+    text: str
+    classes: tuple[type[Robot], ...]
+    kinds: tuple[int, ...]
+
+
+class Simulation:
+    """A run, round by round: :meth:`begin` first, then :meth:`round` until ``ending`` is set."""
+
+    def __init__(
+        self,
+        cast: Cast,
+        scene: Scene,
+        schedule: Schedule | None = None,
+        *,
+        keep_going: bool = False,
+    ) -> None:
+        self.cast, self.scene, self.keep_going = cast, scene, keep_going
+        self.claims: list[Claims] = []  #: that are watched; to be filled before the run begins
+        self.schedule: Schedule = schedule if schedule is not None else Deployed()
+        world, seed = scene.world, scene.seed
+        self.fleet = Fleet(world, scene.robots, seed)
+        self.host = _host(cast, scene, self.fleet)
+        self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, self.host)
+        header = header_of(
+            cast.name,
+            cast.text,
+            cast.classes,
+            cast.kinds,
+            world,
+            scene.robots,
+            delta_s=scene.delta_s,
+            seed=seed,
+            safety_m=scene.safety_m,
+            devices=scene.names,
+        )
+        self.recorder = Recorder(header)
+        self.observer = Observer(self.recorder, self.engine, self.fleet)
+        self.gauge = Gauge(self.fleet, self.engine, self.recorder, scene)
+        self.ending: Ending | None = None
+        self.broken: list[Broken] = []
+        self._told: set[tuple[str, tuple[int, ...]]] = set()
+        self._digest = hashlib.sha256()
+        self._before: tuple[Any, ...] | None = None
+        self._still = 0
+
+    @property
+    def time_s(self) -> float:
+        """The time at which the open round began."""
+        return self.engine.round * self.scene.delta_s
+
+    @property
+    def recording(self) -> Recording:
+        return self.recorder.recording
+
+    def begin(self) -> Decision:
+        """INIT."""
+        decision = self.engine.begin()
+        self.observer.begun(decision)
+        self._note(decision)
+        self._look(Moment.BEGUN)
+        self._conclude()
+        return decision
+
+    def round(self) -> Decision:
+        """The robots' events, then the environment's turn, δ long."""
+        engine = self.engine
+        decision = engine.program_turns(self.schedule)
+        self.observer.round(decision)
+        self.gauge.events(decision)
+        self._note(decision)
+        if engine.ended is None:
+            self._look(Moment.EVENTS)
+            self.host.pass_time(engine.robots, (engine.round + 1) * self.scene.delta_s, self._tick)
+            engine.environment_turn()
+            self.gauge.round(tuple(sensed.state for sensed in self.host.sensed))
+            self._look(Moment.ROUND)
+        self._conclude()
+        return decision
+
+    def end(self, ending: Ending) -> None:
+        """Nothing comes after this."""
+        self.ending = ending
+        self.recorder.end(ending.value)
+
+    def figures(self) -> Figures:
+        """What the run came to."""
+        return self.gauge.figures(self._digest.hexdigest())
+
+    @property
+    def looked(self) -> dict[str, int]:
+        """How often each claim was looked at."""
+        return {name: count for claims in self.claims for name, count in claims.looked.items()}
+
+    @property
+    def fault(self) -> Ended | None:
+        return self.engine.ended
+
+    # --- inside ---------------------------------------------------------------------------------
+
+    def _tick(self, fleet: Fleet) -> None:
+        near = self.gauge.tick()
+        self.observer.tick(fleet, near.distance_m if near is not None else float("nan"))
+        if near is not None and near.distance_m < self.scene.safety_m:
+            words = f"{near.distance_m:.3f} m apart, less than {self.scene.safety_m:.3f} m"
+            place: Point = tuple(fleet.positions()[near.one].tolist())
+            pair = (near.one, near.other)
+            self._break(Broken("separation", fleet.now_s, pair, place, words))
+        for claims in self.claims:
+            for broken in claims.glance(self):
+                self._break(broken)
+
+    def _look(self, moment: Moment) -> None:
+        for claims in self.claims:
+            for broken in claims.look(moment, self):
+                self._break(broken)
+
+    def _break(self, broken: Broken) -> None:
+        """Of a claim that stays broken for the same robots the first time is told."""
+        key = (broken.claim, broken.robots)
+        if key in self._told:
+            return
+        self._told.add(key)
+        self.broken.append(broken)
+        self.recorder.violation(
+            broken.time_s, broken.claim, broken.words, broken.robots, broken.place
+        )
+
+    def _note(self, decision: Decision) -> None:
+        self._digest.update(encode(flat_decision(decision)))
+        self._digest.update(self.fleet.positions().tobytes())
+
+    def _conclude(self) -> None:
+        if self.ending is not None:
+            return
+        if self.engine.ended is not None:
+            self.end(Ending.FAULT)
+        elif self.broken and not self.keep_going:
+            self.end(Ending.VIOLATED)
+        elif self.engine.all_stopped:
+            self.end(Ending.STOPPED)
+        elif self._is_still():
+            self.end(Ending.STILL)
+
+    def _is_still(self) -> bool:
+        """Whether nobody moves, and no variable has changed for a while."""
+        if any(s.state in (State.MOVING, State.PLANNING) for s in self.host.sensed):
+            self._still, self._before = 0, None
+            return False
+        now = tuple((robot.status, dict(vars(robot))) for robot in self.engine.robots)
+        self._still = self._still + 1 if now == self._before else 0
+        self._before = now
+        return self._still * self.scene.delta_s >= _STILL_S
+
+
+def run(simulation: Simulation, time_s: float) -> Iterator[Simulation]:
+    """The rest of a run that has begun, up to a time; it is handed out after each round."""
+    while simulation.ending is None:
+        if simulation.time_s > time_s - 1e-9:
+            simulation.end(Ending.LIMIT)
+            break
+        simulation.round()
+        yield simulation
+
+
+def _host(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
+    """The host of a run, with a library that plans as the robots' planners do."""
+    made = {
+        kind: planner(kind.planner, scene.world, kind.body, kind.effort)
+        for kind in dict.fromkeys(placed.kind for placed in scene.robots)
+    }
+    planners = {pid: made[placed.kind] for pid, placed in enumerate(scene.robots)}
+
+    def pose(robot: int) -> Pose:
+        sensed = host.sensed[robot]
+        return Pose(sensed.psn, sensed.heading_rad)
+
+    reach_m = max((lidar.range_m for lidar in scene.scanners.values()), default=4.0)
+    chart = Chart(scene.world.grid, reach_m)
+    library = Library(planners, pose, scene.clearance, chart, scene.seed)
+    scanners = {
+        robot: Scanner(lidar, scene.world, scene.robots[robot].start[2])
+        for robot, lidar in scene.scanners.items()
+    }
+    host = Hosted(cast.classes, cast.kinds, fleet, library, scene.seed, scanners)
+    return host
+
+
+__all__ = ["Broken", "Cast", "Claims", "Ending", "Moment", "Simulation", "Status", "run"]

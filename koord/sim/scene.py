@@ -1,0 +1,335 @@
+"""Scenes: what a configuration makes of a simulated run, and what the seed decides.
+
+Every mistake is told with its place in the file. (K931)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from fractions import Fraction
+from typing import Any, assert_never
+
+import numpy as np
+
+from koord.runtime.configuration.forms import BotType, SimulationForm
+from koord.runtime.configuration.model import Configuration, RobotPlace, Vehicle
+from koord.runtime.configuration.reading import problem
+from koord.runtime.motion.automaton import Visit
+from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.checks import Part, start_complaints, world_complaints
+from koord.runtime.motion.clearance import Clearance, clearance_of
+from koord.runtime.motion.driving import Steering
+from koord.runtime.motion.field import field
+from koord.runtime.motion.planning import Effort, PlannerName
+from koord.runtime.motion.world import Point, World
+from koord.sim.disturbances import Disturbances, Positioning, Wind
+from koord.sim.fleet import Placed
+from koord.sim.kinds import Kind, Level
+from koord.sim.lidar import Lidar
+from koord.syntax.diagnostics import Diagnostic, KoordError
+from koord.syntax.elaborate.settings import ParamValue
+
+#: How far from its path a robot may be.
+TRACKING_M = 0.15
+
+#: By how much vehicles may be off in properties and contracts; points are off by rounding alone.
+SLACK_M, POINT_SLACK_M = 0.2, 1e-6
+
+#: Tasks of drones are at least so high above the ground, and so far below the top of the world.
+_HIGH_M, _BELOW_TOP_M = 1.0, 0.5
+
+#: Tasks and starts are at least so far from walls and obstacles.
+_FROM_WALLS_M = 0.7
+
+_PLANNERS = {
+    BotType.CAR: (PlannerName.RRT_CAR, PlannerName.RRT_STAR_CAR, PlannerName.STRAIGHT),
+    BotType.QUAD: (PlannerName.RRT_DRONE, PlannerName.RRT_STAR_DRONE, PlannerName.STRAIGHT),
+    BotType.IDEAL: (PlannerName.STRAIGHT, PlannerName.RRT_DRONE, PlannerName.RRT_STAR_DRONE),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A world with robots in it. ``names[i]`` is the device of robot i, ``roles[i]`` its agent."""
+
+    world: World
+    robots: tuple[Placed, ...]
+    names: tuple[str, ...]
+    roles: tuple[str | None, ...]
+    scanners: Mapping[int, Lidar]
+    clearance: Clearance
+    slack_m: float
+    delta_s: float
+    seed: int
+
+    @property
+    def safety_m(self) -> float:
+        """No two robots are to come nearer to each other; 0: they may."""
+        return self.clearance.safety_m
+
+
+def scene(
+    configuration: Configuration, seed: int | None = None, robots: int | None = None
+) -> Scene:
+    """The scene of a configuration, with another seed or another number of robots.
+
+    Of more robots than the configuration has, those to come are like the first. Raises KoordError.
+    """
+    seed = configuration.seed if seed is None else seed
+    places = _as_many(configuration.robots, robots)
+    problems: list[Diagnostic] = []
+    kinds: dict[Vehicle, Kind] = {}
+    for place in places:
+        if place.vehicle not in kinds:
+            kinds[place.vehicle] = _kind(configuration, place.vehicle, problems)
+    if problems:
+        raise KoordError(tuple(problems))
+    world = configuration.world if configuration.world is not None else World()
+    _refuse(configuration, world_complaints(world), places)
+    bodies = [kinds[place.vehicle].body for place in places]
+    clearance = clearance_of(bodies, TRACKING_M, world.ground)
+    if configuration.monitor.safety is not None:
+        clearance = replace(clearance, safety_m=configuration.monitor.safety)
+    draw = np.random.default_rng(np.random.SeedSequence((seed, 1)))
+    starts = _starts(configuration, world, places, bodies, clearance, draw)
+    _refuse(configuration, start_complaints(world, [*zip(bodies, starts, strict=True)]), places)
+    more = _scattered(world, bodies, configuration.scatter.tasks, draw)
+    ideal = all(isinstance(body, Ideal) for body in bodies)
+    slack = configuration.monitor.slack
+    scanners = {
+        place.pid: Lidar(form.beams, form.range, form.noise)
+        for place in places
+        if (form := place.vehicle.simulation.scanner) is not None
+    }
+    return Scene(
+        replace(world, tasks=(*world.tasks, *more)),
+        tuple(
+            Placed(kinds[place.vehicle], start, place.heading_rad)
+            for place, start in zip(places, starts, strict=True)
+        ),
+        tuple(place.vehicle.name for place in places),
+        tuple(place.kind for place in places),
+        scanners,
+        clearance,
+        slack if slack is not None else POINT_SLACK_M if ideal else SLACK_M,
+        configuration.delta_s,
+        seed,
+    )
+
+
+def params(configuration: Configuration) -> dict[str, ParamValue]:
+    """The values that a configuration gives params. Raises KoordError for what is no value."""
+    return {
+        name: _value(configuration, value, ("params", name))
+        for name, value in configuration.params.items()
+    }
+
+
+def _value(configuration: Configuration, value: Any, path: tuple[str | int, ...]) -> ParamValue:
+    match value:
+        case bool() | int() | str():
+            return value
+        case float() if math.isfinite(value):
+            return Fraction(repr(value))
+        case list():
+            return tuple(_value(configuration, v, (*path, k)) for k, v in enumerate(value))
+        case _:
+            hint = "a param is a number, a truth value, a text or a list of them"
+            span = configuration.place(*path)
+            raise KoordError((problem(span, "this is no value of a param", hint),))
+
+
+def _as_many(robots: tuple[RobotPlace, ...], count: int | None) -> tuple[RobotPlace, ...]:
+    if count is None:
+        return robots
+    return tuple(
+        robots[pid]
+        if pid < len(robots)
+        else replace(robots[pid % len(robots)], pid=pid, position=None)
+        for pid in range(count)
+    )
+
+
+# --- kinds of robots ------------------------------------------------------------------------------
+
+
+def _kind(configuration: Configuration, vehicle: Vehicle, problems: list[Diagnostic]) -> Kind:
+    form, planner = vehicle.simulation, _planner(configuration, vehicle, problems)
+    noise, wind, visit = form.noise, form.wind, form.visit
+    return Kind(
+        _body(vehicle),
+        planner,
+        Level(form.level),
+        Steering(form.steering),
+        Visit(visit.epsilon, visit.dwell),
+        Disturbances(
+            Positioning(noise.position, noise.heading, noise.rate),
+            form.delay,
+            Wind(wind.mean, wind.gust, wind.calm),
+        ),
+        Effort(form.effort.steps, form.effort.star_steps),
+    )
+
+
+def _body(vehicle: Vehicle) -> Body:
+    speed = vehicle.speed_mps
+    match vehicle.type:
+        case BotType.CAR:
+            car = Car()
+            if speed is None:
+                return car
+            return replace(car, cruise_mps=speed, speed_mps=max(car.speed_mps, 1.5 * speed))
+        case BotType.QUAD:
+            drone = Drone()
+            if speed is None:
+                return drone
+            return replace(drone, cruise_mps=speed, speed_mps=max(drone.speed_mps, 1.5 * speed))
+        case BotType.IDEAL:
+            return Ideal() if speed is None else Ideal(cruise_mps=speed)
+        case _:
+            assert_never(vehicle.type)
+
+
+def _planner(
+    configuration: Configuration, vehicle: Vehicle, problems: list[Diagnostic]
+) -> PlannerName:
+    suitable = _PLANNERS[vehicle.type]
+    known = ", ".join(name.value for name in suitable)
+    path = (*vehicle.path, "planner")
+    if vehicle.planner is None:
+        described = bool(vehicle.path) and vehicle.path[0] in ("device", "devices")
+        if described and vehicle.path in configuration.document.spans:
+            story = f"it is not said how {vehicle.name} plans its paths"
+            hint = f"write planner: {suitable[0].value}"
+            problems.append(problem(configuration.place(*vehicle.path), story, hint))
+        return suitable[0]
+    if vehicle.planner not in [name.value for name in PlannerName]:
+        near = get_close_matches(vehicle.planner, [name.value for name in suitable], n=1)
+        hint = f"did you mean {near[0]}?" if near else f"there are {known}"
+        story = f"there is no planner {vehicle.planner}"
+        problems.append(problem(configuration.place(*path), story, hint))
+        return suitable[0]
+    name = PlannerName(vehicle.planner)
+    if name not in suitable:
+        story = f"{name.value} is no planner for a {vehicle.type.value}"
+        problems.append(problem(configuration.place(*path), story, f"there are {known}"))
+    return name
+
+
+# --- where robots and tasks are -------------------------------------------------------------------
+
+
+def _starts(
+    configuration: Configuration,
+    world: World,
+    places: Sequence[RobotPlace],
+    bodies: Sequence[Body],
+    clearance: Clearance,
+    draw: np.random.Generator,
+) -> list[Point]:
+    """Where robots begin: where they are told to, else somewhere apart from the others."""
+    starts: list[Point | None] = [
+        None if place.position is None else _on_plane(place.position, body, world)
+        for place, body in zip(places, bodies, strict=True)
+    ]
+    taken = [start for start in starts if start is not None]
+    if len(taken) == len(starts):
+        return taken
+    box = configuration.scatter.start
+    apart = clearance.safety_m + 2 * clearance.resting_m + 0.05
+    for k, (start, body) in enumerate(zip(starts, bodies, strict=True)):
+        if start is not None:
+            continue
+        found = _free_place(world, body, box, np.array(taken).reshape(-1, 3), apart, draw)
+        if found is None:
+            story = f"there is no room for {len(places)} robots, {apart:.2f} m from each other"
+            hint = "make the world larger, or give the robots a `position`"
+            raise KoordError((problem(configuration.place("world", "start"), story, hint),))
+        starts[k] = found
+        taken.append(found)
+    return [start for start in starts if start is not None]
+
+
+def _on_plane(position: Point, body: Body, world: World) -> Point:
+    """Two coordinates are enough for where a robot begins: it begins on the ground."""
+    x, y, z = position
+    return x, y, max(z, world.ground) if isinstance(body, Car) else z
+
+
+def _free_place(
+    world: World,
+    body: Body,
+    box: tuple[Point, Point] | None,
+    taken: np.ndarray[Any, np.dtype[np.float64]],
+    apart_m: float,
+    draw: np.random.Generator,
+) -> Point | None:
+    """Somewhere in a box, or on the ground of the world, apart from all that are there already."""
+    low, high = box if box is not None else _inner(world)
+    flat = isinstance(body, Car)
+    free = field(world, flat=flat)
+    for _ in range(2000):
+        x, y, z = draw.uniform(low, high).tolist()
+        z = world.ground if flat else z
+        if free.clearance(x, y, z) < min(body.radius_m, 0.3):
+            continue
+        gap = np.linalg.norm(taken - np.array([x, y, z]), axis=1)
+        if gap.min(initial=np.inf) > apart_m:
+            return x, y, z
+    return None
+
+
+def _inner(world: World) -> tuple[Point, Point]:
+    """The ground of the world but for what is near to its walls."""
+    margin = [min(_FROM_WALLS_M, (b - a) / 4) for a, b in zip(world.low, world.high, strict=True)]
+    (x0, y0, z), (x1, y1, _) = world.low, world.high
+    dx, dy, _ = margin
+    return (x0 + dx, y0 + dy, z), (x1 - dx, y1 - dy, z)
+
+
+def _scattered(
+    world: World, bodies: Sequence[Body], count: int, draw: np.random.Generator
+) -> list[Point]:
+    """Tasks anywhere in the world: for each robot in turn one that it can do."""
+    (x0, y0, ground), (x1, y1, _) = _inner(world)
+    top = max(world.high[2] - _BELOW_TOP_M, ground)
+    low = min(ground + _HIGH_M, top)
+    found: list[Point] = []
+    for number in range(count):
+        flat = isinstance(bodies[number % len(bodies)], Car)
+        free = field(world, flat=flat)
+        for _ in range(2000):
+            x, y = draw.uniform((x0, y0), (x1, y1)).tolist()
+            z = ground if flat else float(draw.uniform(low, top))
+            if free.clearance(x, y, z) >= _FROM_WALLS_M / 2:
+                break
+        found.append((x, y, z))
+    return found
+
+
+# --- what cannot be -------------------------------------------------------------------------------
+
+
+def _refuse(configuration: Configuration, complaints: Any, places: Sequence[RobotPlace]) -> None:
+    """Raises KoordError for what geometry complains of, each with its place in the file."""
+    problems = []
+    for complaint in complaints:
+        match complaint.part:
+            case Part.BOUNDS:
+                span = configuration.place("world", "bounds")
+            case Part.OBSTACLE:
+                span = configuration.place("world", "obstacles", complaint.index)
+            case Part.TASK:
+                span = configuration.place("world", "tasks", complaint.index)
+            case _:
+                span = configuration.place(*places[complaint.index].path)
+        who = f"robot {complaint.index}: " if complaint.part is Part.ROBOT else ""
+        problems.append(problem(span, f"{who}{complaint.message}"))
+    if problems:
+        raise KoordError(tuple(problems[:100]))
+
+
+__all__ = ["Scene", "SimulationForm", "params", "scene"]
