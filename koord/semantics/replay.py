@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from itertools import islice
 from random import Random
 
-from koord.semantics.configurations import Written
+from koord.semantics.configurations import Configuration, Written
 from koord.semantics.domain import Constant
 from koord.semantics.execution import RecordedInputs, Step, execute
+from koord.semantics.lassos import Flaw, flaw_of
+from koord.semantics.liveness import LIVENESS
 from koord.semantics.oracle import Phase
 from koord.semantics.races import overlap, rewritten
 from koord.semantics.rounds import IllegalStepError
@@ -22,6 +24,7 @@ from koord.semantics.traces.rendering import show_output
 from koord.semantics.traces.trace import (
     BEFORE_ROUNDS,
     Emitted,
+    Numbers,
     Trace,
     Violation,
     ViolationKind,
@@ -125,6 +128,7 @@ class _Replay:
         self.steps = 0
         self.rounds = 0
         self.plan = list(planned(trace))
+        self.ends: list[Configuration[Constant]] = []  #: after INIT and after each round
         self.outputs = iter(trace.outputs)
         self.inputs = SampledInputs(Sampler(trace.system, trace.numbers, Random(0)))
 
@@ -145,6 +149,8 @@ class _Replay:
                 )
                 raise self.refusal("FAULT", plan, f"{reason}, and goes on in the trace")
             self.check_step(plan, step, closes=self.closes(number, step))
+            if step.rule in ("INIT", "ENV-TRANS"):
+                self.ends.append(step.configuration)
             last = step
             self.steps += 1
             seen(step)
@@ -239,8 +245,26 @@ class _Replay:
                 reason = "nobody moved, but the configuration recorded is another"
                 raise self.refusal("EVENT-TRANS", Planned("EVENT-TRANS", number), reason, found)
         violation = self.trace.violation
-        if violation is not None:
+        if self.trace.recording.loop is not None:
+            self.check_lasso(violation, plan)
+        elif violation is not None:
             self.check_violation(violation, plan, last)
+
+    def check_lasso(self, violation: Violation | None, plan: Planned) -> None:
+        """A run that repeats itself closes, is fair, and breaks what it says. [LASSO]"""
+        trace = self.trace
+        flaw: Flaw | None = Flaw("LASSO", "a run without end is told in exact numbers")
+        if trace.numbers is Numbers.EXACT:
+            stated = self.stated(violation.name) if violation is not None else None
+            if violation is not None and stated is None:
+                reason = f"there is no property {violation.name} that a run could break"
+                raise self.refusal("LASSO", plan, reason)
+            flaw = flaw_of(trace.system, trace.recording, self.ends, stated)
+        if flaw is not None:
+            raise self.refusal(flaw.rule, plan, flaw.reason)
+
+    def stated(self, name: str) -> core.Property | None:
+        return next((p for p in self.trace.system.program.properties if p.name == name), None)
 
     def check_violation(self, violation: Violation, plan: Planned, last: Step) -> None:
         """A trace that claims a violation has to show it."""
@@ -261,9 +285,11 @@ class _Replay:
             raise self.refusal(rule, plan, reason)
 
     def property_broken(self, name: str, last: Step) -> tuple[str, bool]:
-        stated = next((p for p in self.trace.system.program.properties if p.name == name), None)
+        stated = self.stated(name)
         if stated is None:
             return "PROP-INVARIANT", False
+        if stated.kind in LIVENESS:
+            return "LASSO", False  # no run that ends refutes it
         at_round = stated.kind is PropertyKind.AT_ROUND
         if at_round and last.rule not in ("INIT", "ENV-TRANS"):
             return "PROP-ROUND", False

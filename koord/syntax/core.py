@@ -661,7 +661,7 @@ class Program(Node):
 
     ``functions`` and ``externals`` are in order of dependence (a function calls earlier ones only).
     ``parameters`` are the constants of the run, with the values used. ``expectations`` are
-    statements of kind LEADS_TO that fair runs are supposed to satisfy.
+    statements of kind LEADS_TO that fair runs are supposed to satisfy. [FAIR-ASSUME]
     """
 
     name: str

@@ -66,6 +66,7 @@ class Course:
     outcomes: tuple[tuple[Outcome, ...], ...]  #: of each entry
     stopped: tuple[tuple[Outcome, ...], ...]  #: the same, if END-PROG stops everybody
     stopped_robots: tuple[int, ...]  #: the robots' numbers then
+    classes: int  #: of the event's text, a bit each, if menus are labelled; else 0
 
     @cached_property
     def robots(self) -> tuple[int, ...]:
@@ -111,12 +112,15 @@ class Menu(NamedTuple):
     """All that a robot can do in a state.
 
     ``obligations`` are the lock classes of each urgent event that forbids skipping unless one of
-    them is taken. [SKIP]
+    them is taken. [SKIP] ``ready`` says whether the robot could run an event whatever the answers,
+    and ``asks`` which lock classes it then asks for, a bit each. [FAIR-ROBOT] [FAIR-LOCK]
     """
 
     courses: tuple[Course, ...]
     failures: tuple[Failure, ...]
     obligations: tuple[int, ...]
+    ready: bool
+    asks: int
 
 
 @dataclass(slots=True)
@@ -131,13 +135,24 @@ class _Kind:
 
 
 class Menus:
-    """The menus of a system. ``relaxed`` keeps runs and skips apart. [T-PREFIX]"""
+    """The menus of a system. ``relaxed`` keeps runs and skips apart [T-PREFIX], ``labelled`` also
+    events of different lock classes. [T-FULL-STATES]
+    """
 
-    def __init__(self, system: System, vault: Vault, commits: Commits, *, relaxed: bool) -> None:
+    def __init__(
+        self,
+        system: System,
+        vault: Vault,
+        commits: Commits,
+        *,
+        relaxed: bool,
+        labelled: bool = False,
+    ) -> None:
         self._system = system
         self._vault = vault
         self._commits = commits
         self._relaxed = relaxed
+        self._labelled = labelled
         self._effects = Effects(system, vault)
         self._kinds = [self._kind(kind) for kind in range(len(system.program.agents))]
 
@@ -242,7 +257,9 @@ class _MenuMaker:
         self.failures: list[Failure] = []
         self.obligations: list[int] = []
         self.excuses: list[Answer] = []
-        self.found: dict[tuple[int, int, bool, bool], dict[int, Entry]] = {}
+        self.ready = False
+        self.asks = -1
+        self.found: dict[tuple[int, int, int, bool], dict[int, Entry]] = {}
 
     def menu(self, events: list[EventOf]) -> Menu:
         if self.own.status != Status.STOPPED:
@@ -251,18 +268,22 @@ class _MenuMaker:
         skipped = self.menus.skipped(self.state[self.robot])
         self._add(NOTHING, 0, Entry(None, skipped, tuple(self.excuses)))
         courses = tuple(self._course(*key, entries) for key, entries in self.found.items())
-        return Menu(courses, tuple(self.failures), tuple(self.obligations))
+        asks = self.asks if self.ready else 0
+        return Menu(courses, tuple(self.failures), tuple(self.obligations), self.ready, asks)
 
     def _consider(self, of: EventOf) -> None:
         effects = self.menus._effects
         guard = effects.guard(of, self.robot, self.state)
         urgent = of.event.urgent
+        classes = classes_of(of.event)
+        self.ready |= guard.is_on
         if urgent and guard.is_on:
-            self.obligations.append(sum(1 << k for k in of.event.lock_classes))
+            self.obligations.append(classes)
         if urgent and of.guard_asks and not guard.is_on:
             self.excuses += effects.excuse(of, self.robot, self.state)
         if guard.is_off:
             return
+        self.asks &= classes
         for effect, codes in effects.effects(of, self.robot, self.state):
             if effect.fault is not None:
                 fault = replace(effect.fault, robot=self.robot)
@@ -276,13 +297,20 @@ class _MenuMaker:
             self._add(write, effect.entered, Entry(of.position, after, effect.answers))
 
     def _add(self, write: int, entered: int, entry: Entry) -> None:
-        apart = self.menus._relaxed and entry.event is None
+        apart = 0
+        if entry.event is None:
+            apart = -1 if self.menus._relaxed else 0
+        elif self.menus._labelled:
+            apart = classes_of(self._event(entry.event))
         running = self.menus._vault.robots.values[entry.robot].status == Status.RUNNING
         key = (write, entered, apart, running)
         self.found.setdefault(key, {}).setdefault(entry.robot, entry)
 
+    def _event(self, position: int) -> core.Event:
+        return self.menus._system.agent(self.robot).events[position]
+
     def _course(
-        self, write: int, entered: int, apart: bool, running: bool, found: dict[int, Entry]
+        self, write: int, entered: int, apart: int, running: bool, found: dict[int, Entry]
     ) -> Course:
         menus, robot, entries = self.menus, self.robot, tuple(found.values())
         stopped = () if running else tuple(menus.stopped(entry.robot) for entry in entries)
@@ -297,7 +325,13 @@ class _MenuMaker:
             tuple(menus.outcomes(robot, entry.robot) for entry in entries),
             tuple(menus.outcomes(robot, number) for number in stopped),
             stopped,
+            max(apart, 0),
         )
+
+
+def classes_of(event: core.Event) -> int:
+    """The lock classes in an event's text, a bit each."""
+    return sum(1 << k for k in event.lock_classes)
 
 
 __all__ = ["Course", "Entry", "Failure", "Menu", "Menus", "Outcome"]

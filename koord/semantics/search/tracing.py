@@ -59,7 +59,7 @@ class Tracer:
         recording, state = self._begun(first)
         for target in others:
             round_, state = next(
-                (round_, after) for round_, after in self._rounds(state) if self._is(after, target)
+                (round_, after) for round_, after in self.rounds(state) if self._is(after, target)
             )
             recording = replace(recording, rounds=(*recording.rounds, round_))
         if last is not None:
@@ -78,7 +78,7 @@ class Tracer:
 
     # --- rounds ---------------------------------------------------------------------------------
 
-    def _rounds(self, state: State) -> Iterator[tuple[Round, State]]:
+    def rounds(self, state: State) -> Iterator[tuple[Round, State]]:
         """Every round from a state, with the state after it."""
         for joint in self._joints.joints(state, self._joints.menus(state)):
             if not joint.is_whole:

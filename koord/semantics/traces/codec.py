@@ -28,7 +28,10 @@ if TYPE_CHECKING:
 FORMAT = "koord trace"
 
 #: Raised with every change that an older reader would misunderstand.
-VERSION = 1
+VERSION = 2
+
+#: What has nothing new in it is written as older readers know it: 2 is a run that repeats itself.
+_PLAIN = 1
 
 Load: TypeAlias = Callable[[Sources], core.Program]
 
@@ -63,7 +66,7 @@ def to_json(trace: Trace) -> dict[str, Json]:
     tasks = sources.tasks
     document: dict[str, Json] = {
         "format": FORMAT,
-        "version": VERSION,
+        "version": _PLAIN if trace.recording.loop is None else VERSION,
         "program": _encode_text(sources.program),
         "properties": [_encode_text(source) for source in sources.properties],
         "params": {name: _encode_param(value) for name, value in sources.params},
@@ -179,7 +182,7 @@ def _check_format(document: Reader) -> None:
             "name a file that `koord run --trace` or `koord verify --trace` wrote",
         )
     version = value.get("version")
-    if version == VERSION and not isinstance(version, bool):
+    if version in (_PLAIN, VERSION) and not isinstance(version, bool):
         return
     if isinstance(version, int) and not isinstance(version, bool) and version > VERSION:
         raise refusal(

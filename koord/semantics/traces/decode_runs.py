@@ -68,7 +68,7 @@ class _Decoding:
         return self.names.system.robots
 
     def trace(self, reader: Reader, sources: Sources) -> Trace:
-        parts = reader.fields(("opening", "initial", "rounds", "violation"))
+        parts = reader.fields(("opening", "initial", "rounds", "violation"), ("loop",))
         opening = parts["opening"].fields(("order", "starts", "answers", "output"))
         outputs = self.outputs(opening["output"], BEFORE_ROUNDS)
         configurations = [self.configuration(parts["initial"])]
@@ -85,6 +85,7 @@ class _Decoding:
                 self.answers(opening["answers"]),
             ),
             tuple(rounds),
+            parts["loop"].integer(0, len(rounds)) if "loop" in parts else None,
         )
         return Trace(
             sources,

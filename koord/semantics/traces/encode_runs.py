@@ -44,6 +44,8 @@ def encode_run(trace: Trace) -> Json:
         written.setdefault(emitted.round, []).append(_encode_output(emitted))
     first, *after = trace.configurations
     rounds = zip(trace.recording.rounds, after, strict=True)
+    loop = trace.recording.loop
+    repeats: dict[str, Json] = {} if loop is None else {"loop": loop}
     return {
         "opening": {
             "order": list(opening.order),
@@ -76,6 +78,7 @@ def encode_run(trace: Trace) -> Json:
             }
             for number, (round_, configuration) in enumerate(rounds)
         ],
+        **repeats,
         "violation": _encode_violation(trace.violation),
     }
 

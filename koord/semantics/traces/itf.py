@@ -63,6 +63,8 @@ def encode_itf(trace: Trace) -> bytes:
         },
         "vars": list[Json](exporting.variables),
     }
+    if trace.recording.loop is not None:
+        head["loop"] = exporting.looped(trace.recording.loop)
     states = ",\n".join(json.dumps(state) for state in exporting.states())
     text = json.dumps(head)[:-1] + f', "states": [\n{states}\n]}}\n'
     return text.encode("utf-8")
@@ -96,6 +98,11 @@ class _Exporting:
         for index, step in enumerate(steps):
             order = orders[step.round] if step.round >= 0 else trace.recording.opening.order
             yield {"#meta": {"index": index, "order": list[Json](order)}, **self._state(step)}
+
+    def looped(self, loop: int) -> int:
+        """The number of the state that the last one is again, but for round and step. [LASSO]"""
+        rounds = self.trace.recording.rounds[:loop]
+        return sum(len(round_.order) + (not round_.cut) for round_ in rounds)
 
     def _state(self, step: Step) -> dict[str, Json]:
         configuration = step.configuration

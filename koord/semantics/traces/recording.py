@@ -74,7 +74,8 @@ class Round:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """A run from INIT on."""
+    """A run from INIT on. Of a lasso, the rounds from number ``loop`` on repeat for ever."""
 
     opening: Opening
     rounds: tuple[Round, ...] = ()
+    loop: int | None = None

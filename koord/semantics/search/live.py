@@ -1,0 +1,364 @@
+"""Liveness by explicit search: all states, and the fair cycles among them. [T-FAIR-CYCLE]
+
+Unlike the search for violated invariants it keeps every state and every edge: symmetry would
+forget who is passed over, and a skip is told from an event that changes nothing. [T-FULL-STATES]
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+from koord.semantics.configurations import System
+from koord.semantics.liveness import Response, expected, locks_of, reads_ran, responses
+from koord.semantics.patience import OutOfPatienceError
+from koord.semantics.search.canonical import State, Vault
+from koord.semantics.search.cells import MOST_SCALARS, TooLargeError
+from koord.semantics.search.checking import Check, check
+from koord.semantics.search.commits import Commits
+from koord.semantics.search.exploring import UnboundedError
+from koord.semantics.search.fair_cycles import Edge, Graph, Wanted, fair_loop, fair_set, way
+from koord.semantics.search.findings import Exhausted, OutOfBounds
+from koord.semantics.search.finite import NotFinite, not_finite
+from koord.semantics.search.joint import Joint, Joints
+from koord.semantics.search.limits import OUT_OF_TIME, Limits, Meter
+from koord.semantics.search.menus import Menu, Menus
+from koord.semantics.search.openings import openings
+from koord.semantics.search.tracing import Tracer
+from koord.semantics.traces.recording import Recording, Round
+from koord.syntax import core
+from koord.syntax.source import NOWHERE
+
+#: Told now and then: states seen, rounds finished.
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Fairness:
+    """Which fairness a proof needs: that of robots, that of locks, and named expectations."""
+
+    robots: bool = False
+    locks: bool = False
+    expectations: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Lively:
+    """What a search for fair cycles says of each property.
+
+    ``violated`` has a lasso for each that is, ``needs`` what the proof of each that holds rests on;
+    if the search did not end by itself, nothing holds. ``is_empty`` says that no run is fair at
+    all: then everything holds, of nothing.
+    """
+
+    violated: dict[str, Recording]
+    needs: dict[str, Fairness]
+    end: Exhausted | OutOfBounds | NotFinite
+    is_empty: bool = False
+
+
+def lively(
+    system: System,
+    properties: Sequence[core.Property],
+    limits: Limits | None = None,
+    *,
+    progress: Progress | None = None,
+    clock: Callable[[], float] = time.monotonic,
+) -> Lively:
+    """Settle liveness properties on all reachable states. [PROP-EVENTUALLY] [PROP-LEADS-TO]"""
+    asked = [s for p in properties for r in responses(system, p) for s in r.statements]
+    asked += [s for r in expected(system) for s in r.statements]
+    reason = not_finite(system, asked)
+    if reason is not None:
+        return Lively({}, {}, reason)
+    meter = Meter(limits if limits is not None else Limits(), clock)
+    tracks_ran = any(reads_ran(system, p) for p in properties)
+    return _Search(system, meter, progress, tracks_ran=tracks_ran).run(properties)
+
+
+class _LimitError(Exception):
+    """A limit is reached."""
+
+
+@dataclass(slots=True)
+class _Nodes:
+    """The graph, node by node. ``owed`` has a bit for each expectation that a node owes."""
+
+    states: list[State] = field(default_factory=list)
+    owed: list[int] = field(default_factory=list)
+    asks: list[int] = field(default_factory=list)
+    edges: list[tuple[Edge, ...]] = field(default_factory=list)
+    starts: list[int] = field(default_factory=list)
+    numbers: dict[tuple[State, int], int] = field(default_factory=dict)
+
+
+class _Search:
+    """One search: builds the graph, then looks for cycles in it."""
+
+    def __init__(
+        self, system: System, meter: Meter, progress: Progress | None, *, tracks_ran: bool
+    ) -> None:
+        vault = Vault(system, tracks_ran=tracks_ran)
+        self._system = system
+        self._vault = vault
+        self._meter = meter
+        self._progress = progress
+        self._commits = Commits(vault)
+        menus = Menus(system, vault, self._commits, relaxed=True, labelled=True)
+        self._joints = Joints(system, vault, menus, self._commits, relaxed=True)
+        self._assumptions = [check(system, vault, a) for a in system.program.assumptions]
+        self._expected = [(r, *self._checks(r)) for r in expected(system)]
+        self._locks = locks_of(system)
+        self._bit = {pair: 1 << k for k, pair in enumerate(self._locks)}
+        self._nodes = _Nodes()
+        self._depth = 0
+
+    def _checks(self, response: Response) -> tuple[Check | None, Check]:
+        trigger = response.trigger
+        goal = check(self._system, self._vault, response.goal)
+        return (None if trigger is None else check(self._system, self._vault, trigger)), goal
+
+    def run(self, properties: Sequence[core.Property]) -> Lively:
+        """Build the graph, as far as limits allow, and ask it about each property."""
+        end: Exhausted | OutOfBounds | NotFinite
+        nodes = self._nodes
+        try:
+            self._build()
+        except _LimitError as limit:
+            end = OutOfBounds(str(limit), len(nodes.states), self._depth)
+        except OutOfPatienceError:
+            return Lively({}, {}, OutOfBounds(OUT_OF_TIME, len(nodes.states), self._depth))
+        except TooLargeError:
+            reached = f"more than {MOST_SCALARS} values in one variable"
+            end = OutOfBounds(reached, len(nodes.states), self._depth)
+        except UnboundedError as unbounded:
+            return Lively({}, {}, NotFinite(str(unbounded), NOWHERE))
+        else:
+            end = Exhausted(len(nodes.states), self._depth)
+        # What was not looked at any more has no edges, so what is found is there all the same.
+        nodes.edges += [()] * (len(nodes.states) - len(nodes.edges))
+        nodes.asks += [0] * (len(nodes.states) - len(nodes.asks))
+        try:
+            return self._answered(properties, end)
+        except OutOfPatienceError:
+            return Lively({}, {}, OutOfBounds(OUT_OF_TIME, len(nodes.states), self._depth))
+
+    # --- the graph ------------------------------------------------------------------------------
+
+    def _build(self) -> None:
+        nodes = self._nodes
+        for opened in openings(self._system, self._vault, self._commits):
+            self._tick()
+            if not opened.is_faulted and all(a.holds(opened.state) for a in self._assumptions):
+                start = self._number(opened.state, 0)
+                if start not in nodes.starts:
+                    nodes.starts.append(start)
+        last = len(nodes.states)
+        while len(nodes.edges) < len(nodes.states):
+            if len(nodes.edges) == last:
+                self._depth += 1
+                last = len(nodes.states)
+            if self._depth == self._meter.limits.rounds:
+                raise _LimitError(f"more than {self._depth} rounds")
+            self._tick()
+            self._expand(len(nodes.edges))
+
+    def _number(self, state: State, owed: int) -> int:
+        """The node of a state that is reached from one that owed so much. [FAIR-ASSUME]"""
+        for k, (_, trigger, goal) in enumerate(self._expected):
+            assert trigger is not None
+            bit = 1 << k
+            if owed & bit or trigger.holds(state):
+                owed = owed & ~bit if goal.holds(state) else owed | bit
+        nodes = self._nodes
+        key = (state, owed)
+        number = nodes.numbers.setdefault(key, len(nodes.states))
+        if number == len(nodes.states):
+            nodes.states.append(state)
+            nodes.owed.append(owed)
+        return number
+
+    def _expand(self, node: int) -> None:
+        nodes, state = self._nodes, self._nodes.states[node]
+        menus = self._joints.menus(state)
+        found: dict[int, list[Edge]] = {}
+        for joint in self._joints.joints(state, menus):
+            self._system.patience.spend()
+            if not joint.is_whole:
+                continue
+            meets, grants = self._label_of(node, menus, joint)
+            for robots, shared in joint.successors():
+                self._system.patience.spend()
+                target = self._number((*robots, *shared), nodes.owed[node])
+                _add(found.setdefault(target, []), Edge(target, meets, grants))
+        nodes.edges.append(tuple(edge for edges in found.values() for edge in edges))
+        nodes.asks.append(sum(bit for (i, k), bit in self._bit.items() if menus[i].asks >> k & 1))
+
+    def _label_of(self, node: int, menus: list[Menu], joint: Joint) -> tuple[int, int]:
+        ran = [course.runs for course in joint.courses]
+        classes = [course.classes for course in joint.courses]
+        return self._label(node, menus, ran, classes)
+
+    def _label(
+        self, node: int, menus: list[Menu], ran: Sequence[bool], classes: Sequence[int]
+    ) -> tuple[int, int]:
+        """What a round from a node meets and grants. [FAIR-ROBOT] [FAIR-LOCK] [FAIR-ASSUME]"""
+        count = self._system.robots
+        meets = sum(1 << i for i in range(count) if ran[i] or not menus[i].ready)
+        paid = ~self._nodes.owed[node] & ((1 << len(self._expected)) - 1)
+        grants = sum(bit for (i, k), bit in self._bit.items() if ran[i] and classes[i] >> k & 1)
+        return meets | paid << count, grants
+
+    def _tick(self) -> None:
+        reached = self._meter.reached(len(self._nodes.states))
+        if reached:
+            raise _LimitError(reached)
+        if self._progress is not None and self._meter.is_time_to_tell():
+            self._progress(len(self._nodes.states), self._depth)
+
+    # --- answers --------------------------------------------------------------------------------
+
+    @property
+    def _graph(self) -> Graph:
+        return Graph(self._nodes.edges, self._nodes.asks)
+
+    def _wanted(self, of: Fairness) -> Wanted:
+        count = self._system.robots
+        met = (1 << count) - 1 if of.robots else 0
+        for k, (response, _, _) in enumerate(self._expected):
+            met |= (1 << count + k) if response.name in of.expectations else 0
+        return Wanted(met, (1 << len(self._locks)) - 1 if of.locks else 0)
+
+    def _answered(
+        self, properties: Sequence[core.Property], end: Exhausted | OutOfBounds
+    ) -> Lively:
+        names = tuple(dict.fromkeys(response.name for response, _, _ in self._expected))
+        everything = Fairness(robots=True, locks=bool(self._locks), expectations=names)
+        violated: dict[str, Recording] = {}
+        needs: dict[str, Fairness] = {}
+        for stated in properties:
+            regions = [_Region.of(self, response) for response in responses(self._system, stated)]
+            lasso = self._lasso(regions, everything)
+            if lasso is not None:
+                violated[stated.name] = lasso
+            elif isinstance(end, Exhausted):
+                needs[stated.name] = self._least(regions, everything)
+        spend, every = self._system.patience.spend, range(len(self._nodes.states))
+        is_empty = isinstance(end, Exhausted) and not fair_set(
+            self._graph, every, self._wanted(everything), spend
+        )
+        return Lively(violated, needs, end, is_empty)
+
+    def _least(self, regions: list[_Region], known: Fairness) -> Fairness:
+        """Fairness without what a proof can do without, tried one after the other."""
+        for less in _weaker(known):
+            if self._fair_region(regions, less) is None:
+                return self._least(regions, less)
+        return known
+
+    def _fair_region(
+        self, regions: list[_Region], fairness: Fairness
+    ) -> tuple[_Region, frozenset[int]] | None:
+        wanted, spend = self._wanted(fairness), self._system.patience.spend
+        for region in regions:
+            part = fair_set(self._graph, region.nodes, wanted, spend)
+            if part is not None:
+                return region, part
+        return None
+
+    def _lasso(self, regions: list[_Region], fairness: Fairness) -> Recording | None:
+        """A fair run that breaks one of the responses, if there is one. [LASSO]"""
+        found = self._fair_region(regions, fairness)
+        if found is None:
+            return None
+        region, part = found
+        graph = self._graph
+        inner = way(graph, region.starts, region.nodes, lambda node: node in part)
+        assert inner is not None
+        entry = inner[-1][1].target if inner else next(n for n in region.starts if n in part)
+        first = inner[0][0] if inner else entry
+        outer = way(graph, self._nodes.starts, range(len(graph.edges)), lambda node: node == first)
+        assert outer is not None
+        loop = fair_loop(graph, part, entry, self._wanted(fairness))
+        return self._recording([*outer, *inner], loop, entry)
+
+    def _recording(
+        self, before: list[tuple[int, Edge]], loop: list[tuple[int, Edge]], entry: int
+    ) -> Recording:
+        nodes = self._nodes
+        tracer = Tracer(self._system, self._vault, self._commits, self._joints, _as_it_is)
+        start = before[0][0] if before else entry
+        recording = tracer.run([nodes.states[start]])
+        taken = [self._round(tracer, node, edge) for node, edge in [*before, *loop]]
+        return replace(recording, rounds=tuple(taken), loop=len(before))
+
+    def _round(self, tracer: Tracer, node: int, edge: Edge) -> Round:
+        """A round along an edge that has its label."""
+        state, target = self._nodes.states[node], self._nodes.states[edge.target]
+        menus = self._joints.menus(state)
+        for round_, after in tracer.rounds(state):
+            if after != target:
+                continue
+            ran = [position is not None for position in round_.events]
+            classes = [self._classes(i, position) for i, position in enumerate(round_.events)]
+            if self._label(node, menus, ran, classes) == edge[1:]:
+                return round_
+        raise AssertionError("the search has seen a round that there is not")
+
+    def _classes(self, robot: int, position: int | None) -> int:
+        if position is None:
+            return 0
+        event = self._system.agent(robot).events[position]
+        return sum(1 << k for k in event.lock_classes)
+
+
+@dataclass(frozen=True, slots=True)
+class _Region:
+    """The nodes that a run which breaks a response may stay in for ever, and where it enters."""
+
+    nodes: frozenset[int]
+    starts: tuple[int, ...]
+
+    @staticmethod
+    def of(search: _Search, response: Response) -> _Region:
+        nodes = search._nodes
+        trigger, goal = search._checks(response)
+        wanting = [not goal.holds(state) for state in nodes.states]
+        if trigger is None:
+            starts = [n for n in nodes.starts if wanting[n]]
+        else:
+            starts = [n for n, s in enumerate(nodes.states) if wanting[n] and trigger.holds(s)]
+        seen = set(starts)
+        queue = deque(starts)
+        while queue:
+            search._system.patience.spend()
+            for edge in nodes.edges[queue.popleft()]:
+                if wanting[edge.target] and edge.target not in seen:
+                    seen.add(edge.target)
+                    queue.append(edge.target)
+        return _Region(frozenset(seen), tuple(starts))
+
+
+def _weaker(known: Fairness) -> Iterator[Fairness]:
+    if known.locks:
+        yield replace(known, locks=False)
+    for name in known.expectations:
+        rest = tuple(other for other in known.expectations if other != name)
+        yield replace(known, expectations=rest)
+    if known.robots:
+        yield replace(known, robots=False)
+
+
+def _add(edges: list[Edge], new: Edge) -> None:
+    """Keep the edges to one node that no other one does as much as."""
+    for edge in edges:
+        if not new.meets & ~edge.meets and not new.grants & ~edge.grants:
+            return
+    edges[:] = [e for e in edges if e.meets & ~new.meets or e.grants & ~new.grants]
+    edges.append(new)
+
+
+def _as_it_is(robots: tuple[int, ...], shared: tuple[int, ...]) -> State:
+    return (*robots, *shared)
