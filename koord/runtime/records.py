@@ -1,0 +1,66 @@
+"""MCAP files of JSON messages: what runs are recorded in, deployed or simulated. Needs ``mcap``."""
+
+from __future__ import annotations
+
+from typing import IO, Any
+
+import msgspec
+
+
+class NoLibraryError(Exception):
+    """The library for MCAP is not installed."""
+
+
+class RecordFile:
+    """An MCAP file that is being written; a topic is known from its first message on."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        """Raises NoLibraryError."""
+        try:
+            from mcap.writer import Writer
+        except ImportError as error:
+            raise NoLibraryError from error
+        self._writer: Any = Writer(file)
+        self._writer.start(profile="", library="koord")
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+
+    def add(
+        self,
+        topic: str,
+        schema: tuple[str, dict[str, Any]],
+        message: dict[str, Any],
+        time_ns: int,
+        sequence: int = 0,
+    ) -> None:
+        """A message; ``schema`` is a name and a JSON schema, of which the name tells them apart."""
+        if topic not in self._channels:
+            self._channels[topic] = self._writer.register_channel(
+                topic=topic, message_encoding="json", schema_id=self._schema(*schema)
+            )
+        self._writer.add_message(
+            channel_id=self._channels[topic],
+            log_time=time_ns,
+            publish_time=time_ns,
+            sequence=max(sequence, 0),
+            data=msgspec.json.encode(message),
+        )
+
+    def describe(self, name: str, values: dict[str, str]) -> None:
+        """Facts about the run as a whole."""
+        self._writer.add_metadata(name, values)
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """A file that belongs to the run."""
+        self._writer.add_attachment(0, 0, name, media_type, data)
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._writer.finish()
+
+    def _schema(self, name: str, schema: dict[str, Any]) -> int:
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(
+                name=name, encoding="jsonschema", data=msgspec.json.encode(schema)
+            )
+        return self._schemas[name]

@@ -1,0 +1,426 @@
+"""A run as MCAP: transforms, a scene, events, variables and a log.
+
+Transforms, scene and log have the well-known schemas of the Foxglove viewers (``foxglove.…``, JSON
+encoding), so that these draw them; the rest is JSON with schemas of its own. Times are nanoseconds
+from the beginning of the run.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from koord.runtime.motion.world import Box, Disc, Obstacle
+from koord.runtime.records import RecordFile
+from koord.runtime.shapes import Array, PerRobot, Sequence, element_of
+from koord.sim.files.values import named
+from koord.sim.recording import (
+    SHARED,
+    WHOLE,
+    Change,
+    Header,
+    Idle,
+    Look,
+    Planned,
+    Recorded,
+    Recording,
+    Round,
+    TaskState,
+)
+
+Message = dict[str, Any]
+
+_NUMBER: Message = {"type": "number"}
+_TIME: Message = {
+    "type": "object",
+    "title": "time",
+    "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+}
+_VECTOR: Message = {"type": "object", "properties": dict.fromkeys("xyz", _NUMBER)}
+_TURN: Message = {"type": "object", "properties": dict.fromkeys("xyzw", _NUMBER)}
+_TEXT: Message = {"type": "string"}
+
+_TRANSFORM: Message = {
+    "title": "foxglove.FrameTransform",
+    "type": "object",
+    "properties": {
+        "timestamp": _TIME,
+        "parent_frame_id": _TEXT,
+        "child_frame_id": _TEXT,
+        "translation": _VECTOR,
+        "rotation": _TURN,
+    },
+}
+_TRANSFORMS = (
+    "foxglove.FrameTransforms",
+    {
+        "title": "foxglove.FrameTransforms",
+        "type": "object",
+        "properties": {"transforms": {"type": "array", "items": _TRANSFORM}},
+    },
+)
+_ARRAY: Message = {"type": "array", "items": {"type": "object"}}
+_ENTITY: Message = {
+    "title": "foxglove.SceneEntity",
+    "type": "object",
+    "properties": {
+        "timestamp": _TIME,
+        "frame_id": _TEXT,
+        "id": _TEXT,
+        "lifetime": _TIME | {"title": "duration"},
+        "frame_locked": {"type": "boolean"},
+    }
+    | dict.fromkeys(("metadata", "arrows", "cubes", "spheres", "cylinders", "lines"), _ARRAY)
+    | dict.fromkeys(("triangles", "texts", "models"), _ARRAY),
+}
+_SCENE = (
+    "foxglove.SceneUpdate",
+    {
+        "title": "foxglove.SceneUpdate",
+        "type": "object",
+        "properties": {"deletions": _ARRAY, "entities": {"type": "array", "items": _ENTITY}},
+    },
+)
+_LOG = (
+    "foxglove.Log",
+    {
+        "title": "foxglove.Log",
+        "type": "object",
+        "properties": {
+            "timestamp": _TIME,
+            "level": {"type": "integer"},
+            "message": _TEXT,
+            "name": _TEXT,
+            "file": _TEXT,
+            "line": {"type": "integer"},
+        },
+    },
+)
+_ROUND = (
+    "koord.round",
+    {
+        "type": "object",
+        "properties": {
+            "round": {"type": "integer"},
+            "ran": {
+                "type": "array",
+                "items": {
+                    "type": "object",
+                    "properties": {"robot": {"type": "integer"}, "event": _TEXT},
+                },
+            },
+            "blocked": {"type": "array", "items": {"type": "integer"}},
+            "stopped": {"type": "array", "items": {"type": "integer"}},
+        },
+    },
+)
+_CHANGES = (
+    "koord.changes",
+    {
+        "type": "object",
+        "properties": {
+            "round": {"type": "integer"},
+            "changes": {
+                "type": "array",
+                "items": {
+                    "type": "object",
+                    "properties": {
+                        "robot": {"type": "integer"},
+                        "variable": _TEXT,
+                        "index": {"type": "integer"},
+                        "value": {},
+                    },
+                },
+            },
+        },
+    },
+)
+
+_INFO, _ERROR = 2, 4
+_WORLD = "world"
+
+#: Straight paths are drawn at most so often; some programs give a new one in every round.
+_STRAIGHT_S = 1.0
+
+#: Of tasks that are open, assigned, done.
+_TASK_COLOURS = ((0.83, 0.23, 0.2), (0.85, 0.55, 0.1), (0.15, 0.6, 0.33))
+_HUES = (
+    (0.18, 0.44, 0.87),
+    (0.72, 0.26, 0.6),
+    (0.05, 0.56, 0.62),
+    (0.54, 0.39, 0.16),
+    (0.42, 0.29, 0.85),
+    (0.35, 0.44, 0.51),
+)
+
+
+def mcap_of(recording: Recording) -> bytes:
+    """A run as an MCAP file. Raises NoLibraryError."""
+    raw = io.BytesIO()
+    file = RecordFile(raw)
+    header = recording.header
+    facts = {
+        "program": header.program,
+        "delta_s": repr(header.delta_s),
+        "seed": str(header.seed),
+        "robots": str(len(header.robots)),
+        "ending": recording.ending or "",
+    }
+    file.describe("koord", facts)
+    file.attach(header.program, "text/plain", header.text.encode())
+    for time_s, topic, schema, message, sequence in sorted(
+        _messages(recording), key=lambda one: one[0]
+    ):
+        file.add(topic, schema, message, round(time_s * 1e9), sequence)
+    file.close()
+    return raw.getvalue()
+
+
+#: Time, topic, schema, message, round.
+_Timed = tuple[float, str, tuple[str, Message], Message, int]
+
+
+def _messages(recording: Recording) -> Iterator[_Timed]:
+    header = recording.header
+    entities = [*_world(header), *_vehicles(header), *_tasks(header)]
+    yield 0.0, "/scene", _SCENE, _scene(entities), 0
+    for time_s, poses in zip(recording.times_s, recording.poses, strict=True):
+        stamp = _stamp(time_s)
+        transforms = [_transform(k, stamp, pose) for k, pose in enumerate(poses.tolist())]
+        yield time_s, "/tf", _TRANSFORMS, {"transforms": transforms}, 0
+    for done in recording.rounds:
+        yield from _round(header, done)
+    for change in recording.tasks:
+        entity = _task(header, change.task, change.state, change.time_s)
+        yield change.time_s, "/scene", _SCENE, _scene([entity]), 0
+        verb = "is done by" if change.state is TaskState.DONE else "is assigned to"
+        words = f"task {change.task} {verb} robot {change.robot}"
+        yield _log(header, change.time_s, "tasks", _INFO, words)
+    for violation in recording.violations:
+        words = f"{violation.claim}: {violation.words}"
+        yield _log(header, violation.time_s, "claims", _ERROR, words)
+    for planned in _seldom(recording.paths):
+        entity = _path(planned)
+        yield planned.time_s, "/paths", _SCENE, _scene([entity]), 0
+
+
+def _round(header: Header, done: Round) -> Iterator[_Timed]:
+    deeds = done.deeds.tolist()
+    message = {
+        "round": done.number,
+        "ran": [
+            {"robot": k, "event": header.agents[header.robots[k].agent].events[deed]}
+            for k, deed in enumerate(deeds)
+            if deed >= 0
+        ],
+        "blocked": [k for k, deed in enumerate(deeds) if deed == Idle.BLOCKED],
+        "stopped": [k for k, deed in enumerate(deeds) if deed == Idle.STOPPED],
+    }
+    yield done.time_s, "/rounds", _ROUND, message, done.number
+    for topic, is_shared in (("/shared", True), ("/local", False)):
+        changes = [_change(header, c) for c in done.changes if (c.robot == SHARED) is is_shared]
+        if changes:
+            message = {"round": done.number, "changes": changes}
+            yield done.time_s, topic, _CHANGES, message, done.number
+    for said in done.said:
+        name = f"robot {said.robot} {said.stream}"
+        yield _log(header, done.time_s, name, _INFO, said.text)
+
+
+def _change(header: Header, change: Change) -> Message:
+    if change.robot == SHARED:
+        variable, whose = header.shared[change.variable], {}
+    else:
+        agent = header.agents[header.robots[change.robot].agent]
+        variable, whose = agent.variables[change.variable], {"robot": change.robot}
+    shape = variable.shape
+    if change.part != WHOLE:
+        assert isinstance(shape, Array | PerRobot | Sequence)
+        shape, whose = element_of(shape), {**whose, "index": change.part}
+    return {**whose, "variable": variable.name, "value": named(shape, change.value)}
+
+
+def _log(header: Header, time_s: float, name: str, level: int, words: str) -> _Timed:
+    message = {
+        "timestamp": _stamp(time_s),
+        "level": level,
+        "message": words,
+        "name": name,
+        "file": header.program,
+        "line": 0,
+    }
+    return time_s, "/log", _LOG, message, 0
+
+
+# --- geometry -------------------------------------------------------------------------------------
+
+
+def _transform(robot: int, stamp: Message, pose: list[float]) -> Message:
+    x, y, z, yaw = pose
+    return {
+        "timestamp": stamp,
+        "parent_frame_id": _WORLD,
+        "child_frame_id": f"robot {robot}",
+        "translation": _vector(x, y, z),
+        "rotation": _turn(yaw),
+    }
+
+
+def _world(header: Header) -> Iterator[Message]:
+    (x0, y0, z0), (x1, y1, z1) = header.world.low, header.world.high
+    corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    edges = [(a, corners[(k + 1) % 4]) for k, a in enumerate(corners)]
+    points = [_vector(*at, z) for z in (z0, z1) for edge in edges for at in edge]
+    points += [_vector(*at, z) for at in corners for z in (z0, z1)]
+    yield _entity("bounds", lines=[_lines(points, (0.5, 0.55, 0.6), pairs=True)])
+    for k, obstacle in enumerate(header.world.obstacles):
+        yield _obstacle(f"obstacle {k}", obstacle, z1)
+
+
+def _obstacle(name: str, obstacle: Obstacle, roof: float) -> Message:
+    low, high = obstacle.low_z, min(obstacle.high_z, roof)
+    colour = _colour((0.55, 0.6, 0.67), 0.6)
+    match obstacle:
+        case Box(low=(x0, y0, _), high=(x1, y1, _)):
+            middle = ((x0 + x1) / 2, (y0 + y1) / 2, (low + high) / 2)
+            cube = _placed(*middle) | {
+                "size": _vector(x1 - x0, y1 - y0, high - low),
+                "color": colour,
+            }
+            return _entity(name, cubes=[cube])
+        case Disc(centre=(x, y), radius_m=radius):
+            cylinder = _placed(x, y, (low + high) / 2) | {
+                "size": _vector(2 * radius, 2 * radius, high - low),
+                "bottom_scale": 1.0,
+                "top_scale": 1.0,
+                "color": colour,
+            }
+            return _entity(name, cylinders=[cylinder])
+        case polygon:
+            ends = [*polygon.corners, polygon.corners[0]]
+            rings = [[_vector(*at, z) for at in ends] for z in (low, high)]
+            walls = [_vector(*at, z) for at in polygon.corners for z in (low, high)]
+            shade = (0.55, 0.6, 0.67)
+            lines = [_lines(ring, shade) for ring in rings]
+            return _entity(name, lines=[*lines, _lines(walls, shade, pairs=True)])
+
+
+def _vehicles(header: Header) -> Iterator[Message]:
+    for k, robot in enumerate(header.robots):
+        yield _vehicle(k, robot)
+
+
+def _vehicle(k: int, robot: Recorded) -> Message:
+    colour, frame = _colour(_HUES[k % len(_HUES)]), f"robot {k}"
+    text = _placed(0.0, 0.0, 0.35) | {
+        "billboard": True,
+        "font_size": 14.0,
+        "scale_invariant": True,
+        "color": _colour((1.0, 1.0, 1.0)),
+        "text": str(k),
+    }
+    if robot.look is Look.CAR:
+        cube = _placed(robot.middle_m, 0.0, 0.08) | {
+            "size": _vector(robot.length_m, robot.width_m, 0.16),
+            "color": colour,
+        }
+        return _entity(frame, frame, cubes=[cube], texts=[text])
+    cylinder = _placed(0.0, 0.0, 0.0) | {
+        "size": _vector(2 * robot.radius_m, 2 * robot.radius_m, 0.1),
+        "bottom_scale": 1.0,
+        "top_scale": 1.0,
+        "color": colour,
+    }
+    return _entity(frame, frame, cylinders=[cylinder], texts=[text])
+
+
+def _tasks(header: Header) -> Iterator[Message]:
+    for k in range(len(header.world.tasks)):
+        yield _task(header, k, TaskState.OPEN, 0.0)
+
+
+def _task(header: Header, number: int, state: TaskState, time_s: float) -> Message:
+    x, y, z = header.world.tasks[number]
+    sphere = _placed(x, y, z) | {
+        "size": _vector(0.2, 0.2, 0.2),
+        "color": _colour(_TASK_COLOURS[state]),
+    }
+    state_words = {"key": "state", "value": state.name.lower()}
+    return _entity(f"task {number}", time_s=time_s, spheres=[sphere], metadata=[state_words])
+
+
+def _path(planned: Planned) -> Message:
+    points = [_vector(*point) for point in planned.points.tolist()]
+    line = _lines(points, _HUES[planned.robot % len(_HUES)])
+    return _entity(f"path {planned.robot}", time_s=planned.time_s, lines=[line])
+
+
+def _seldom(paths: list[Planned]) -> Iterator[Planned]:
+    """Without straight paths that come soon after the last."""
+    last: dict[int, float] = {}
+    for planned in paths:
+        since = planned.time_s - last.get(planned.robot, -math.inf)
+        if len(planned.points) > 2 or since > _STRAIGHT_S - 1e-9:
+            last[planned.robot] = planned.time_s
+            yield planned
+
+
+# --- parts of messages ----------------------------------------------------------------------------
+
+
+def _scene(entities: list[Message]) -> Message:
+    return {"deletions": [], "entities": entities}
+
+
+def _entity(name: str, frame: str = _WORLD, time_s: float = 0.0, **parts: list[Message]) -> Message:
+    kinds = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
+    return {
+        "timestamp": _stamp(time_s),
+        "frame_id": frame,
+        "id": name,
+        "lifetime": {"sec": 0, "nsec": 0},
+        "frame_locked": True,
+        "metadata": [],
+        **{kind: [] for kind in kinds},
+        **parts,
+    }
+
+
+def _lines(
+    points: list[Message], shade: tuple[float, float, float], *, pairs: bool = False
+) -> Message:
+    """A line through points; ``pairs``: one between every two of them."""
+    return {
+        "type": 2 if pairs else 0,
+        **_placed(0.0, 0.0, 0.0),
+        "thickness": 2.0,
+        "scale_invariant": True,
+        "points": points,
+        "color": _colour(shade),
+        "colors": [],
+        "indices": [],
+    }
+
+
+def _placed(x: float, y: float, z: float) -> Message:
+    return {"pose": {"position": _vector(x, y, z), "orientation": _turn(0.0)}}
+
+
+def _vector(x: float, y: float, z: float) -> Message:
+    return {"x": round(x, 3), "y": round(y, 3), "z": round(z, 3)}
+
+
+def _turn(yaw: float) -> Message:
+    return {"x": 0, "y": 0, "z": round(math.sin(yaw / 2), 4), "w": round(math.cos(yaw / 2), 4)}
+
+
+def _colour(shade: tuple[float, float, float], alpha: float = 1.0) -> Message:
+    red, green, blue = shade
+    return {"r": red, "g": green, "b": blue, "a": alpha}
+
+
+def _stamp(time_s: float) -> Message:
+    nanoseconds = round(time_s * 1e9)
+    return {"sec": nanoseconds // 10**9, "nsec": nanoseconds % 10**9}

@@ -1,0 +1,118 @@
+"""A run as MCAP: what is read back is what was recorded."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections import defaultdict
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from koord.sim.files.mcap import mcap_of
+from koord.sim.recording import SHARED, Recorder, Recording
+from tests.sim.recorded import lineform, task
+
+pytest.importorskip("mcap")
+
+from mcap.reader import make_reader
+
+
+class Read:
+    """A file that was read: the messages of each topic, in order, with their times in seconds."""
+
+    def __init__(self, raw: bytes) -> None:
+        reader = make_reader(io.BytesIO(raw))
+        self.topics: dict[str, list[tuple[float, Any]]] = defaultdict(list)
+        self.schemas: dict[str, tuple[str, Any]] = {}
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            self.schemas[channel.topic] = schema.name, json.loads(schema.data)
+            found = json.loads(message.data)
+            self.topics[channel.topic].append((message.log_time / 1e9, found))
+        self.facts = {one.name: one.metadata for one in reader.iter_metadata()}
+        self.files = {one.name: one.data.decode() for one in reader.iter_attachments()}
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return task().recording
+
+
+@pytest.fixture(scope="module")
+def read(recording: Recording) -> Read:
+    return Read(mcap_of(recording))
+
+
+def test_transforms_are_the_poses(recording: Recording, read: Read) -> None:
+    assert read.schemas["/tf"][0] == "foxglove.FrameTransforms"
+    times = [time_s for time_s, _ in read.topics["/tf"]]
+    assert np.allclose(times, recording.times_s)
+    for (_, message), poses in zip(read.topics["/tf"], recording.poses, strict=True):
+        for robot, transform in enumerate(message["transforms"]):
+            assert transform["child_frame_id"] == f"robot {robot}"
+            here = [transform["translation"][axis] for axis in "xyz"]
+            assert np.allclose(here, poses[robot, :3], atol=6e-4)
+            turn = transform["rotation"]
+            yaw = 2 * math.atan2(turn["z"], turn["w"])
+            assert abs(math.remainder(yaw - poses[robot, 3], 2 * math.pi)) < 1e-3
+
+
+def test_rounds_say_who_ran_what(recording: Recording, read: Read) -> None:
+    events = recording.header.agents[0].events
+    for done, (time_s, message) in zip(recording.rounds, read.topics["/rounds"], strict=True):
+        assert time_s == pytest.approx(done.time_s)
+        assert message["round"] == done.number
+        deeds = done.deeds.tolist()
+        ran = {one["robot"]: one["event"] for one in message["ran"]}
+        assert ran == {k: events[deed] for k, deed in enumerate(deeds) if deed >= 0}
+        assert message["blocked"] == [k for k, deed in enumerate(deeds) if deed == -2]
+
+
+def test_changes_have_names(recording: Recording, read: Read) -> None:
+    changes = [c for _, message in read.topics["/shared"] for c in message["changes"]]
+    assert len(changes) == sum(c.robot == SHARED for r in recording.rounds for c in r.changes)
+    assigned = [c for c in changes if c["variable"] == "list" and "index" in c]
+    assert sorted(c["index"] for c in assigned) == list(range(6))
+    tasks = recording.header.world.tasks
+    for change in assigned:
+        assert change["value"]["assigned"] is True
+        assert tuple(change["value"]["loc"].values()) == tasks[change["index"]]
+    own = [c for _, message in read.topics["/local"] for c in message["changes"]]
+    assert {"robot": 0, "variable": "isOnTask", "value": True} in own
+
+
+def test_the_scene_has_robots_tasks_and_their_states(read: Read) -> None:
+    first, *later = [message for _, message in read.topics["/scene"]]
+    names = {entity["id"] for entity in first["entities"]}
+    assert {"bounds", "robot 0", "robot 2", "task 0", "task 5"} <= names
+    done = [entity["id"] for message in later for entity in message["entities"]]
+    assert sorted(done)[0] == "task 0"
+    assert all(message["entities"][0]["spheres"] for message in later)
+
+
+def test_messages_are_of_their_schemas(read: Read) -> None:
+    for topic, messages in read.topics.items():
+        _, schema = read.schemas[topic]
+        for _, message in messages[:20]:
+            jsonschema.validate(message, schema)
+
+
+def test_the_program_belongs_to_the_file(recording: Recording, read: Read) -> None:
+    assert read.files == {"task.krd": recording.header.text}
+    assert read.facts["koord"]["ending"] == "all robots have stopped"
+
+
+def test_violations_are_errors_in_the_log(recording: Recording) -> None:
+    recorder = Recorder(recording.header)
+    recorder.violation(1.5, "separation", "too near", (0, 1))
+    ((time_s, message),) = Read(mcap_of(recorder.recording)).topics["/log"]
+    assert (time_s, message["level"]) == (1.5, 4)
+    assert message["message"] == "separation: too near"
+
+
+def test_16_robots_and_two_minutes_are_less_than_a_megabyte() -> None:
+    assert len(mcap_of(lineform(16, 1200).recording)) < 1_000_000
