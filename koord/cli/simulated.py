@@ -150,6 +150,7 @@ def as_document(job: Job, simulation: Simulation, wall_s: float) -> str:
         "devices": job.scene.names,
         "safety_m": job.scene.safety_m,
         "wall_s": wall_s,
+        "claims": simulation.looked,
         "broken": [asdict(broken) for broken in simulation.broken],
         "fault": None
         if simulation.fault is None

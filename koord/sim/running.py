@@ -228,14 +228,20 @@ class Simulation:
             self.end(Ending.STILL)
 
     def _is_still(self) -> bool:
-        """Whether nobody moves, and no variable has changed for a while."""
+        """Whether nobody moves, and no variable has changed for a while, but for measurements."""
         if any(s.state in (State.MOVING, State.PLANNING) for s in self.host.sensed):
             self._still, self._before = 0, None
             return False
-        now = tuple((robot.status, dict(vars(robot))) for robot in self.engine.robots)
+        now = tuple((robot.status, _held(robot)) for robot in self.engine.robots)
         self._still = self._still + 1 if now == self._before else 0
         self._before = now
         return self._still * self.scene.delta_s >= _STILL_S
+
+
+def _held(robot: Robot) -> dict[str, Any]:
+    """What a robot holds, without what it measures."""
+    sensors = robot.SENSORS
+    return {name: value for name, value in vars(robot).items() if name not in sensors}
 
 
 def run(simulation: Simulation, time_s: float) -> Iterator[Simulation]:

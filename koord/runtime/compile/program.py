@@ -58,7 +58,7 @@ class Module:
             "from __future__ import annotations",
             "",
             *([f"from typing import {', '.join(typing)}", ""] if typing else []),
-            f"from koord.runtime.robot import {', '.join(needed)}",
+            *([f"from koord.runtime.robot import {', '.join(needed)}"] if needed else []),
         ]
 
     # --- types ----------------------------------------------------------------------------------

@@ -1,0 +1,265 @@
+"""``koord sim``, as it is called: the examples in their worlds, mistakes, and what is broken."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from koord.cli.exits import Exit
+from koord.cli.main import main
+
+EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
+
+
+def simulated(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, Any]:
+    """A run as JSON."""
+    code = main(["sim", *arguments, "--json"])
+    out, err = capsys.readouterr()
+    assert code in (Exit.OK, Exit.VIOLATED), err
+    return code, json.loads(out)
+
+
+def example(name: str) -> str:
+    return str(EXAMPLES / name)
+
+
+# --- the examples ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("program", "configuration", "time_s", "ending"),
+    [
+        ("task", "task_mixed", 60, "stopped"),
+        ("delivery", "delivery", 60, "stopped"),
+        ("cars_and_drones", "cars_and_drones", 60, "still"),
+        ("follow_points", "follow_points", 60, "stopped"),
+        ("follow_path", "follow_path", 60, "stopped"),
+        ("waypoints", "waypoints", 20, "limit"),
+        ("mapping", "mapping", 60, "still"),
+        ("lineform", "lineform", 12, "limit"),
+        ("shapeform", "shapeform", 12, "limit"),
+        ("shapeform", "shapeform_9", 12, "limit"),
+        ("shapeform", "shapeform_36", 12, "limit"),
+    ],
+)
+def test_an_example_does_what_it_is_for(
+    program: str,
+    configuration: str,
+    time_s: int,
+    ending: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    files = (example(f"{program}.krd"), example(f"{configuration}.yaml"))
+    code, run = simulated(capsys, *files, "--time", str(time_s))
+    assert (code, run["broken"], run["fault"]) == (Exit.OK, [], None)
+    assert run["ending"] == ending
+    assert all(task["visited_s"] is not None for task in run["tasks"])
+    assert run["nearest"]["distance_m"] > run["safety_m"]
+    assert run["claims"]
+    assert all(looked > 0 for looked in run["claims"].values())
+    if program != "waypoints":
+        assert min(robot["distance_m"] for robot in run["robots"][1:-1] or run["robots"]) > 0.3
+
+
+def test_task_by_itself_is_the_one_of_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sim", example("task.krd"), "--time", "2"]) == Exit.OK
+    out, _ = capsys.readouterr()
+    assert "task.yaml: 3 robots (2 car, 1 drone), δ = 0.1 s, seed 0" in out
+    assert "0 of 20 visited" in out
+    assert "done: the time was up" in out
+
+
+def test_equal_seeds_give_equal_runs_and_others_do_not(capsys: pytest.CaptureFixture[str]) -> None:
+    files = (example("task.krd"), example("task_mixed.yaml"), "--time", "5")
+    first, again, other = (simulated(capsys, *files, "--seed", seed)[1] for seed in ("3", "3", "4"))
+    for run in (first, again):
+        del run["wall_s"]
+    assert first == again
+    assert first["digest"] != other["digest"]
+
+
+def test_robots_and_params_may_be_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, five = simulated(capsys, example("task.krd"), "--robots", "5", "--time", "1")
+    assert five["devices"] == ["car", "drone", "car", "car", "drone"]
+    _, few = simulated(capsys, example("task.krd"), "--set", "tasks=20", "--rounds", "3")
+    assert (len(few["tasks"]), few["rounds"]) == (20, 3)
+    program = tmp_path / "task.krd"
+    program.write_text((EXAMPLES / "task.krd").read_text("utf-8"), encoding="utf-8")
+    _, plain = simulated(capsys, str(program), "--set", "tasks=4", "--rounds", "3")
+    assert len(plain["tasks"]) == 4
+
+
+# --- what is broken -------------------------------------------------------------------------------
+
+CARS = """\
+num_robots: 2
+device: {bot_type: IDEAL, planner: STRAIGHT}
+positions: {0: [-2, 0, 1], 1: [2, 0, 1]}
+"""
+
+#: Robots that run into each other, and an invariant that this breaks.
+CRASH = """\
+using Motion:
+    sensors:
+        pos psn
+        bool reached
+    actuators:
+        pos target
+    contract Ahead:
+        ensures: psn'.x <= {most}
+
+init:
+    Motion.target = Motion.psn
+
+Go:
+    eff: Motion.target = pos(0.0, 0.0, 1.0)
+
+invariant Apart: forall i, j: i < j implies Motion.psn@j.x - Motion.psn@i.x >= {gap}
+"""
+
+
+def crash(folder: Path, most: float, gap: float) -> tuple[str, str]:
+    program, configuration = folder / "crash.krd", folder / "crash.yaml"
+    program.write_text(CRASH.format(most=most, gap=gap), encoding="utf-8")
+    configuration.write_text(CARS, encoding="utf-8")
+    return str(program), str(configuration)
+
+
+@pytest.mark.parametrize(
+    ("most", "gap", "claim", "robots", "time_s"),
+    [
+        (9.0, 0.0, "separation", [0, 1], 1.95),
+        (9.0, 2.0, "invariant Apart", [0, 1], 1.2),
+        (2.0, -9.0, "separation", [0, 1], 1.95),
+        (1.9, -9.0, "contract Ahead", [1], 0.05),
+    ],
+)
+def test_what_is_broken_ends_the_run_with_its_time_and_place(
+    most: float,
+    gap: float,
+    claim: str,
+    robots: list[int],
+    time_s: float,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code, run = simulated(capsys, *crash(tmp_path, most, gap))
+    assert (code, run["ending"]) == (Exit.VIOLATED, "violated")
+    first = run["broken"][0]
+    assert (first["claim"], first["robots"]) == (claim, robots)
+    assert first["time_s"] == pytest.approx(time_s, abs=0.15)
+    assert first["place"][1:] == pytest.approx([0, 1])
+
+
+def test_what_is_broken_is_counted_if_the_run_goes_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = crash(tmp_path, 1.9, 2.0)
+    assert main(["sim", *files, "--keep-going", "--time", "4"]) == Exit.VIOLATED
+    out, _ = capsys.readouterr()
+    assert out.count("broken: ") == 3  # the contract, the invariant and the separation
+    assert "3 claims broken" in out
+
+
+def test_a_fault_ends_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    program = tmp_path / "fault.krd"
+    program.write_text(
+        "local:\n    int n = 3\nCount:\n    eff: n = 6 / (pid - 1)\n", encoding="utf-8"
+    )
+    assert main(["sim", str(program)]) == Exit.VIOLATED
+    out, _ = capsys.readouterr()
+    assert "fault: division by zero of robot 1" in out
+
+
+# --- mistakes -------------------------------------------------------------------------------------
+
+ONE = "num_robots: 1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message", "hint"),
+    [
+        (ONE + "device: {bot_type: CAR}", 2, "how device plans its paths", "RRT_CAR"),
+        (ONE + "device:\n  planner: RRT_KAR", 3, "no planner RRT_KAR", "did you mean RRT_CAR"),
+        (
+            ONE + "device:\n  bot_type: QUAD\n  planner: RRT_CAR",
+            4,
+            "no planner for a QUAD",
+            "RRT_D",
+        ),
+        ("agents:\n  - {pid: 0, on_device: cat}\ndevices:\n  car: {}", 2, "no device cat", "car"),
+        (ONE + "positions:\n  0: [9, 0]", 3, "outside of the world", None),
+        ("num_robots: 2\npositions:\n  0: [0, 0]\n  1: [0.1, 0]", 4, "0.10 m from robot 0", None),
+        (ONE + "positions:\n  0: [0, 0, 1]", 3, "starts on the ground", None),
+        (
+            ONE + "positions: {0: [0, 0]}\nworld:\n  obstacles:\n    - disc: {centre: [0, 0], "
+            "radius: 1}",
+            2,
+            "something stands at the start",
+            None,
+        ),
+        (
+            ONE
+            + "world:\n  obstacles:\n    - polygon: {corners: [[0, 0], [1, 1], [1, 0], [0, 1]]}",
+            4,
+            "no polygon",
+            None,
+        ),
+        (ONE + "world:\n  start: {low: [0, 0], high: [9, 0]}", 3, "no part of the world", None),
+        ("num_robots: 90\nworld:\n  start: {low: [0, 0], high: [1, 1]}", 3, "no room", "position"),
+        ("a: &a {b: *a}", 1, "nested too deep", None),
+        (ONE + "params:\n  tasks: {}", 3, "no value of a param", "number"),
+        (ONE + "device: {planner: RRT_CAR, simulation: {level: fancy}}", 2, "'fancy'", "full"),
+        (ONE + "params:\n  taks: 3", 0, "no `param` named `taks`", "tasks"),
+        ("agents:\n  - {pid: 0, kind: Boat}", 0, "kind Boat", "kinds are"),
+    ],
+)
+def test_a_bad_configuration_is_told_with_its_line(
+    text: str,
+    line: int,
+    message: str,
+    hint: str | None,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(text, encoding="utf-8")
+    assert main(["sim", example("task.krd"), str(path)]) == Exit.BAD_INPUT
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert message in err
+    if line:
+        assert f"bad.yaml:{line}:" in err
+    if hint is not None:
+        assert hint in err
+
+
+def test_a_start_that_the_program_does_not_assume_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "low.yaml"
+    path.write_text(
+        "num_robots: 4\ndevice: {bot_type: QUAD, planner: RRT_DRONE}\n"
+        "positions:\n  0: [0, 0, 10]\n  1: [0, 2, 10]\n  2: [2, 0, 10]\n  3: [2, 2, 9]\n"
+        "world: {bounds: {low: [-8, -8, 0], high: [8, 8, 12]}}\n",
+        encoding="utf-8",
+    )
+    assert main(["sim", example("shapeform.krd"), str(path)]) == Exit.BAD_INPUT
+    _, err = capsys.readouterr()
+    assert "low.yaml:7:" in err
+    assert "K934" in err
+    assert "of robot 3" in err
+
+
+def test_a_program_with_mistakes_is_not_simulated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = tmp_path / "bad.krd"
+    program.write_text("Go:\n    eff: x = 1\n", encoding="utf-8")
+    assert main(["sim", str(program)]) == Exit.BAD_INPUT
+    assert "bad.krd:2:" in capsys.readouterr().err
