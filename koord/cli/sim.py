@@ -18,6 +18,7 @@ from koord.cli.arguments import (
     seed,
 )
 from koord.cli.exits import Exit
+from koord.cli.keeping import add_outputs, check_outputs, keep
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--keep-going", action="store_true", help="count what is broken, instead of ending there"
     )
+    add_outputs(parser)
     add_settings(parser)
     add_json(parser, "what the run came to")
     parser.epilog = (
@@ -83,6 +85,7 @@ def main(arguments: argparse.Namespace) -> int:
     config = [arguments.config] if arguments.config is not None else []
     check_files([arguments.file, *config, *arguments.properties])
     require(SIM, "sim")
+    check_outputs(arguments)
     report = Report()
     wanted = asked(arguments, report)
     job = None
@@ -103,6 +106,7 @@ def _run(arguments: argparse.Namespace, job: Job) -> int:
 
     from koord.cli.progress import Interruption, LiveLine
     from koord.cli.simulated import as_document, conclusion, heading, table
+    from koord.cli.terminal import visible
     from koord.sim.running import Ending, run
 
     limit_s = _limit(arguments, job)
@@ -123,6 +127,9 @@ def _run(arguments: argparse.Namespace, job: Job) -> int:
     else:
         for text in (*table(simulation, wall_s), *conclusion(job, simulation)):
             print(text)
+    kept = keep(arguments, simulation.recording)
+    if kept and not arguments.json:
+        print(f"kept: {', '.join(map(visible, kept))}")
     return _code(simulation)
 
 

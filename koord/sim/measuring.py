@@ -178,7 +178,8 @@ class Gauge:
         for number, task in enumerate(held):
             if self._owner[number] is None and (task[tasks.owner] or 0) >= 0 and tasks.taken(task):
                 self._owner[number] = task[tasks.owner]
-                self._assigned[number] = self.engine.round * self.scene.delta_s
+                time_s = self._assigned[number] = self.engine.round * self.scene.delta_s
+                self.recorder.task(time_s, number, TaskState.ASSIGNED, task[tasks.owner])
 
     def _note_visits(self, tasks: _TaskList) -> None:
         held = self.engine.store.values[tasks.name]

@@ -34,7 +34,6 @@ from koord.sim.recording import (
     Recorded,
     Recorder,
     Said,
-    TaskState,
     Variable,
 )
 
@@ -84,8 +83,6 @@ class Observer:
         self._own = [header.agents[robot.agent].variables for robot in header.robots]
         self._were: list[dict[str, Any]] = [{} for _ in header.robots]
         self._were_shared: dict[str, Any] = {}
-        self._tasks = _task_list(header)
-        self._assigned: set[int] = set()
         self._given = np.zeros(len(header.robots), np.int64)
         self._paths_s = _PATHS_S if len(header.robots) <= _MANY else _PATHS_OF_MANY_S
         self._paths_due_s = -math.inf
@@ -114,7 +111,6 @@ class Observer:
         number = decision.round
         time_s = max(number, 0) * self.recorder.recording.header.delta_s
         changes = [*self._shared_changes()]
-        self._assign(time_s, changes)
         for robot in self.engine.robots:
             changes += self._own_changes(robot)
         shown = self.engine.shown[self._shown :]
@@ -162,34 +158,6 @@ class Observer:
                         yield Change(SHARED, number, index, to_plain(shape.element, new))
             elif value != before:
                 yield Change(SHARED, number, WHOLE, to_plain(shape, value))
-
-    def _assign(self, time_s: float, changes: Sequence[Change]) -> None:
-        """Tell of the tasks that were assigned just now."""
-        if self._tasks is None:
-            return
-        number, assigned, to = self._tasks
-        if not any(change.variable == number for change in changes):
-            return
-        for task, held in enumerate(self.engine.store.values[self._shared[number].name]):
-            if held[assigned] and task not in self._assigned:
-                self._assigned.add(task)
-                self.recorder.task(time_s, task, TaskState.ASSIGNED, held[to])
-
-
-def _task_list(header: Header) -> tuple[int, int, int] | None:
-    """The shared list of the world's tasks, and where ``assigned`` and ``assignedTo`` are in it."""
-    for number, variable in enumerate(header.shared):
-        shape = variable.shape
-        if not isinstance(shape, Array) or not isinstance(shape.element, Record):
-            continue
-        names = _fields(shape.element)
-        if {"assigned", "assignedTo"} <= set(names) and shape.size == len(header.world.tasks):
-            return number, names.index("assigned"), names.index("assignedTo")
-    return None
-
-
-def _fields(record: Record) -> list[str]:
-    return list(getattr(record.make, "_fields", ()))
 
 
 def _own(one: type[Robot]) -> Iterator[Variable]:

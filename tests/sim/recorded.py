@@ -8,18 +8,16 @@ from pathlib import Path
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.engine.fleet import Fleet as Engine
-from koord.runtime.engine.schedules import Deployed
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Drone
 from koord.runtime.motion.clearance import clearance_of
-from koord.runtime.motion.library import Chart, Library
-from koord.runtime.motion.planning import PlannerName, Pose, planner
+from koord.runtime.motion.planning import PlannerName
 from koord.runtime.motion.world import World
-from koord.sim.fleet import Fleet, Placed
-from koord.sim.hosting import Hosted
+from koord.sim.fleet import Placed
 from koord.sim.kinds import Kind
-from koord.sim.observing import Observer, header_of
-from koord.sim.recording import Recorder, Recording
+from koord.sim.recording import Recording
+from koord.sim.running import Cast, Simulation, run
+from koord.sim.scene import Scene
 from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
@@ -42,7 +40,7 @@ class Recorded:
 
     recording: Recording
     engine: Engine
-    last: tuple[Floats, Floats]  #: where robots were at the last sample, and where they pointed
+    last: tuple[Floats, Floats]  #: where robots were in the end, and where they pointed
 
 
 def recorded(
@@ -52,29 +50,25 @@ def recorded(
     text = (EXAMPLES / f"{name}.krd").read_text("utf-8")
     program = load(Source(f"{name}.krd", text), Settings(params=params)).program
     assert program is not None
-    classes, kinds = loaded(compiled(program)), [0] * len(team)
-    fleet = Fleet(world, team, seed=1)
     clearance = clearance_of([placed.kind.body for placed in team], tracking_m=0.15)
-    planners = {k: planner(p.kind.planner, world, p.kind.body) for k, p in enumerate(team)}
-
-    def pose(robot: int) -> Pose:
-        sensed = fleet.sensed()[robot]
-        return Pose(sensed.psn, sensed.heading_rad)
-
-    library = Library(planners, pose, clearance, Chart(world.grid, 3.0), 1)
-    host = Hosted(classes, kinds, fleet, library, 1)
-    engine = Engine(classes, kinds, DELTA_S, host)
-    header = header_of(
-        f"{name}.krd", text, classes, kinds, world, team, delta_s=DELTA_S, seed=1, safety_m=0.5
+    scene = Scene(
+        world,
+        team,
+        tuple("car" if placed.kind is CAR else "drone" for placed in team),
+        (None,) * len(team),
+        {},
+        clearance,
+        0.2,
+        DELTA_S,
+        1,
     )
-    observer = Observer(Recorder(header), engine, fleet)
-    observer.begun(engine.begin())
-    while not engine.all_stopped and engine.round < rounds:
-        observer.round(engine.program_turns(Deployed()))
-        host.pass_time(engine.robots, (engine.round + 1) * DELTA_S, observer.tick)
-        engine.environment_turn()
-    observer.recorder.end("all robots have stopped" if engine.all_stopped else "time is up")
-    return Recorded(observer.recorder.recording, engine, (fleet.positions(), fleet.headings()))
+    cast = Cast(f"{name}.krd", text, loaded(compiled(program)), (0,) * len(team))
+    simulation = Simulation(cast, scene)
+    simulation.begin()
+    for _ in run(simulation, rounds * DELTA_S):
+        pass
+    fleet = simulation.fleet
+    return Recorded(simulation.recording, simulation.engine, (fleet.positions(), fleet.headings()))
 
 
 def task() -> Recorded:

@@ -61,10 +61,14 @@ def test_tasks_are_assigned_once(run: Recorded) -> None:
     assert sorted(c.task for c in assigned) == list(range(6))
     for change in assigned:
         assert run.engine.store.values["list"][change.task].assignedTo == change.robot
+    done = [(c.task, c.robot) for c in run.recording.tasks if c.state is TaskState.DONE]
+    assert sorted(done) == sorted((c.task, c.robot) for c in assigned)
 
 
 def test_paths_lead_to_the_tasks(run: Recorded) -> None:
     for change in run.recording.tasks:
+        if change.state is not TaskState.ASSIGNED:
+            continue
         later = [
             planned.points[-1]
             for planned in run.recording.paths

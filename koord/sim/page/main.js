@@ -166,7 +166,8 @@ class Page {
 
   fillBar() {
     const { run } = this, { header } = run;
-    byId("program").textContent = header.program;
+    byId("program").textContent = header.program.split(/[\\/]/).pop();
+    byId("program").title = header.program;
     const looks = new Map();
     for (const robot of run.robots) looks.set(robot.device, (looks.get(robot.device) ?? 0) + 1);
     const fleet = [...looks].map(([look, count]) => `${count} ${look}${count > 1 && !look.endsWith("s") ? "s" : ""}`).join(", ");

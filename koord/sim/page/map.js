@@ -140,17 +140,21 @@ class WorldMap {
     pen.lineWidth = 1.5;
     pen.strokeRect(x0, y0, w, h);
     for (const obstacle of obstacles) this.paintObstacle(pen, obstacle);
-    const size = Math.min(Math.max(this.scale * 0.11, 5), 11);
+    const size = Math.min(Math.max(this.scale * 0.11, 5), 11), taken = [];
+    pen.font = "11px system-ui, sans-serif";
     places.forEach((place, k) => {
       const x = this.x(place[0]), y = this.y(place[1]);
       drawTask(pen, x, y, size, tasks[k].state);
       if (this.shown.labels && this.scale > 26 && places.length <= 200) {
         pen.fillStyle = theme("--soft");
-        pen.font = "11px system-ui, sans-serif";
         pen.textAlign = "left";
-        const height = this.shown.side ? ` ↑${place[2].toFixed(1)}` : "";
+        const height = this.shown.side && place[2] > 0.05 && tasks[k].state === OPEN ? ` ↑${place[2].toFixed(1)}` : "";
         const by = tasks[k].state === ASSIGNED ? ` → ${tasks[k].robot}` : "";
-        pen.fillText(`t${k}${by || height}`, x + size + 3, y + 4);
+        const text = `t${k}${by}${height}`, width = pen.measureText(text).width;
+        if (isFree(taken, x + size + 3, y, width)) {
+          taken.push([x + size + 3, y, width]);
+          pen.fillText(text, x + size + 3, y + 4);
+        }
       }
     });
     pen.restore();
