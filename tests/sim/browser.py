@@ -103,7 +103,7 @@ class Tab:
 @contextmanager
 def browser(path: str, width: int = 1400, height: int = 900) -> Iterator[Tab]:
     """A browser with one empty tab; it ends with the block."""
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         flags = [
             "--headless=new",
             "--no-sandbox",
@@ -129,6 +129,7 @@ def browser(path: str, width: int = 1400, height: int = 900) -> Iterator[Tab]:
                     mobile=False,
                 )
                 yield tab
+                tab.call("Browser.close")  # with all its processes, which write to the folder
         finally:
             process.terminate()
             process.wait()
