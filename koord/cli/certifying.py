@@ -10,6 +10,7 @@ from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram
 from koord.semantics.configurations import System
 from koord.verify.certificates import Texts, certificate
+from koord.verify.claims import ClaimKind
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Outcome, Report
 
@@ -21,7 +22,10 @@ def certify(
     holding = [
         verdict.claim
         for verdict in report.verdicts
-        if verdict.outcome is Outcome.HOLDS and verdict.rounds is None
+        if verdict.outcome is Outcome.HOLDS
+        and verdict.rounds is None
+        # A certificate is about configurations.
+        and verdict.claim.kind is not ClaimKind.LIVENESS
     ]
     texts = Texts(loaded.source, loaded.reading.properties, loaded.reading.settings)
     deadline = Deadline.after(timeout_s)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from koord.cli.inputs import LoadedProgram
 from koord.cli.run import place
-from koord.cli.tables import Shown, Table
+from koord.cli.tables import Shown, Table, repeats
 from koord.cli.terminal import Paint, Style
 from koord.cli.traces import sources_of
 from koord.semantics.configurations import Configuration, System
@@ -14,13 +14,14 @@ from koord.semantics.domain import Constant
 from koord.semantics.execution import execute
 from koord.semantics.traces.names import Names
 from koord.semantics.traces.trace import Numbers, Trace, Violation, ViolationKind, traced
-from koord.verify.claims import RULES, ClaimKind
+from koord.verify.claims import ClaimKind, rule_of
 from koord.verify.verdicts import Counterexample, Verdict
 
 _KINDS = {
     ClaimKind.PROPERTY: ViolationKind.PROPERTY,
     ClaimKind.CONTRACT: ViolationKind.CONTRACT,
     ClaimKind.LOST_UPDATE: ViolationKind.LOST_UPDATE,
+    ClaimKind.LIVENESS: ViolationKind.PROPERTY,
 }
 
 
@@ -47,12 +48,14 @@ def _lines(
     yield ""
     yield from _rounds(system, found, Table(Names(system), style))
     yield ""
-    yield f"  {found.detail} [{RULES[verdict.claim.kind]}]"
+    yield f"  {found.detail} [{rule_of(verdict.claim)}]"
     if found.span is not None:
         yield from place(loaded, found.span, style)
 
 
 def _headline(found: Counterexample) -> str:
+    if found.recording.loop is not None:
+        return f"broken by a run without end, in which {repeats(found.recording)}"
     if found.round == 0:
         return "broken by the initial configuration"
     return f"broken in round {found.round}, {found.phase.value}"
@@ -63,6 +66,8 @@ def _rounds(system: System, found: Counterexample, table: Table) -> Iterator[str
     last: Configuration[Constant] | None = None
     steps: list[Shown] = []
     for step in execute(Numbers.EXACT.domain, system, found.recording):
+        if last is not None and not steps and step.round == found.recording.loop:
+            yield from table.looped(found.recording)
         if last is None:
             yield from table.start(step)
         else:
@@ -74,6 +79,8 @@ def _rounds(system: System, found: Counterexample, table: Table) -> Iterator[str
     if steps:
         yield from table.round(steps[0].step.round, steps)
     yield from table.idle()
+    if found.recording.loop is not None:
+        yield table.goes_on(found.recording)
 
 
 def trace_of(loaded: LoadedProgram, system: System, verdict: Verdict) -> Trace:

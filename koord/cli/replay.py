@@ -13,7 +13,7 @@ from koord.cli.arguments import add_json, check_files
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_program
-from koord.cli.tables import Rounds, Table
+from koord.cli.tables import Rounds, Table, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import read_trace
 from koord.semantics.execution import Step
@@ -131,6 +131,8 @@ def _end(trace: Trace) -> Iterator[str]:
     if fault is not None:
         whose = "" if fault.robot is None else f" of robot {fault.robot}"
         yield f"  it ends in a fault{whose}: {fault.kind.value} ({visible(str(fault.span))})"
+    if trace.recording.loop is not None:
+        yield f"  {repeats(trace.recording)}, and every robot and lock is dealt with fairly"
     if trace.violation is not None:
         yield f"  it {_does(trace.violation)}, as it says"
 

@@ -21,6 +21,7 @@ from koord.semantics.runs.policies import Taken
 from koord.semantics.storage import Storage
 from koord.semantics.traces.changes import Change, changes
 from koord.semantics.traces.names import Named, Names
+from koord.semantics.traces.recording import Recording
 from koord.semantics.traces.rendering import UNSET, show_fraction, show_output, show_storage
 
 #: Of what one step changed, so many lines are shown.
@@ -141,6 +142,16 @@ class Table:
             yield self.style.paint(f"{which}: everyone skips, nothing changes", Paint.GUTTER)
             self._idle = []
 
+    def looped(self, recording: Recording) -> Iterator[str]:
+        """One line in front of the rounds that repeat, after what was before. [LASSO]"""
+        yield from self.idle()
+        yield self.style.paint(f"from here on {repeats(recording)}:", Paint.BOLD)
+
+    def goes_on(self, recording: Recording) -> str:
+        """The line behind the rounds that repeat."""
+        assert recording.loop is not None
+        return self.style.paint(f"... and again from round {recording.loop + 1} on", Paint.BOLD)
+
     def rows(self, steps: list[Shown]) -> Iterator[str]:
         """The lines of some steps, without a heading."""
         yield from self._laid_out(list(self._rows(steps)))
@@ -248,6 +259,14 @@ class Rounds:
     def _print(lines: Iterable[str]) -> None:
         for line in lines:
             print(line)
+
+
+def repeats(recording: Recording) -> str:
+    """Which rounds of a lasso repeat, in words; rounds count from 1."""
+    assert recording.loop is not None
+    first, last = recording.loop + 1, len(recording.rounds)
+    which = f"round {first} repeats" if first == last else f"rounds {first} to {last} repeat"
+    return f"{which} for ever"
 
 
 def _told(change: Change, of: int | None) -> str:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import assert_never
 
+from koord.cli.tables import repeats
 from koord.cli.terminal import Paint, Style
 from koord.semantics.configurations import System
+from koord.verify.claims import ClaimKind
 from koord.verify.verdicts import (
     Bounds,
     Counterexample,
@@ -34,6 +36,8 @@ def lines(name: str, system: System, report: Report, style: Style) -> Iterator[s
         yield f"  {row[0].ljust(widths[0])}  {shown}  {row[2].ljust(widths[2])}  {time}".rstrip()
         if verdict.reason:
             yield f"      {verdict.reason}"
+        if verdict.fairness:
+            yield f"      {_fairly(verdict.fairness)}"
     if report.found:
         yield ""
         yield "  invariants that were found for it:"
@@ -43,6 +47,15 @@ def lines(name: str, system: System, report: Report, style: Style) -> Iterator[s
         yield ""
     for vacuity in report.vacuities:
         yield f"  {_empty(vacuity, style)}"
+
+
+def _fairly(fairness: tuple[str, ...]) -> str:
+    """Which fairness a proof rests on, in words."""
+    kinds = [f"to {kind}" for kind in ("robots", "locks") if kind in fairness]
+    expected = [name for name in fairness if name not in ("robots", "locks")]
+    said = [f"fairness {' and '.join(kinds)}"] if kinds else []
+    said += [f"what is expected: {', '.join(expected)}"] if expected else []
+    return f"it rests on {'; '.join(said)}"
 
 
 def _empty(vacuity: Vacuity, style: Style) -> str:
@@ -94,7 +107,8 @@ def outcome_of(report: Report) -> str:
             return f"holds {reach}" + (", vacuously" if report.is_vacuous else "")
         case Outcome.VIOLATED:
             found = [v.counterexample for v in report.verdicts if v.counterexample is not None]
-            return f"violated in round {min(shown.round for shown in found)}"
+            ends = [shown.round for shown in found if shown.recording.loop is None]
+            return f"violated in round {min(ends)}" if ends else "violated by a run without end"
         case Outcome.UNKNOWN:
             return "unknown"
     assert_never(report.outcome)
@@ -103,6 +117,8 @@ def outcome_of(report: Report) -> str:
 def said(verdict: Verdict) -> str:
     """The verdict in words, with how far it reaches."""
     match verdict.outcome:
+        case Outcome.HOLDS if verdict.claim.kind is ClaimKind.LIVENESS:
+            return "holds, under fairness" if verdict.fairness else "holds in every run"
         case Outcome.HOLDS if verdict.engine is Engine.EVERY_N:
             return "holds for every N, in every round"
         case Outcome.HOLDS if verdict.rounds is None:
@@ -112,6 +128,8 @@ def said(verdict: Verdict) -> str:
         case Outcome.VIOLATED:
             assert verdict.counterexample is not None
             found = verdict.counterexample
+            if found.recording.loop is not None:
+                return f"violated: {repeats(found.recording)}"
             where = f"in round {found.round}" if found.round else "at the start"
             return f"violated {where}"
         case Outcome.UNKNOWN if verdict.rounds is None:
@@ -180,6 +198,7 @@ def _verdict_json(verdict: Verdict) -> dict[str, object]:
         "through_round": verdict.rounds,
         "seconds": round(verdict.seconds, 3),
         "reason": verdict.reason or None,
+        "fairness": list(verdict.fairness),
         "violated": None if found is None else _violation_json(found),
         "others": [_violation_json(other) for other in verdict.others],
     }
@@ -192,4 +211,5 @@ def _violation_json(found: Counterexample) -> dict[str, object]:
         "robot": found.robot,
         "detail": found.detail,
         "place": None if found.span is None else str(found.span),
+        "loop": None if found.recording.loop is None else found.recording.loop + 1,
     }

@@ -288,7 +288,7 @@ def _asked(
     from koord.verify.portfolio import Choice, verify
     from koord.verify.verdicts import Bounds
 
-    known = [claim.name for claim in claims_of(system)] + [p.name for p in liveness_of(system)]
+    known = [claim.name for claim in (*claims_of(system), *liveness_of(system))]
     _check_names(request.properties, known)
     bounds = Bounds(request.rounds, request.timeout_s, request.violations)
     with Interruption() as interruption, LiveLine(sys.stderr) as line:

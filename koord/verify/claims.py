@@ -8,6 +8,7 @@ from typing import Generic, TypeVar
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Domain, conjunction, disjunction
+from koord.semantics.liveness import LIVENESS
 from koord.semantics.machine import Legality
 from koord.semantics.oracle import Inputs
 from koord.semantics.races import rewritten
@@ -26,6 +27,7 @@ class ClaimKind(Enum):
     FAULT = "fault"  #: no program may fault
     LOST_UPDATE = "lost update"  #: no update of an allwrite variable may be lost
     CONTRACT = "contract"  #: a module with a model keeps its contracts
+    LIVENESS = "liveness"  #: the program says so, of whole runs
 
 
 #: The rule that a violation of a claim breaks.
@@ -34,7 +36,15 @@ RULES = {
     ClaimKind.FAULT: "FAULT",
     ClaimKind.LOST_UPDATE: "LOST-UPDATE",
     ClaimKind.CONTRACT: "PROP-CONTRACT",
+    ClaimKind.LIVENESS: "PROP-EVENTUALLY",
 }
+
+
+def rule_of(claim: Claim) -> str:
+    """The rule that a violation of the claim breaks."""
+    if claim.stated is not None and claim.stated.trigger is not None:
+        return "PROP-LEADS-TO"
+    return RULES[claim.kind]
 
 
 class Phase(Enum):
@@ -80,15 +90,17 @@ class Claim:
                 return phase in (Phase.INSIDE, Phase.MIDDLE)
             case ClaimKind.CONTRACT:
                 return phase is Phase.END
+            case ClaimKind.LIVENESS:
+                return False
 
 
 NO_FAULT = Claim("no fault", ClaimKind.FAULT)
 
 
 def claims_of(system: System) -> tuple[Claim, ...]:
-    """Every claim about a system, in the order in which they are reported.
+    """Every claim about the configurations of a system, in the order in which they are reported.
 
-    Liveness properties are not among them: no engine here decides those.
+    What is claimed of whole runs is not among them: see ``liveness_of``.
     """
     program = system.program
     claims = [
@@ -121,10 +133,10 @@ def _reads_ports(program: core.Program, condition: core.Expr) -> bool:
     )
 
 
-def liveness_of(system: System) -> tuple[core.Property, ...]:
-    """The properties that are about whole runs."""
-    live = (PropertyKind.EVENTUALLY, PropertyKind.LEADS_TO)
-    return tuple(p for p in system.program.properties if p.kind in live)
+def liveness_of(system: System) -> tuple[Claim, ...]:
+    """The claims that are about whole runs."""
+    live = (p for p in system.program.properties if p.kind in LIVENESS)
+    return tuple(Claim(p.name, ClaimKind.LIVENESS, p) for p in live)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,3 +171,5 @@ def broken(
         case ClaimKind.CONTRACT:
             kept = [when for when, name in findings.promises if name == claim.subject]
             return d.unary(UnaryOp.NOT, conjunction(d, kept)), ()
+        case ClaimKind.LIVENESS:
+            raise AssertionError(f"{claim.name} is not about one configuration")

@@ -62,6 +62,7 @@ class Concretion:
                 self._answers(opening.answers),
             ),
             tuple(self._round(round_) for round_ in abstract.rounds),
+            abstract.loop,
         )
 
     def _note(self, answer: Answer) -> None:

@@ -18,17 +18,18 @@ from koord.semantics.search.limits import Limits
 from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
 from koord.verify.bits.engine import ByBits
-from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
+from koord.verify.claims import Claim, Phase, claims_of
 from koord.verify.concretion import Concretion
 from koord.verify.engines import ByInduction, BySearch, ByUnrolling
 from koord.verify.every_n.engine import ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
 from koord.verify.exhaustive import FEW_STATES
 from koord.verify.ledger import Ledger, Subject, Works
+from koord.verify.live.settling import Ways, settled
 from koord.verify.solving import Deadline
 from koord.verify.vacuity import vacuities
 from koord.verify.varieties import others
-from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Report, Vacuity, Verdict
+from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Vacuity, Verdict
 from koord.verify.witness import replayed, simplified
 
 
@@ -80,14 +81,13 @@ def verify(
         for claim, verdict in zip(claims_of(system), given, strict=True)
         if not names or claim.name in names
     )
-    live = tuple(
-        Verdict(_live(p.name), Outcome.UNKNOWN, Engine.NONE, 0.0, reason=_NO_LIVENESS)
-        for p in liveness_of(system)
-        if not names or p.name in names
-    )
+    ways = Ways.NONE if cut else _WAYS.get(choice, Ways.NONE)
+    live = settled(system, bounds, ways, deadline, seed=seed, progress=progress)
+    verdicts += tuple(v for v in live.verdicts if not names or v.claim.name in names)
+    vacuities, cut = asked.vacuities + live.vacuities, cut or live.interrupted
     seconds = time.monotonic() - started
     every_n = choice is Choice.EVERY_N
-    return Report(verdicts + live, asked.vacuities, seconds, cut, every_n=every_n)
+    return Report(verdicts, vacuities, seconds, cut, every_n=every_n)
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,8 +205,5 @@ def engines(choice: Choice, unrolling: ByUnrolling) -> list[Works]:
     assert_never(choice)
 
 
-_NO_LIVENESS = "liveness is not decided by the engines of this version"
-
-
-def _live(name: str) -> Claim:
-    return Claim(name, ClaimKind.PROPERTY)
+#: Which engines are asked about whole runs.
+_WAYS = {Choice.AUTO: Ways.ALL, Choice.SEARCH: Ways.SEARCH, Choice.BITS: Ways.BITS}

@@ -45,10 +45,11 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class Counterexample:
-    """A run that breaks a claim, replayed on the exact domain.
+    """A run that breaks a claim, replayed on the exact domain; of a liveness claim a lasso.
 
-    ``round`` counts from 1; 0 means INIT. ``robot`` is whose turn broke it, None for INIT and the
-    environment. ``span`` is the place in the text that is broken, or where the fault is.
+    ``round`` counts from 1; 0 means INIT; of a lasso it is the last round of its loop. ``robot`` is
+    whose turn broke it, None for INIT and the environment; of a lasso the one that is meant.
+    ``span`` is the place in the text that is broken, or where the fault is.
     """
 
     recording: Recording
@@ -93,6 +94,7 @@ class Verdict:
     others: tuple[Counterexample, ...] = ()  #: different ones, if more were asked for
     step: BrokenStep | None = None  #: why a claim that is *unknown* is not inductive
     lemmas: tuple[str, ...] = ()  #: invariants that were found for the proof, as Koord
+    fairness: tuple[str, ...] = ()  #: kinds of it, and expectations, that a proof needs
 
 
 class Emptiness(Enum):

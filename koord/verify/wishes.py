@@ -23,7 +23,7 @@ class Aim(Enum):
     """What is wished for."""
 
     EVENT = "event"  #: that it runs, in a round that ends
-    SUPPOSITION = "supposition"  #: that what an invariant supposes is true of some configuration
+    SUPPOSITION = "supposition"  #: that what a property supposes is true of some configuration
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +71,13 @@ def _suppositions(program: core.Program) -> Iterator[_Stated]:
         if stated.kind in (PropertyKind.INVARIANT, PropertyKind.AT_ROUND):
             for condition, span in _denied(stated.condition):
                 yield Aim.SUPPOSITION, stated.name, condition, stated.bound, span
+        elif stated.trigger is not None:
+            never: core.Expr = core.Unary(UnaryOp.NOT, stated.trigger, BOOL)
+            if stated.each is not None:
+                robots = core.RobotRange(stated.each.agent)
+                every = QuantifierKind.FORALL
+                never = core.Quantified(every, stated.each.variable, robots, never)
+            yield Aim.SUPPOSITION, stated.name, never, stated.bound, stated.trigger.span
 
 
 def _denied(e: core.Expr) -> Iterator[tuple[core.Expr, Span]]:

@@ -182,11 +182,12 @@ def test_one_claim_can_be_asked_for_and_the_others_still_help() -> None:
     assert (verdict.claim.name, verdict.outcome, verdict.depth) == ("Goal", Outcome.HOLDS, 1)
 
 
-def test_liveness_is_left_open() -> None:
+def test_liveness_is_left_open_by_engines_that_know_nothing_of_it() -> None:
     b = growing()
     kind = core.PropertyKind.EVENTUALLY
     b.properties.append(core.Property("Some", kind, core.Const(True, BOOL), 0))
-    verdict = ask(b.program(), rounds=1)["Some"]
+    report = verify(dealt(b.program(), 2), Bounds(1), Choice.INDUCTION, names=("Some",))
+    (verdict,) = report.verdicts
     assert verdict.outcome is Outcome.UNKNOWN
     assert "liveness" in verdict.reason
 

@@ -1,0 +1,92 @@
+"""The search for fair cycles as an engine: for all rounds, or a lasso. [T-FAIR-CYCLE]"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from koord.semantics.search.findings import Exhausted, OutOfBounds
+from koord.semantics.search.finite import NotFinite
+from koord.semantics.search.limits import Limits
+from koord.semantics.search.live import Fairness, Lively, lively
+from koord.verify.claims import Claim, Phase
+from koord.verify.ledger import Ledger, Reach
+from koord.verify.verdicts import Emptiness, Engine, Outcome, Vacuity, Verdict
+from koord.verify.witness import NotReplayedError
+
+#: So many states are searched before another engine gets its turn; ``--engine search`` goes on.
+FEW_STATES = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class LiveBySearch:
+    """All configurations one by one, where they are few."""
+
+    limits: Limits
+    #: what was found out besides
+    empty: list[Vacuity] = field(default_factory=list)
+
+    def work(self, ledger: Ledger) -> None:
+        started = time.monotonic()
+        claims = ledger.open()
+        limits = self.limits
+        found = lively(
+            ledger.system,
+            [claim.stated for claim in claims if claim.stated is not None],
+            Limits(limits.states, limits.memory_mb, limits.rounds, ledger.deadline.at),
+            progress=lambda states, rounds: ledger.progress(
+                f"liveness, round {rounds}, {states} states"
+            ),
+        )
+        seconds = time.monotonic() - started
+        unreplayed = _settled(ledger, claims, found, seconds)
+        reason = f"search: {_why(found)}"
+        for claim in ledger.open():
+            why = unreplayed.get(claim, reason)
+            ledger.leave([claim], Reach(Engine.SEARCH, None, why, seconds))
+        if found.is_empty:
+            self.empty.append(NO_FAIR_RUN)
+
+
+NO_FAIR_RUN = Vacuity(
+    Emptiness.ASSUMPTIONS, "", "no run without end does all that is expected", certain=True
+)
+
+
+def _settled(
+    ledger: Ledger, claims: Sequence[Claim], found: Lively, seconds: float
+) -> dict[Claim, str]:
+    """Settle what was found; why lassos did not replay, if some did not."""
+    unreplayed: dict[Claim, str] = {}
+    for claim in claims:
+        lasso = found.violated.get(claim.name)
+        if lasso is not None:
+            try:
+                shown = ledger.subject.judge(lasso, claim, Phase.END)
+            except NotReplayedError as error:
+                unreplayed[claim] = f"search: a candidate violation did not replay: {error}"
+                continue
+            verdict = Verdict(claim, Outcome.VIOLATED, Engine.SEARCH, seconds, counterexample=shown)
+            ledger.settle({claim: verdict})
+        elif claim.name in found.needs:
+            under = named(found.needs[claim.name])
+            verdict = Verdict(claim, Outcome.HOLDS, Engine.SEARCH, seconds, fairness=under)
+            ledger.settle({claim: verdict})
+    return unreplayed
+
+
+def named(fairness: Fairness) -> tuple[str, ...]:
+    """Kinds of fairness, and expectations, by name."""
+    kinds = (("robots", fairness.robots), ("locks", fairness.locks))
+    return (*(name for name, needed in kinds if needed), *fairness.expectations)
+
+
+def _why(found: Lively) -> str:
+    match found.end:
+        case Exhausted():
+            return "not decided"
+        case OutOfBounds(reason=reason, depth=depth):
+            return f"{reason} through round {depth}"
+        case NotFinite(reason=reason, span=span):
+            return f"{reason} ({span})"
