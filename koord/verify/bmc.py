@@ -88,18 +88,20 @@ class Bounded:
 
     ``completed`` is the last round through which all claims that are still open hold (None: not
     even INIT is known to satisfy them). ``unreplayed`` are claims with a candidate violation that
-    is no run, each with the reason and with what was completed before it.
+    is no run, each with the reason and with what was completed before it. ``tired``: the last check
+    ended because its effort was used up, and can be gone on with.
     """
 
     def __init__(self, system: System, judge: Judge, seed: int = 0) -> None:
         self._unrolling = Unrolling(system, seed)
         self._judge = judge
         self._started = time.monotonic()
-        self._moments: Iterator[Moment] | None = None
-        self.moments = 0  #: that were looked at
+        self._moments = self._unrolling.moments()
+        self._moment: Moment | None = None
         self.unreplayed: dict[Claim, tuple[str, int | None]] = {}
         self.completed: int | None = None
         self.reason = ""
+        self.tired = False
 
     def check(
         self,
@@ -113,15 +115,16 @@ class Bounded:
 
         ``proved`` are taken for granted. Claims that are not in the answer hold through round
         ``completed``; that is less than ``rounds`` if the deadline passed or the solver gave up,
-        and then ``reason`` says so. Those in ``unreplayed`` are an exception.
+        and then ``reason`` says so, or if it is ``tired``. Those in ``unreplayed`` are exceptions.
         """
+        self.tired = False
         pending = [claim for claim in claims if claim not in self.unreplayed]
         verdicts: dict[Claim, Verdict] = {}
-        while pending and not self.reason:
+        while pending and not self.reason and not self.tired:
             if self.completed is not None and self.completed >= rounds:
                 break
             try:
-                moment = self._next()
+                moment = self._moment = self._moment or next(self._moments)
                 self._take_for_granted(moment, proved)
                 found, unreplayed, self.reason = _look(
                     self._unrolling, moment, pending, deadline, effort, self._started, self._judge
@@ -132,6 +135,11 @@ class Bounded:
             verdicts |= found
             self.unreplayed |= {c: (why, self.completed) for c, why in unreplayed.items()}
             pending = [c for c in pending if c not in verdicts and c not in self.unreplayed]
+            self.tired = bool(self.reason) and effort is not None and effort.left <= 0
+            if self.tired:
+                self.reason = ""  # the moment is looked at again
+                break
+            self._moment = None
             if not self.reason and moment.phase in (Phase.INIT, Phase.END):
                 self.completed = moment.configuration.round
         return verdicts
@@ -145,12 +153,6 @@ class Bounded:
     def limits(self) -> list[str]:
         """What the unrolling does not cover."""
         return sorted(set(self._unrolling.unknowns.limits))
-
-    def _next(self) -> Moment:
-        if self._moments is None:
-            self._moments = self._unrolling.moments()
-        self.moments += 1
-        return next(self._moments)
 
     def _take_for_granted(self, moment: Moment, proved: Sequence[Claim]) -> None:
         d, solver = self._unrolling.encoder.d, self._unrolling.solver
@@ -181,8 +183,6 @@ def _look(
     while pending:
         answer = solver.check([disjunction(d, list(pending.values()))], deadline, effort)
         if answer is Answer.UNKNOWN:
-            if effort is not None and effort.left <= 0:
-                return verdicts, unreplayed, "another claim is violated, and this one takes long"
             why = "timeout" if deadline.is_near() else "the solver gave up"
             return verdicts, unreplayed, why
         if answer is Answer.UNSAT:

@@ -20,6 +20,9 @@ MAX_DEPTH = 3
 #: What inductive attempts may cost before other engines get their turn: about so many seconds.
 PROOF_S = 30.0
 
+#: What a look at the rounds may cost before claims are tried to be proved from further off.
+GLANCE_S = 3.0
+
 #: What other claims may cost where one is violated, so that nobody waits long to see it.
 AFTERWARDS_S = 10.0
 
@@ -46,34 +49,52 @@ class ByUnrolling:
         completed = self.bounded.unreplayed.values() if self.bounded is not None else ()
         return max((0 if last is None else last + 1 for _, last in completed), default=None)
 
-    def through(self, ledger: Ledger, rounds: int) -> None:
-        """Settle what is violated within so many rounds."""
+    def through(self, ledger: Ledger, rounds: int, effort: Effort | None = None) -> None:
+        """Settle what is violated within so many rounds, as far as the effort goes."""
         bounded = self.of(ledger)
         try:
-            self._through(bounded, ledger, rounds)
+            self._through(bounded, ledger, rounds, effort)
         finally:
             self._leave(bounded, ledger)
 
-    def _through(self, bounded: Bounded, ledger: Ledger, rounds: int) -> None:
+    def _through(
+        self, bounded: Bounded, ledger: Ledger, rounds: int, effort: Effort | None
+    ) -> None:
         while not bounded.reason and (claims := self._pending(bounded, ledger)):
             number = 0 if bounded.completed is None else bounded.completed + 1
             if number > rounds:
                 return
             ledger.progress(f"bmc, round {number} of {ledger.bounds.rounds}")
-            effort = self.afterwards if ledger.is_violated else None
-            ledger.settle(bounded.check(claims, ledger.proved(), number, ledger.deadline, effort))
+            most = effort or (self.afterwards if ledger.is_violated else None)
+            ledger.settle(bounded.check(claims, ledger.proved(), number, ledger.deadline, most))
+            if bounded.tired:
+                return
 
     def _pending(self, bounded: Bounded, ledger: Ledger) -> list[Claim]:
         return [claim for claim in ledger.open() if claim not in bounded.unreplayed]
 
     def _leave(self, bounded: Bounded, ledger: Ledger) -> None:
         reason = bounded.reason
+        if bounded.tired:
+            reason = "another claim is violated, and this one takes long"
         if not reason and bounded.limits:
             reason = f"not covered: {'; '.join(bounded.limits)}"
         reach = Reach(Engine.BMC, bounded.completed, reason, bounded.seconds)
         ledger.leave(self._pending(bounded, ledger), reach)
         for claim, (why, rounds) in bounded.unreplayed.items():
             ledger.leave([claim], Reach(Engine.BMC, rounds, why, bounded.seconds))
+
+
+@dataclass(slots=True)
+class ByGlance:
+    """The rounds that bounded model checking gets through quickly: most violations are there."""
+
+    unrolling: ByUnrolling
+    effort: Effort = field(default_factory=lambda: Effort.of_seconds(GLANCE_S))
+
+    def work(self, ledger: Ledger) -> None:
+        if ledger.wanting():
+            self.unrolling.through(ledger, ledger.bounds.rounds, self.effort)
 
 
 @dataclass(slots=True)
@@ -95,7 +116,7 @@ class ByInduction:
             bounded = self.unrolling.of(ledger)
             # What is not known to hold in those rounds is neither to be proved nor to be assumed.
             claims = [c for c in ledger.open() if c not in bounded.unreplayed]
-            if not claims or bounded.reason:
+            if not claims or bounded.completed is None or bounded.completed < depth - 1:
                 return
             effort = self.afterwards if ledger.is_violated else self.effort
             ledger.progress(f"induction over {depth} round{'s' if depth > 1 else ''}")

@@ -20,7 +20,7 @@ from koord.verify.abstraction import abstracted
 from koord.verify.bits.engine import ByBits
 from koord.verify.claims import Claim, Phase, claims_of
 from koord.verify.concretion import Concretion
-from koord.verify.engines import ByInduction, BySearch, ByUnrolling
+from koord.verify.engines import ByGlance, ByInduction, BySearch, ByUnrolling
 from koord.verify.every_n.engine import ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
 from koord.verify.exhaustive import FEW_STATES
@@ -191,7 +191,8 @@ def engines(choice: Choice, unrolling: ByUnrolling) -> list[Works]:
             every_n = ByEveryN(SPARING)
             few = BySearch(Limits(states=FEW_STATES))
             inference = ByInference(SPARING)
-            return [every_n, induction, few, ByBits(sparing=True), inference, unrolling]
+            bits, glance = ByBits(sparing=True), ByGlance(unrolling)
+            return [every_n, induction, few, bits, glance, inference, unrolling]
         case Choice.EVERY_N:
             return [ByEveryN(), ByInference()]
         case Choice.INDUCTION:

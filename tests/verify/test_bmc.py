@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
+from typing import Any
 
 import pytest
 
@@ -13,9 +14,11 @@ from koord.semantics.domain import EXACT
 from koord.semantics.execution import execute
 from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT, ListType, MapType, Type
+from koord.verify import bmc
 from koord.verify.bmc import Bounded
 from koord.verify.claims import Phase, claims_of
-from koord.verify.solving import Deadline
+from koord.verify.moments import Moment
+from koord.verify.solving import Deadline, Effort
 from tests.semantics import programs
 from tests.semantics.building import (
     PID,
@@ -379,18 +382,40 @@ def test_an_update_in_a_round_that_faults_is_not_lost() -> None:
 # --- going on, and giving up ----------------------------------------------------------------------
 
 
-def test_a_check_goes_on_from_where_it_stopped() -> None:
+def test_a_check_goes_on_from_where_it_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[Moment] = []
+    look = bmc._look
+
+    def counted(unrolling: bmc.Unrolling, moment: Moment, *rest: Any) -> Any:
+        looks.append(moment)
+        return look(unrolling, moment, *rest)
+
+    monkeypatch.setattr(bmc, "_look", counted)
     system = dealt(programs.late_violation(4), 2)
     check = Bounded(system, partial(judged, system))
     claims = claims_of(system)
     assert check.check(claims, (), 2, Deadline()) == {}
     assert check.completed == 2
-    looked_at = check.moments
+    assert len(looks) == 1 + 2 * 2
     (found,) = check.check(claims, (), 6, Deadline()).values()
     assert found.counterexample is not None
     assert found.counterexample.round == 4
     # Nothing was looked at twice: each round has a middle and an end.
-    assert (looked_at, check.moments) == (1 + 2 * 2, 1 + 2 * 6)
+    assert len(looks) == 1 + 2 * 6
+
+
+def test_a_tired_check_goes_on_from_where_it_stopped() -> None:
+    """Out of effort is not out of time: with more of it the same configuration is looked at."""
+    system = dealt(programs.late_violation(4), 2)
+    check = Bounded(system, partial(judged, system))
+    claims = claims_of(system)
+    assert check.check(claims, (), 2, Deadline()) == {}
+    assert check.check(claims, (), 6, Deadline(), Effort(0)) == {}
+    assert (check.tired, check.completed, check.reason) == (True, 2, "")
+    (verdict,) = check.check(claims, (), 6, Deadline(), Effort.of_seconds(9)).values()
+    assert not check.tired
+    assert verdict.counterexample is not None
+    assert verdict.counterexample.round == 4
 
 
 def test_out_of_time_says_how_far_it_came() -> None:

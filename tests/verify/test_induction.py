@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from koord.semantics.configurations import System, dealt
+from koord.semantics.traces.recording import Recording
 from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, RecordType
-from koord.verify.claims import claims_of
+from koord.verify.bmc import Bounded
+from koord.verify.claims import Claim, Phase, claims_of
+from koord.verify.engines import ByInduction, ByUnrolling
 from koord.verify.induction import prove
+from koord.verify.ledger import Ledger, Subject
 from koord.verify.solving import Deadline
+from koord.verify.verdicts import Bounds, Counterexample
 from tests.semantics import programs
 from tests.semantics.building import (
     PID,
@@ -99,6 +105,33 @@ def test_the_base_of_a_longer_step_is_asked_for() -> None:
         for rounds in (1, 2, 3):
             proved, _ = inductive(programs.late_violation(rounds), depth=depth)
             assert proved == {"no fault"}
+
+
+def test_a_step_of_three_rounds_rests_on_two_that_were_looked_at(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """NotTwo breaks in the second round, yet no three rounds without that lead to it."""
+    b = Build("late")
+    n = b.local("n", INT, 0)
+    b.event("Count", TRUE, n.set(n + 1), urgent=True)
+    b.invariant("Low", forall(I, n.at(I) >= 0))
+    b.invariant("NotTwo", forall(I, n.at(I).ne(2)))
+    system = dealt(b.program(), 1)
+    claims = claims_of(system)
+    ledger = Ledger(Subject(system, _unasked, system), Bounds(9), Deadline(), claims)
+    look = Bounded.check
+
+    def tired(self: Bounded, claims: Any, proved: Any, rounds: int, *rest: Any) -> Any:
+        self.tired = rounds > 0
+        return {} if self.tired else look(self, claims, proved, rounds, *rest)
+
+    monkeypatch.setattr(Bounded, "check", tired)
+    ByInduction(ByUnrolling()).work(ledger)
+    assert [claim.name for claim in ledger.open()] == ["NotTwo"]
+
+
+def _unasked(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    raise AssertionError("nothing is to be replayed")
 
 
 # --- the moments of a round -----------------------------------------------------------------------

@@ -37,11 +37,16 @@ class ByEveryN:
 
 @dataclass(frozen=True, slots=True)
 class ByInference:
-    """The same with the help of invariants that nobody gave: found among likely ones."""
+    """The same with the help of invariants that nobody gave: found among likely ones.
+
+    Where something is violated, rounds that were looked at are enough of the rest.
+    """
 
     thrift: Thrift = GENEROUS
 
     def work(self, ledger: Ledger) -> None:
+        if ledger.is_violated and not ledger.wanting():
+            return
         started = time.monotonic()
         ledger.progress("looking for invariants")
         # Invariants help from one round to the next, and not with what may fail to begin with.
