@@ -14,16 +14,11 @@ from koord.syntax.types import (
     POS,
     STRING,
     ArrayType,
-    BoolType,
     EnumType,
-    FloatType,
-    IntType,
     ListType,
     MapType,
     QueueType,
     RecordType,
-    StreamType,
-    StringType,
     Type,
 )
 
@@ -111,13 +106,3 @@ def _stages(type_: Type) -> Iterator[Stage]:
             yield Stage(Way.KEY, type_, value)
         case _:
             return
-
-
-def is_scalar(type_: Type) -> bool:
-    """Whether values of a type have no parts."""
-    return isinstance(type_, IntType | FloatType | BoolType | StringType | StreamType | EnumType)
-
-
-def is_list(type_: Type) -> bool:
-    """Whether values of a type are sequences that may grow."""
-    return isinstance(type_, ListType | QueueType)

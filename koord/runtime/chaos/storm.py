@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -106,7 +105,6 @@ class _Watch:
         self._rosters: list[tuple[int, ...]] = []
         self._accepted: dict[bytes, set[Accepted]] = {}
         self._decided: dict[tuple[int, int], bytes] = {}
-        self._seen_round: Counter[int] = Counter()
         self._promised: dict[int, int] = {}
 
     @property

@@ -73,7 +73,6 @@ class _Search:
         self._from: dict[World, tuple[World, Transition] | None] = {}
         self._entries: set[bytes] = set()
         self._epochs: set[int] = set()
-        self._checked: set[tuple[int, int, bytes]] = set()
         self._transitions = 0
 
     def run(self) -> Explored:

@@ -8,7 +8,7 @@ nothing left to reach, so it has reached as well.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -123,8 +123,3 @@ def moves(automata: Automata) -> Bools:
         (automata.state == State.IDLE) & automata.has_route
     )
     return moving
-
-
-def without_route(automata: Automata, robots: Bools) -> Automata:
-    """The automata after some robots forgot their routes."""
-    return replace(automata, has_route=automata.has_route & ~robots)

@@ -30,7 +30,6 @@ ROOM = LONGEST - HEADER_BYTES - PROOF_BYTES  #: for the body
 _SHORTEST = HEADER_BYTES + PROOF_BYTES
 
 MOST_ROBOTS = 1 << 16
-LEAST_ROUND, MOST_ROUND = -(2**31), 2**31 - 1
 
 
 @dataclass(slots=True)

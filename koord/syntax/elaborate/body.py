@@ -47,7 +47,6 @@ SEES_VARIABLES = CLOSED | {Where.GUARD, Where.EFFECT, Where.INIT}
 SEES_PORTS = SEES_VARIABLES | CONTRACT | {Where.ENVIRONMENT}
 #: Where a robot's own id is known.
 SEES_PID = SEES_PORTS | {Where.INITIAL}
-INITIALS = frozenset({Where.INITIAL, Where.SHARED_INITIAL})
 
 
 @dataclass(slots=True)
