@@ -105,7 +105,7 @@ class World:
     @staticmethod
     def of(system: System) -> World:
         """The system, but with any number of robots."""
-        d, program = FunctionTerms(), system.program
+        d, program = FunctionTerms(system.patience), system.program
         unknowns = Functions(d, program, 0)
         book = Book(unknowns)
         count = d.fresh("N", INT)

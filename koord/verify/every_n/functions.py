@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from koord.semantics.crowds import Crowd, NotFiniteError
 from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.patience import ENDLESS, Patience
 from koord.semantics.storage import Many, Storage
 from koord.semantics.values import Family, Value, scalar
 from koord.syntax import core
@@ -26,8 +27,8 @@ class FunctionTerms(Terms):
     that everything new depends on otherwise.
     """
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, patience: Patience = ENDLESS) -> None:
+        super().__init__(patience)
         self.arguments: tuple[Term, ...] | None = None
         self.open: tuple[Term, ...] = ()
 
