@@ -127,13 +127,7 @@ def compare(t: Triple) -> int:
     return skipped
 
 
-def blocks(count: int, quick: int) -> list[object]:
-    """So many blocks, of which the first ones are compared in every run of the tests."""
-    slow = [pytest.mark.slow]
-    return [pytest.param(n, id=str(n), marks=[] if n < quick else slow) for n in range(count)]
-
-
-@pytest.mark.parametrize("block", blocks(8, quick=2))
+@pytest.mark.parametrize("block", range(8))
 def test_turns_and_properties_agree(block: int) -> None:
     """In all blocks together at least 2,000 triples, faults included."""
     compared = Compared()
