@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 from random import Random
+from textwrap import dedent
 
 import pytest
 from hypothesis import given, settings
@@ -22,6 +23,8 @@ from koord.semantics.traces.recording import Recording, Round
 from koord.semantics.traces.trace import Numbers
 from koord.syntax import core
 from koord.syntax.core import Home, ListOp
+from koord.syntax.load import load
+from koord.syntax.source import Source
 from koord.syntax.types import (
     BOOL,
     FLOAT,
@@ -207,6 +210,41 @@ def test_parts_of_records_and_arrays_are_set_one_by_one() -> None:
     d.round("One")
     assert (d.own(0, "grid"), d.own(0, "got")) == ("[unset, 5, unset]", "5")
     d.go(0, "All")
+    assert d.configuration.fault is not None
+    assert d.configuration.fault.kind is FaultKind.UNSET
+
+
+def test_parts_of_what_a_function_declares_are_set_one_by_one() -> None:
+    """[ATOM]: a bound variable without a value has every atom unset, until it is written."""
+    text = """
+        def fun pick(int k) -> int:
+            Task t
+            int[3] a
+            t.id = k
+            a[1] = k
+            return t.id + a[1]
+
+        def fun miss() -> int:
+            int[3] a
+            a[1] = 1
+            return a[0]
+
+        local:
+            int n = 0
+
+        Pick:
+            pre: true
+            eff: n = pick(n + 1)
+
+        Miss:
+            pre: true
+            eff: n = miss()
+    """
+    made = load(Source("parts.krd", dedent(text))).program
+    assert made is not None
+    d = drive(made, 1).round("Pick").round("Pick")
+    assert d.own(0, "n") == "6"
+    d.go(0, "Miss")
     assert d.configuration.fault is not None
     assert d.configuration.fault.kind is FaultKind.UNSET
 
