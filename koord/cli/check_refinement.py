@@ -20,7 +20,7 @@ from koord.cli.progress import Interruption
 from koord.cli.terminal import Paint, style_of, visible
 from koord.cli.traces import sources_of
 from koord.refinement.cases import Case, Tried, all_generated, generated, of_program, tried
-from koord.refinement.running import Target, target
+from koord.refinement.running import Compiled, ready
 from koord.refinement.shrinking import shrunk
 from koord.runtime.compile import compiled
 from koord.semantics.configurations import System, dealt
@@ -161,14 +161,14 @@ def _all(arguments: argparse.Namespace, programs: tuple[LoadedProgram, ...]) -> 
             yield _smallest(tried(case), None)
         return
     for loaded in programs:
-        made = target(loaded.program)
+        made = ready(loaded.program)
         systems = (dealt(loaded.program, n, arguments.delta) for n in cycle(_ROBOTS))
         cases = of_program(sources_of(loaded), systems, arguments.rounds, Random(arguments.seed))
         for case in islice(cases, arguments.runs):
             yield _smallest(tried(case, made), made)
 
 
-def _smallest(outcome: Tried, made: Target | None) -> Tried:
+def _smallest(outcome: Tried, made: Compiled | None) -> Tried:
     """Of a program that was compiled once for all runs, the program stays as it is."""
     if not outcome.failed:
         return outcome

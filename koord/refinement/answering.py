@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from koord.refinement.translating import to_plain, to_value
@@ -34,7 +34,7 @@ class SampledHost:
         self.system = system
         self.names = names
         self.inputs = inputs
-        self._starts = dict(self._starting())
+        self._starts = dict(starting(system.program, names))
 
     def settle_start(self, order: tuple[int, ...]) -> None:
         """Choose starts that the assumptions allow. Raises KoordError if none are found. [INIT]"""
@@ -85,16 +85,14 @@ class SampledHost:
         type_ = FLOAT if isinstance(low, float) else INT
         return oracle.choose(key, low, high, type_)
 
-    # --- inside -----------------------------------------------------------------------------------
 
-    def _starting(self) -> list[tuple[tuple[int | None, str], core.Declaration]]:
-        """The declarations that may start arbitrary, by kind and attribute."""
-        program, names = self.system.program, self.names
-        found: list[tuple[tuple[int | None, str], core.Declaration]] = [
-            ((None, names.attribute(entry.variable, None)), entry) for entry in program.allwrite
-        ]
-        for kind, agent in enumerate(program.agents):
-            ports = (port.declaration for port in agent.ports)
-            for entry in (*agent.locals, *ports, *program.allread):
-                found.append(((kind, names.attribute(entry.variable, kind)), entry))
-        return found
+def starting(
+    program: core.Program, names: Names
+) -> Iterator[tuple[tuple[int | None, str], core.Declaration]]:
+    """The declarations that may start arbitrary, by kind and attribute."""
+    for entry in program.allwrite:
+        yield (None, names.attribute(entry.variable, None)), entry
+    for kind, agent in enumerate(program.agents):
+        ports = (port.declaration for port in agent.ports)
+        for entry in (*agent.locals, *ports, *program.allread):
+            yield (kind, names.attribute(entry.variable, kind)), entry

@@ -8,11 +8,14 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from random import Random
 
-from koord.refinement.generating.profiles import CALM, GENERAL, WILD, Profile
+from koord.refinement.deployed import Expedition, over_network, over_udp
+from koord.refinement.generating import profiles
+from koord.refinement.generating.profiles import GENERAL, WILD, Profile
 from koord.refinement.generating.programs import system as generated_system
 from koord.refinement.judging import Judged, judge
-from koord.refinement.running import Ran, Target, run, target
-from koord.runtime.engine.schedules import AtRandom, Deployed, Schedule
+from koord.refinement.running import Compiled, Ran, ready, run
+from koord.runtime.chaos.faults import CALM, Faults
+from koord.runtime.engine.schedules import AtRandom, Deployed, Schedule, Unheard
 from koord.semantics.configurations import System
 from koord.semantics.replay import Refused
 from koord.semantics.traces.trace import Sources
@@ -35,6 +38,14 @@ class Policy(Enum):
         return Deployed() if self is Policy.DEPLOYED else AtRandom(rng)
 
 
+class Target(Enum):
+    """What runs a compiled program."""
+
+    ENGINE = "engine"  #: all robots in one process, without messages
+    NETWORK = "network"  #: deployed robots on a simulated network, in virtual time
+    UDP = "udp"  #: deployed robots as processes that talk over UDP
+
+
 class Sort(Enum):
     """The sorts of programs that are generated."""
 
@@ -44,12 +55,12 @@ class Sort(Enum):
 
     @property
     def profile(self) -> Profile:
-        return {Sort.CALM: CALM, Sort.GENERAL: GENERAL, Sort.WILD: WILD}[self]
+        return {Sort.CALM: profiles.CALM, Sort.GENERAL: GENERAL, Sort.WILD: WILD}[self]
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A run that is determined: the same case gives the same run."""
+    """A run that is determined: the same case gives the same run, but for processes."""
 
     system: System
     sources: Sources
@@ -57,6 +68,8 @@ class Case:
     rounds: int
     seed: int
     largest: int | None = None  #: the size of values at which the run ends
+    target: Target = Target.ENGINE
+    faults: Faults = CALM
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,28 +91,46 @@ class Tried:
         return bool(self.crash) or self.refused is not None
 
 
-def tried(case: Case, of: Target | None = None) -> Tried:
+def tried(case: Case, of: Compiled | None = None) -> Tried:
     """Compile (unless that was done before), run, and judge."""
-    rng = Random(case.seed)
     try:
-        made = of if of is not None else target(case.system.program)
-        schedule = case.policy.schedule(rng)
-        ran = run(made, case.system, case.sources, schedule, case.rounds, rng, case.largest)
+        ran = _run(case, of if of is not None else ready(case.system.program))
     except Exception:  # whatever a wrongly compiled program does is what is looked for
         return Tried(case, crash=traceback.format_exc(limit=-4))
     return Tried(case, judge(ran), ran)
 
 
+def _run(case: Case, made: Compiled) -> Ran:
+    if case.target is Target.ENGINE:
+        rng = Random(case.seed)
+        schedule = case.policy.schedule(rng)
+        if case.faults != CALM:
+            schedule = Unheard(schedule, rng, case.faults.loss, case.faults.crashes_per_s > 0)
+        return run(made, case.system, case.sources, schedule, case.rounds, rng, case.largest)
+    expedition = Expedition(
+        made, case.system, case.sources, case.rounds, case.seed, case.faults, case.largest
+    )
+    return over_network(expedition) if case.target is Target.NETWORK else over_udp(expedition)
+
+
 def of_program(
-    sources: Sources, systems: Iterator[System], rounds: int, seeds: Random
+    sources: Sources,
+    systems: Iterator[System],
+    rounds: int,
+    seeds: Random,
+    target: Target = Target.ENGINE,
+    faults: Faults = CALM,
 ) -> Iterator[Case]:
     """Cases of one program: with the systems in turn, every third as it would be deployed."""
     for number, system in enumerate(systems):
         policy = Policy.RANDOM if number % 3 else Policy.DEPLOYED
-        yield Case(system, sources, policy, rounds, seeds.randrange(_SEEDS))
+        seed = seeds.randrange(_SEEDS)
+        yield Case(system, sources, policy, rounds, seed, target=target, faults=faults)
 
 
-def generated(seed: int, rounds: int) -> Case:
+def generated(
+    seed: int, rounds: int, target: Target = Target.ENGINE, faults: Faults = CALM
+) -> Case:
     """The case of a generated program; everything about it hangs on the seed.
 
     Properties and assumptions are left out: they say nothing to what runs, and looking for a start
@@ -110,10 +141,13 @@ def generated(seed: int, rounds: int) -> Case:
     system = generated_system(rng, sort.profile)
     system = replace(system, program=replace(system.program, assumptions=(), properties=()))
     policy = rng.choice((Policy.RANDOM, Policy.RANDOM, Policy.DEPLOYED))
-    return Case(system, Sources(Source("generated", "")), policy, rounds, seed, _LARGEST)
+    sources = Sources(Source("generated", ""))
+    return Case(system, sources, policy, rounds, seed, _LARGEST, target, faults)
 
 
-def all_generated(seeds: Random, rounds: int) -> Iterator[Case]:
+def all_generated(
+    seeds: Random, rounds: int, target: Target = Target.ENGINE, faults: Faults = CALM
+) -> Iterator[Case]:
     """Generated cases without end."""
     while True:
-        yield generated(seeds.randrange(_SEEDS), rounds)
+        yield generated(seeds.randrange(_SEEDS), rounds, target, faults)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from random import Random
 
 from koord.refinement.answering import SampledHost
-from koord.refinement.translating import Observer, to_value
+from koord.refinement.translating import Observer, to_written
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.naming import Names
@@ -15,7 +15,7 @@ from koord.runtime.engine.fleet import Fleet, Shown
 from koord.runtime.engine.schedules import AtRandom, Deployed, Schedule
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.robot import Robot
-from koord.semantics.configurations import Configuration, Fault, FaultKind, System, Written
+from koord.semantics.configurations import Configuration, Fault, FaultKind, System
 from koord.semantics.domain import Constant
 from koord.semantics.runs.answering import SampledInputs
 from koord.semantics.runs.sampling import Sampler
@@ -28,7 +28,7 @@ from koord.syntax.walk import nodes
 
 
 @dataclass(frozen=True)
-class Target:
+class Compiled:
     """A program, and the classes that were compiled from it."""
 
     program: core.Program
@@ -38,13 +38,13 @@ class Target:
     places: dict[str, core.Output]
 
 
-def target(program: core.Program) -> Target:
+def ready(program: core.Program) -> Compiled:
     """Compile a program and load what was made of it."""
     names = Names(program)
     outputs = {
         place_of(names, node.span): node for node in nodes(program) if isinstance(node, core.Output)
     }
-    return Target(program, names, loaded(compiled(program)), outputs)
+    return Compiled(program, names, loaded(compiled(program)), outputs)
 
 
 def place_of(names: Names, span: Span) -> str:
@@ -62,11 +62,25 @@ class Ran:
     gave_up: KoordError | None = None
 
 
+def schedule_of(decision: Decision, robots: int) -> tuple[tuple[int, ...], tuple[int | None, ...]]:
+    """A round's order and events as recordings have them: those that skip come last."""
+    events: list[int | None] = [None] * robots
+    for taken in decision.ran:
+        events[taken.robot] = taken.event
+    order = [taken.robot for taken in decision.ran]
+    if decision.fault is not None:
+        events[decision.fault.robot] = decision.fault.event
+        order.append(decision.fault.robot)
+    else:
+        order += decision.skipped
+    return tuple(order), tuple(events)
+
+
 @dataclass
 class _Recorder:
     """Gathers the recording of a run from what its fleet and its host did."""
 
-    target: Target
+    made: Compiled
     system: System
     inputs: SampledInputs
     observer: Observer
@@ -82,31 +96,20 @@ class _Recorder:
         return seen
 
     def round_of(self, decision: Decision, *, cut: bool) -> Round:
-        """A round as recordings have it: those that skip have their turns last."""
-        events: list[int | None] = [None] * self.system.robots
-        for taken in decision.ran:
-            events[taken.robot] = taken.event
-        order = [taken.robot for taken in decision.ran]
-        if decision.fault is not None:
-            events[decision.fault.robot] = decision.fault.event
-            order.append(decision.fault.robot)
-        else:
-            order += decision.skipped
+        order, events = schedule_of(decision, self.system.robots)
         readings = () if cut else self.inputs.recorded_readings()
-        return Round(tuple(order), tuple(events), readings, self.inputs.recorded_answers(), cut)
+        return Round(order, events, readings, self.inputs.recorded_answers(), cut)
 
     def outputs(self, shown: Sequence[Shown]) -> Iterator[Emitted]:
         for one in shown:
             robot = None if one.round == INIT_ROUND else one.robot
             for written in one.written:
-                types = tuple(value.type for value in self.target.places[written.place].values)
-                pairs = zip(written.values, types, strict=True)
-                values = tuple(to_value(value, type_) for value, type_ in pairs)
-                yield Emitted(one.round, robot, Written(written.stream, values, types))
+                statement = self.made.places[written.place]
+                yield Emitted(one.round, robot, to_written(written, statement))
 
 
 def run(
-    target: Target,
+    made: Compiled,
     system: System,
     sources: Sources,
     schedule: Schedule,
@@ -123,10 +126,10 @@ def run(
     answers are found ends where it got to.
     """
     inputs = SampledInputs(Sampler(system, Numbers.DOUBLE, rng))
-    host = SampledHost(system, target.names, inputs)
-    observer = Observer(system, target.names)
-    recorder = _Recorder(target, system, inputs, observer)
-    fleet = Fleet(target.classes, system.kinds, float(system.delta_s), host)
+    host = SampledHost(system, made.names, inputs)
+    observer = Observer(system, made.names)
+    recorder = _Recorder(made, system, inputs, observer)
+    fleet = Fleet(made.classes, system.kinds, float(system.delta_s), host)
     gave_up: KoordError | None = None
     try:
         _play(fleet, host, recorder, schedule, rounds, largest)
@@ -152,7 +155,7 @@ def _play(
     )
     seen = recorder.see(fleet)
     while fleet.ended is None and len(recorder.rounds) < rounds and not fleet.all_stopped:
-        if largest is not None and _size_of(fleet) > largest:
+        if largest is not None and max(map(size_of, fleet.robots)) > largest:
             return
         decision = fleet.program_turns(schedule)
         if decision.fault is not None:
@@ -165,10 +168,9 @@ def _play(
         seen = recorder.see(fleet)
 
 
-def _size_of(fleet: Fleet) -> int:
-    """The size of the largest value that any variable holds."""
-    held = (value for robot in fleet.robots for value in vars(robot).values())
-    return max(map(_size, held), default=0)
+def size_of(robot: Robot) -> int:
+    """The size of the largest value that any variable of a robot holds."""
+    return max(map(_size, vars(robot).values()), default=0)
 
 
 def _size(value: object) -> int:
@@ -204,4 +206,4 @@ def _ran(fleet: Fleet, recorder: _Recorder, sources: Sources, gave_up: KoordErro
     return Ran(trace, None if ended is None else ended.fault.place, gave_up)
 
 
-__all__ = ["AtRandom", "Deployed", "Ran", "Target", "place_of", "run", "target"]
+__all__ = ["AtRandom", "Compiled", "Deployed", "Ran", "place_of", "ready", "run"]

@@ -1,9 +1,10 @@
 """Answers that only summaries and properties ask for, added to a trace. [EXTERNAL] [REPLAY]
 
 A robot asks its library what its program asks. A summary may mention further functions
-(``result == pathsClear(b, a)``), and so may an assumption: the rules look at these, too, and want
-the answers in the recording. For a run of robots nobody asked; so they are asked here, of the
-library that the reference has, and only where the rules and not the program want to know.
+(``result == pathsClear(b, a)``), and so may an assumption or a contract: the rules look at these,
+too, and want the answers in the recording. For a run of robots nobody asked; so they are asked
+here, of the library that the reference has, and only where the rules and not the program want to
+know. The model of a robot that is switched off asks nobody, either.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from random import Random
+from typing import TypeAlias
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import DOUBLES, Constant
@@ -19,23 +21,26 @@ from koord.semantics.oracle import Key, Oracle, Phase
 from koord.semantics.rounds import IllegalStepError, evolved, initialised, run_event, run_skip
 from koord.semantics.runs.answering import SampledInputs
 from koord.semantics.runs.sampling import Sampler
-from koord.semantics.traces.recording import Answer, Concrete, Recording, Round
+from koord.semantics.runs.settling import settle_robot
+from koord.semantics.traces.recording import Answer, Concrete, Reading, Recording, Round
 from koord.semantics.traces.trace import Numbers, Trace
 from koord.semantics.turns import holds_in
 from koord.syntax import core
+from koord.syntax.core import Direction
 from koord.syntax.types import Type
 from koord.syntax.walk import nodes
 
+#: What a function answers to arguments, asked by a robot.
+Library: TypeAlias = Callable[[core.External, tuple[Concrete, ...], int | None], Concrete]
 
-def with_summaries(trace: Trace) -> Trace:
-    """The trace with the answers that its summaries and assumptions want.
+
+def with_summaries(trace: Trace, library: Library | None = None) -> Trace:
+    """The trace with the answers that its summaries and assumptions want, of a library of its own.
 
     A trace that breaks a rule before that is returned as far as it was looked at: replay will say
     where. Raises KoordError where no answer is found that its own summary allows.
     """
-    if not _mentioned(trace.system.program) and not trace.system.program.assumptions:
-        return trace
-    asking = _Asking(trace.system)
+    asking = _Asking(trace.system, library)
     opening, rounds = trace.recording.opening, list(trace.recording.rounds)
     for answers in (opening.answers, *(round_.answers for round_ in rounds)):
         asking.remember(answers)
@@ -50,10 +55,13 @@ def with_summaries(trace: Trace) -> Trace:
         for number, round_ in enumerate(rounds):
             if start.fault is not None:
                 break
-            readings = RecordedInputs(readings=round_.readings)
-            inputs = asking.inputs(round_.answers, starts=readings)
-            start = _round(trace.system, start, round_, inputs)
-            rounds[number] = replace(round_, answers=tuple(inputs.answers))
+            inputs = asking.inputs(round_.answers, starts=RecordedInputs())
+            inputs.readings = list(round_.readings)
+            try:
+                start = _round(trace.system, start, round_, inputs)
+            finally:
+                answers, readings = tuple(inputs.answers), tuple(inputs.readings)
+                rounds[number] = replace(round_, answers=answers, readings=readings)
     except IllegalStepError:
         pass  # replay finds the same step, and tells of it
     return replace(trace, recording=Recording(opening, tuple(rounds)))
@@ -73,14 +81,25 @@ def _round(
             return configuration
     if round_.cut:
         return configuration
+    inputs.sense(configuration)
     return evolved(DOUBLES, system, configuration, inputs).configuration
 
 
 def _mentioned(program: core.Program) -> frozenset[int]:
-    """The sites of the calls that stand in summaries."""
+    """The sites of the calls that stand in summaries and contracts."""
     summaries = tuple((function.requires, function.ensures) for function in program.externals)
-    calls = (node for node in nodes(summaries) if isinstance(node, core.ExternalCall))
+    modules = (module for agent in program.agents for module in agent.modules)
+    contracts = tuple(module.contracts for module in modules)
+    calls = (n for n in nodes((summaries, contracts)) if isinstance(n, core.ExternalCall))
     return frozenset(call.site for call in calls)
+
+
+def _sensors(system: System, robot: int) -> list[core.Port]:
+    """The sensors of a robot that no model writes."""
+    agent = system.agent(robot)
+    free = [module.ports for module in agent.modules if module.environment is None]
+    ports = [agent.ports[position] for positions in free for position in positions]
+    return [port for port in ports if port.direction is Direction.SENSOR]
 
 
 @dataclass
@@ -88,6 +107,7 @@ class _Asking:
     """What is known of external functions in the whole run, and whom to ask for more."""
 
     system: System
+    library: Library | None
     sampled: SampledInputs = field(init=False)
     sites: frozenset[int] = field(init=False)
 
@@ -102,6 +122,16 @@ class _Asking:
                 assert answer.function is not None
                 self.sampled.functions[answer.function, answer.arguments] = answer.value
 
+    def ask(
+        self, function: core.External, arguments: tuple[Concrete, ...], robot: int | None
+    ) -> Concrete:
+        if self.library is None:
+            return self.sampled.ask(function, arguments, robot, {})
+        known = self.sampled.functions
+        if (function.name, arguments) not in known:
+            known[function.name, arguments] = self.library(function, arguments, robot)
+        return known[function.name, arguments]
+
     def inputs(self, answers: tuple[Answer, ...], starts: RecordedInputs) -> _Inputs:
         return _Inputs(self, starts, list(answers))
 
@@ -113,6 +143,7 @@ class _Inputs:
     asking: _Asking
     others: RecordedInputs
     answers: list[Answer]
+    readings: list[Reading] = field(default_factory=list)
     _known: dict[tuple[Phase, int, Key], Answer] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -120,6 +151,21 @@ class _Inputs:
 
     def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
         return self.others.start(declaration, robot)
+
+    def sense(self, configuration: Configuration[Constant]) -> None:
+        """Make up what the sensors of a robot read that nobody looked at."""
+        system, sampled = self.asking.system, self.asking.sampled
+        told = {(reading.robot, reading.slot) for reading in self.readings}
+        sampled.readings = {}
+        for robot in range(system.robots):
+            sensors = {(robot, p.declaration.variable.slot): p for p in _sensors(system, robot)}
+            if told.issuperset(sensors):
+                continue
+            self.readings = [reading for reading in self.readings if reading.robot != robot]
+            settle_robot(DOUBLES, system, configuration, robot, sampled)
+            for (_, slot), port in sensors.items():
+                self.readings.append(Reading(robot, slot, sampled.sensor(robot, port)))
+        self.others = RecordedInputs(readings=self.readings)
 
     def sensor(self, robot: int, port: core.Port) -> Concrete:
         return self.others.sensor(robot, port)
@@ -146,7 +192,12 @@ class _Oracle:
     robot: int
 
     def choose(self, key: Key, low: Constant, high: Constant, type_: Type) -> Constant:
-        found = self.inputs.find((self.phase, self.robot, key), lambda: None)
+        def ask() -> Answer | None:
+            if self.phase is not Phase.ENV:
+                return None
+            return Answer(self.phase, self.robot, key, None, (), low)
+
+        found = self.inputs.find((self.phase, self.robot, key), ask)
         if found is None:
             raise IllegalStepError("CHOOSE", f"no answer of choose was recorded for {key}")
         assert isinstance(found.value, Constant)
@@ -158,9 +209,9 @@ class _Oracle:
         asking = self.inputs.asking
 
         def ask() -> Answer | None:
-            if self.phase is not Phase.CHECK and key[0] not in asking.sites:
+            if self.phase in (Phase.INIT, Phase.PROG) and key[0] not in asking.sites:
                 return None
-            value = asking.sampled.ask(function, arguments, self.robot, {})
+            value = asking.ask(function, arguments, self.robot)
             return Answer(self.phase, self.robot, key, function.name, arguments, value)
 
         found = self.inputs.find((self.phase, self.robot, key), ask)

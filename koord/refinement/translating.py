@@ -8,12 +8,14 @@ from typing import Any
 from koord.runtime.compile.naming import Names
 from koord.runtime.engine.fleet import Fleet
 from koord.runtime.robot import Robot as Running
+from koord.runtime.robot import Written as Output
 from koord.semantics.configurations import (
     NO_EVENT,
     Configuration,
     Robot,
     Store,
     System,
+    Written,
 )
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.storage import Cell, Storage, Tree, unset
@@ -24,7 +26,7 @@ from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordTy
 
 
 def to_value(value: Any, type_: Type) -> Concrete:
-    """A value of the runtime as one of the semantics."""
+    """A value of the runtime, or one that a host gave, as one of the semantics."""
     match type_:
         case RecordType(fields=fields):
             pairs = zip(value, fields, strict=True)
@@ -33,7 +35,8 @@ def to_value(value: Any, type_: Type) -> Concrete:
             items = tuple(to_value(item, element) for item in value)
             return Seq(len(items), items)
         case MapType(key=key, value=held):
-            entries = tuple((to_value(k, key), to_value(v, held)) for k, v in value.items())
+            of_map = value.items() if isinstance(value, dict) else value
+            entries = tuple((to_value(k, key), to_value(v, held)) for k, v in of_map)
             return Table(len(entries), entries)
         case _:
             found: Constant = value
@@ -51,6 +54,12 @@ def to_plain(value: Concrete) -> Any:
             return tuple((to_plain(k), to_plain(v)) for k, v in entries)
         case _:
             return value
+
+
+def to_written(written: Output, statement: core.Output) -> Written[Constant]:
+    """What a statement wrote to a stream, with the types of what it wrote."""
+    types = tuple(value.type for value in statement.values)
+    return Written(written.stream, tuple(map(to_value, written.values, types)), types)
 
 
 def to_storage(value: Any, type_: Type, robots: int) -> Storage[Constant]:
@@ -77,10 +86,11 @@ class Observer:
     def configuration(self, fleet: Fleet) -> Configuration[Constant]:
         """The configuration between two rounds, or between the turns of one."""
         store = self._store(fleet.store.values)
-        robots = tuple(self._robot(robot) for robot in fleet.robots)
+        robots = tuple(map(self.robot, fleet.robots))
         return Configuration(robots, store, fleet.round)
 
-    def _robot(self, robot: Running) -> Robot[Constant]:
+    def robot(self, robot: Running) -> Robot[Constant]:
+        """The state of one robot; its copy of the shared variables is what it holds of them."""
         agent = self.system.agent(robot.pid)
         kind = self.system.kinds[robot.pid]
         held = vars(robot)

@@ -106,7 +106,7 @@ def flat_decision(decision: Decision) -> FlatDecision:
         decision.skipped,
         tuple((w.variable, w.path, w.value) for w in decision.writes),
         decision.digest,
-        None if faulted is None else (faulted.robot, faulted.event, _flat_fault(faulted.fault)),
+        None if faulted is None else (faulted.robot, faulted.event, flat_fault(faulted.fault)),
     )
 
 
@@ -119,13 +119,13 @@ def decision_of(flat: FlatDecision) -> Decision:
         skipped,
         tuple(_write_of(w) for w in writes),
         digest,
-        None if faulted is None else Faulted(faulted[0], faulted[1], _fault_of(faulted[2])),
+        None if faulted is None else Faulted(faulted[0], faulted[1], fault_of(faulted[2])),
     )
 
 
 def _flat_attempt(attempt: Attempt) -> FlatAttempt:
     writes = tuple((w.variable, w.path, w.value) for w in attempt.writes)
-    fault = None if attempt.fault is None else _flat_fault(attempt.fault)
+    fault = None if attempt.fault is None else flat_fault(attempt.fault)
     return attempt.event, writes, attempt.locks, attempt.asked.value, fault
 
 
@@ -136,7 +136,7 @@ def _attempt_of(flat: FlatAttempt) -> Attempt:
         tuple(_write_of(w) for w in writes),
         locks,
         _asked_of(asked),
-        None if fault is None else _fault_of(fault),
+        None if fault is None else fault_of(fault),
     )
 
 
@@ -152,11 +152,11 @@ def _asked_of(number: int) -> Asked:
         raise NotPlainError(f"asked {number}") from error
 
 
-def _flat_fault(fault: Fault) -> FlatFault:
+def flat_fault(fault: Fault) -> FlatFault:
     return _FAULT_KINDS.index(fault.kind), fault.place, fault.detail
 
 
-def _fault_of(flat: FlatFault) -> Fault:
+def fault_of(flat: FlatFault) -> Fault:
     kind, place, detail = flat
     if not 0 <= kind < len(_FAULT_KINDS):
         raise NotPlainError(f"kind of fault {kind}")

@@ -163,6 +163,8 @@ class Robot:
     SHARED: ClassVar[Layout] = Layout(())
     LOCALS: ClassVar[Mapping[str, Shape]] = {}
     PORTS: ClassVar[Mapping[str, Shape]] = {}
+    #: Whether a model of the environment may fault.
+    MODEL_MAY_FAULT: ClassVar[bool] = False
     #: The sensors that no model of the environment writes.
     SENSORS: ClassVar[tuple[str, ...]] = ()
     EXTERNALS: ClassVar[Mapping[str, Shape]] = {}
@@ -209,6 +211,11 @@ class Robot:
             self.__dict__[variable.name] = blank(variable.shape, self.numAgents)
         for name, shape in (*self.LOCALS.items(), *self.PORTS.items()):
             self.__dict__[name] = blank(shape, self.numAgents)
+
+    @classmethod
+    def owes(cls) -> bool:
+        """Whether no round goes on without the robot: it may not skip, or its model may fault."""
+        return bool(cls._urgent) or cls.MODEL_MAY_FAULT
 
     # --- what compiled programs define ------------------------------------------------------------
 
@@ -365,13 +372,20 @@ class Robot:
         return buffer.output
 
     def outcome(self, event: int | None) -> list[Written]:
-        """What an event that was let through writes to streams, if nothing comes of it else."""
-        return self._buffers[event].output
+        """What an event that was run writes to streams, if nothing comes of it else."""
+        buffer = self._buffers.get(event)
+        return [] if buffer is None else buffer.output
 
     def discard(self, changed: Mapping[str, Any]) -> None:
         """The robot skipped: nothing of its turn remains. [SKIP] [ATOMIC]"""
         self.__dict__.update(changed)
         self.ran = None
+
+    def refresh(self, changed: Mapping[str, Any]) -> None:
+        """Shared variables changed without the robot; its pending events are behind that change."""
+        self.__dict__.update(changed)
+        for buffer in self._buffers.values():
+            buffer.state.update(changed)
 
     def evolve(self, readings: Mapping[str, Any]) -> Fault | None:
         """The environment's turn: models first, from the ports before it; then sensors. [ENV-TRANS]

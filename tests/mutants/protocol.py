@@ -175,7 +175,7 @@ PROTOCOL = (
         "a vote is given to whoever asks",
         "runtime/protocol/electing.py",
         "    if message.position < state.position:\n        teach(turn, sender, "
-        "message.position.round + 1)\n        return\n    if not state.is_voter",
+        "message.position.open)\n        return\n    if not state.is_voter",
         "    if not state.is_voter",
         (ELECTIONS, EXPLORATION),
     ),

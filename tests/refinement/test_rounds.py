@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from koord.refinement.cases import Policy
-from koord.refinement.running import target
+from koord.refinement.running import ready
 from koord.runtime.engine.fleet import Fleet
 from koord.runtime.engine.schedules import Deployed
 from koord.runtime.robot import Robot, Status
@@ -29,7 +29,7 @@ class Nothing:
 
 def fleet(text: str, robots: int = 2) -> Fleet:
     """The robots of a program, after INIT."""
-    made = target(program(text))
+    made = ready(program(text))
     system = dealt(made.program, robots)
     started = Fleet(made.classes, system.kinds, 0.1, Nothing())
     started.begin()
@@ -172,7 +172,7 @@ def test_one_evaluation_has_one_answer() -> None:
         "local:\n  int[][] rows = [[], [], [], [], []]\n"
         "E:\n  eff:\n    append(rows[pick(2)], 5)\n    append(rows[pick(2)], 6)\n"
     )
-    made = target(program(text))
+    made = ready(program(text))
     host = Picky()
     it = Fleet(made.classes, (0,), 0.1, host)
     it.begin()

@@ -311,10 +311,10 @@ def test_a_round_that_waits_says_for_whom() -> None:
 def test_what_happens_on_this_machine_is_heard_on_it_or_goes_round() -> None:
     port = 20_000 + time.time_ns() % 20_000
     configuration = load_configuration(Source("c.yaml", "num_robots: 3\n"))
-    plan = local_plan(configuration, 3, port)
+    plan = local_plan(configuration, 3)
     assert (plan.reach is Reach.GROUP) == hears_itself(port + 10)
     alone = load_configuration(Source("c.yaml", "num_robots: 3\nnetwork: {transport: unicast}\n"))
-    assert local_plan(alone, 3, port).reach is Reach.EACH
+    assert local_plan(alone, 3).reach is Reach.EACH
 
 
 def test_robots_with_other_programs_do_not_hear_each_other() -> None:

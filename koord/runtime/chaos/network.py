@@ -81,7 +81,15 @@ WEATHER_S = 0.1
 class Network:
     """Robots, their messages under way, and the time."""
 
-    def __init__(self, setup: Setup, faults: Faults, seed: int, switch_on: SwitchOn) -> None:
+    def __init__(
+        self,
+        setup: Setup,
+        faults: Faults,
+        seed: int,
+        switch_on: SwitchOn,
+        carry: Callable[[Message], Message] = lambda message: message,
+    ) -> None:
+        """``carry`` is what the way over a wire makes of a message."""
         self.setup = setup
         self.faults = faults
         self.now = 0.0
@@ -93,6 +101,7 @@ class Network:
         self._number = 0
         self._births = 0
         self._new = switch_on
+        self._carry = carry
         self._cut: frozenset[int] = frozenset()
         self._cut_until = 0.0
         self._killed_at = 0.0
@@ -145,6 +154,7 @@ class Network:
         assert node is not None
         incarnation = node.state.incarnation
         self.sent.append(Sent(sender, incarnation, to, message))
+        arriving = self._carry(message)
         receivers = (to,) if to is not None else range(self.setup.robots)
         faults = self.faults
         for receiver in receivers:
@@ -153,7 +163,7 @@ class Network:
                 if receiver == sender or self._random.random() < faults.loss:
                     continue
                 delay = self._random.uniform(faults.least_delay_s, faults.most_delay_s)
-                self._later(delay, Delivery(sender, incarnation, receiver, message))
+                self._later(delay, Delivery(sender, incarnation, receiver, arriving))
 
     # --- time -----------------------------------------------------------------------------------
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from fractions import Fraction
 
 from koord.runtime import robot
 from koord.runtime.compile.expressions import Code, Scope, expression
@@ -228,11 +229,15 @@ class Module:
         lines += self.shapes("LOCALS", number, agent.locals)
         lines += self.shapes("PORTS", number, [port.declaration for port in agent.ports])
         lines += self.sensors(number)
+        models = [m.environment for m in agent.modules if m.environment is not None]
+        modelled = self.environment(number, models) if models else []
+        if self.may_fault(models, modelled):
+            lines.append("MODEL_MAY_FAULT = True")
         lines += ["", *self.initialise(number)]
         for position, event in enumerate(agent.events):
             lines += self.event(number, position, event)
-        if any(module.environment is not None for module in agent.modules):
-            lines += ["", *self.environment(number)]
+        if modelled:
+            lines += ["", *modelled]
         if agent.events:
             lines += ["", *self.events(number)]
         return lines
@@ -329,12 +334,25 @@ class Module:
             made.append(f"Event({', '.join(parts)})")
         return [f"EVENTS = {tuple_of(made)}"]
 
-    def environment(self, number: int) -> Lines:
+    def may_fault(self, models: list[core.Block], compiled: Lines) -> bool:
+        """Whether a model has an operation that may fault: such are compiled with their place.
+
+        So is a choice, which does not fault if its bounds are in order, as those of models are.
+        """
+        called = [
+            f for f in self.program.functions if f.name in self.knowledge.called(tuple(models))
+        ]
+        parts = (tuple(models), tuple(function.body for function in called))
+        sure = sum(isinstance(n, core.Choose) and _is_in_order(n.low, n.high) for n in nodes(parts))
+        text = list(compiled)
+        for function in called:
+            text += self.function(function, in_method=function.name in self.knowledge.methods)
+        return len(re.findall(r'"[^"\n]*\d+:\d+"', "\n".join(text))) > sure
+
+    def environment(self, number: int, blocks: list[core.Block]) -> Lines:
         """The models: reads are of the ports before the turn, writes of those after. [ENV-MODEL]"""
-        agent = self.program.agents[number]
         scope = self.scope(number)
         scope.in_environment = True
-        blocks = [m.environment for m in agent.modules if m.environment is not None]
         ports = {
             place.variable.slot: place.variable
             for node in nodes(tuple(blocks))
@@ -407,6 +425,32 @@ def _shown(value: object) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(map(_shown, value))}]"
     return _one_line(str(value))
+
+
+def _is_in_order(low: core.Expr, high: core.Expr) -> bool:
+    """Whether there surely is a number between two bounds; δ is above 0."""
+    if isinstance(low, core.Const) and isinstance(high, core.Const):
+        return _number(low) <= _number(high)
+    return _sign(low, -1) and _sign(high, 1)
+
+
+def _sign(e: core.Expr, sign: int) -> bool:
+    """Whether a constant, maybe times δ, is surely 0 or of a sign."""
+    match e:
+        case core.Const():
+            return sign * _number(e) >= 0
+        case core.Delta():
+            return sign > 0
+        case core.Binary(op=core.BinaryOp.MUL, left=left, right=right):
+            return (_sign(left, sign) and _sign(right, 1)) or (
+                _sign(left, 1) and _sign(right, sign)
+            )
+        case _:
+            return False
+
+
+def _number(e: core.Const) -> Fraction:
+    return Fraction(e.value)
 
 
 def _is_true(e: core.Expr) -> bool:

@@ -97,6 +97,7 @@ class Fleet:
         self.processes[pid].kill()
         self.processes[pid].join()
         self.ends[pid].close()
+        self.statuses.pop(pid, None)
         self.processes[pid], self.ends[pid] = _started(self.launch, pid)
 
     def join(self) -> None:

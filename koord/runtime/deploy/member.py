@@ -9,7 +9,7 @@ import msgspec
 
 from koord.runtime.deciding import decide, rotating
 from koord.runtime.deploy.journal import Attributes, Journal, Page
-from koord.runtime.encoding import big_int, encode
+from koord.runtime.encoding import FlatFault, big_int, encode, fault_of, flat_fault
 from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
 from koord.runtime.proposals import (
@@ -18,6 +18,7 @@ from koord.runtime.proposals import (
     Attempt,
     Decision,
     Fault,
+    Faulted,
     Proposal,
     Taken,
 )
@@ -29,7 +30,9 @@ from koord.runtime.store import Store
 
 _STATUSES = {Asked.TO_STOP: Status.STOPPED, Asked.TO_STOP_TOGETHER: Status.ASKED}
 
-_STORE = msgspec.msgpack.Decoder(tuple[tuple[Any, ...], tuple[int, ...]], ext_hook=big_int)
+_STORE = msgspec.msgpack.Decoder(
+    tuple[tuple[Any, ...], tuple[int, ...], FlatFault | None], ext_hook=big_int
+)
 
 
 class DivergedError(Exception):
@@ -107,7 +110,8 @@ class Member:
         """Act on what was decided. [SHARED-ASSIGN] [SKIP] [STOP]"""
         decision = entry.decision
         if decision.fault is not None:
-            self.fault = decision.fault.fault
+            self._end(decision.fault, kept)
+            self.seen(entry, kept)
             return
         if entry.round == INIT_ROUND and self._proposal is None:
             self._begin()
@@ -116,11 +120,19 @@ class Member:
             raise DivergedError(f"the store differs after round {entry.round}")
         self._note_statuses(decision)
         if entry.round < self.round:  # acted on before a crash
-            vars(self.robot).update(changed)
+            self.robot.refresh(changed)
             return
         self._act(kept, changed)
         self._after(entry.round)
         self.seen(entry, kept)
+
+    def _end(self, faulted: Faulted, kept: Taken | None) -> None:
+        """The run is over; what was written up to the fault is written. [FAULT] [OUTPUT]"""
+        self.fault = faulted.fault
+        if not self.mute and kept is not None:
+            self.output += self.robot.outcome(kept.event)
+        elif not self.mute and faulted.robot == self.robot.pid:
+            self.output += self.robot.outcome(faulted.event)
 
     def _act(self, kept: Taken | None, changed: dict[str, Any]) -> None:
         if kept is None or self.mute:
@@ -136,8 +148,7 @@ class Member:
     def _at(self, round_: int) -> None:
         """All rounds before this one have been acted on."""
         self.round = round_
-        if self.statuses[self.robot.pid] is Status.STOPPED:
-            self.robot.status = Status.STOPPED
+        self.robot.status = self.statuses[self.robot.pid]
 
     def _note_statuses(self, decision: Decision) -> None:
         """[STOP] [END-PROG]"""
@@ -179,11 +190,13 @@ class Member:
 
     def show(self) -> bytes:
         statuses = tuple(status.value for status in self.statuses)
-        return encode((self.store.snapshot(), statuses))
+        fault = None if self.fault is None else flat_fault(self.fault)
+        return encode((self.store.snapshot(), statuses, fault))
 
     def install(self, round_: int, store: bytes, ran: Ran | None) -> None:
         """Take over a store; what of the own turn happened is told by ``ran``."""
-        snapshot, statuses = _STORE.decode(store)
+        snapshot, statuses, fault = _STORE.decode(store)
+        self.fault = None if fault is None else fault_of(fault)
         if round_ == INIT_ROUND:
             return  # nothing has been agreed on yet
         self.store.restore(snapshot)
@@ -191,11 +204,14 @@ class Member:
         changed = dict(self.store.values)
         mine = self._proposal
         if round_ <= self.round:
-            vars(self.robot).update(changed)
+            # The pending proposal may yet be let through, and the journal has no shared variables.
+            self.robot.refresh(changed)
             return
         missed = round_ - max(self.round, 0)
         if mine is not None and ran is not None and ran.round == mine.round >= self.round:
             self._act(Taken(self.robot.pid, ran.event), changed)
+            if mine.round < round_ - 1:
+                self.robot.discard({})  # and it skipped since
         elif ran is not None and ran.round >= self.round:
             self.mute = True  # it was let through with something that it no longer knows
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from typing import assert_never
 
 from koord.runtime.configuration.forms import Carrier
@@ -9,6 +10,9 @@ from koord.runtime.configuration.model import Configuration
 from koord.runtime.transports.routed import Routed
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Plan, Reach, Udp, on_this_machine
+
+#: Where ports for robots on this machine are looked for.
+_FIRST_PORT, _PORTS = 20_000, 30_000
 
 
 def plan_of(configuration: Configuration) -> Plan:
@@ -31,8 +35,9 @@ def plan_of(configuration: Configuration) -> Plan:
             assert_never(talk.carrier)
 
 
-def local_plan(configuration: Configuration, robots: int, port: int) -> Plan:
+def local_plan(configuration: Configuration, robots: int) -> Plan:
     """All robots on this machine, each with a port, whatever addresses they will have outside."""
+    port = _FIRST_PORT + secrets.randbelow(_PORTS)
     unicast = configuration.talk.carrier is Carrier.UNICAST
     if unicast or robots == 1 or not hears_itself(port):
         return on_this_machine(robots, port, group=None)

@@ -50,12 +50,8 @@ class Job:
 
     @property
     def owing(self) -> frozenset[int]:
-        """The robots whose programs have urgent events. [SKIP] (R-OWED)"""
-        return frozenset(
-            pid
-            for pid, kind in enumerate(self.kinds)
-            if any(event.urgent for event in self.classes[kind].EVENTS)
-        )
+        """The robots whose programs oblige them to be heard in every round. [SKIP] (R-OWED)"""
+        return frozenset(pid for pid, kind in enumerate(self.kinds) if self.classes[kind].owes())
 
     @property
     def program(self) -> str:

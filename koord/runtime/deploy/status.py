@@ -32,6 +32,7 @@ class Status:
     is_over: bool
     all_stopped: bool  #: no robot will run an event any more
     is_mute: bool
+    is_voter: bool  #: whether its voice counts; not at once after a crash
     fault: str | None = None
 
 
@@ -70,5 +71,6 @@ def status_of(peer: Peer, member: Member, tally: Tally) -> Status:
         is_over=state.ended,
         all_stopped=member.all_stopped,
         is_mute=member.mute,
+        is_voter=state.is_voter,
         fault=None if fault is None else f"{fault.place}: {fault.kind.value}",
     )

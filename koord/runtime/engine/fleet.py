@@ -88,7 +88,8 @@ class Fleet:
             )
             for robot in self.robots
         }
-        decision = decide(self.round, proposals, ranks)
+        heard = {i: p for i, p in proposals.items() if p.urgent or schedule.hears(p)}
+        decision = decide(self.round, heard, ranks)
         self._act(decision)
         if self.ended is None and all(r.status is not Status.RUNNING for r in self.robots):
             # [STOP]: everybody has asked, or stopped.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from random import Random
 from typing import Protocol
 
 from koord.runtime.deciding import rotating
+from koord.runtime.proposals import Proposal
 from koord.runtime.robot import Robot
 
 
@@ -26,6 +27,10 @@ class Schedule(Protocol):
         """Whether a robot runs an event if it may."""
         ...
 
+    def hears(self, proposal: Proposal) -> bool:
+        """Whether a proposal is there when the round is decided; nobody asks of urgent ones."""
+        ...
+
 
 class Deployed:
     """What robots do when they are deployed: a rotating rank, the first enabled event, no skips."""
@@ -37,6 +42,9 @@ class Deployed:
         return None
 
     def willing(self, robot: Robot) -> bool:
+        return True
+
+    def hears(self, proposal: Proposal) -> bool:
         return True
 
 
@@ -59,3 +67,39 @@ class AtRandom:
 
     def willing(self, robot: Robot) -> bool:
         return self.rng.randrange(100) >= self.skips_percent
+
+    def hears(self, proposal: Proposal) -> bool:
+        return True
+
+
+#: With crashes, a robot goes in so many percent of its rounds, for so many rounds at most.
+_GOES_PERCENT, _LONGEST_AWAY = 10, 5
+
+
+@dataclass(slots=True)
+class Unheard:
+    """A schedule on a bad network: proposals are lost, and robots are away for some rounds."""
+
+    inner: Schedule
+    rng: Random
+    loss: float
+    crashes: bool
+    _away: dict[int, int] = field(default_factory=dict)
+
+    def order(self, round_: int, robots: int) -> tuple[int, ...]:
+        return self.inner.order(round_, robots)
+
+    def events(self, robot: Robot) -> Iterable[int] | None:
+        return self.inner.events(robot)
+
+    def willing(self, robot: Robot) -> bool:
+        return self.inner.willing(robot)
+
+    def hears(self, proposal: Proposal) -> bool:
+        robot = proposal.robot
+        if proposal.round < self._away.get(robot, 0):
+            return False
+        if self.crashes and self.rng.randrange(100) < _GOES_PERCENT:
+            self._away[robot] = proposal.round + self.rng.randint(1, _LONGEST_AWAY)
+            return False
+        return self.rng.random() >= self.loss

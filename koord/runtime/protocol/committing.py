@@ -59,10 +59,15 @@ def _end_if_over(turn: Turn, entry: Entry) -> None:
     if state.roster[state.pid] > state.incarnation:
         retire(turn)
     elif entry.decision.fault is not None or state.round == turn.setup.rounds:
-        turn.change(ended=True)
-        for timer in (Timer.DEADLINE, Timer.HOLD, Timer.SILENCE):
-            turn.disarm(timer)
-        turn.want(End())
+        end(turn)
+
+
+def end(turn: Turn) -> None:
+    """There are no more rounds; whoever is behind is still answered."""
+    turn.change(ended=True)
+    for timer in (Timer.DEADLINE, Timer.HOLD, Timer.SILENCE):
+        turn.disarm(timer)
+    turn.want(End())
 
 
 def retire(turn: Turn) -> None:

@@ -164,10 +164,10 @@ def on_hello(turn: Turn, sender: int, incarnation: int, message: Hello) -> None:
     """A robot is back. (R-REJOIN) (R-ADMIT)"""
     state = turn.state
     desk = state.office
+    if (message.empty and isinstance(desk, Coordinator)) or state.ended:
+        turn.want(ShowStore(sender))
     if not isinstance(desk, Coordinator):
         return
-    if message.empty:
-        turn.want(ShowStore(sender))
     if state.roster[sender] < incarnation and (sender, incarnation) not in desk.guests:
         others = tuple(guest for guest in desk.guests if guest[0] != sender)
         turn.take(replace(desk, guests=(*others, (sender, incarnation))))

@@ -70,7 +70,7 @@ def on_canvass(turn: Turn, sender: int, message: Canvass) -> None:
         turn.send(sender, Overruled(state.promised))
         return
     if message.position < state.position:
-        teach(turn, sender, message.position.round + 1)
+        teach(turn, sender, message.position.open)
         return
     match state.office:
         case Follower(leader=leader) if leader is None or leader == sender:
@@ -120,7 +120,7 @@ def on_candidacy(turn: Turn, sender: int, message: Candidacy) -> None:
         return
     turn.hear(epoch)
     if message.position < state.position:
-        teach(turn, sender, message.position.round + 1)
+        teach(turn, sender, message.position.open)
         return
     if not state.is_voter or isinstance(state.office, Rejoining):
         return

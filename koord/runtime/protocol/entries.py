@@ -77,6 +77,11 @@ class Position(msgspec.Struct, frozen=True, order=True):
     round: int
     epoch: int
 
+    @property
+    def open(self) -> int:
+        """The first round that a robot in this position does not know to be committed."""
+        return self.round + (self.epoch == COMMITTED)
+
 
 #: Above every epoch.
 COMMITTED = 2**62

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from koord.runtime.proposals import INIT_ROUND, Proposal
-from koord.runtime.protocol.committing import commit, go_on, retire
+from koord.runtime.protocol.committing import commit, end, go_on, retire
 from koord.runtime.protocol.entries import Held, digest
 from koord.runtime.protocol.events import Install, Reason, ShowStore, Timer
 from koord.runtime.protocol.messages import (
@@ -178,8 +178,8 @@ def on_snapshot(turn: Turn, sender: int, message: Snapshot) -> None:
     turn.want(Install(message.round, message.store, message.last_ran[state.pid]))
     if message.roster[state.pid] > state.incarnation:
         retire(turn)
-    elif message.round == turn.setup.rounds:
-        turn.change(ended=True)
+    elif message.ended:
+        end(turn)
     else:
         turn.watch_leader()
     go_on(turn, 0.0)

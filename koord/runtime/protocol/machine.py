@@ -97,7 +97,13 @@ def _show(turn: Turn, event: StoreShown) -> None:
     state = turn.state
     if event.round == state.round:
         snapshot = Snapshot(
-            state.promised, state.round, state.chain, state.roster, state.last_ran, event.store
+            state.promised,
+            state.round,
+            state.chain,
+            state.roster,
+            state.last_ran,
+            event.store,
+            state.ended,
         )
         turn.send(event.to, snapshot)
 

@@ -70,6 +70,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     roster: tuple[int, ...]
     last_ran: tuple[Ran | None, ...]
     store: bytes
+    ended: bool = False  #: there are no more rounds
 
 
 class Canvass(msgspec.Struct, frozen=True):

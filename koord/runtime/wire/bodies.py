@@ -69,7 +69,7 @@ _TYPES: dict[Kind, Any] = {
     Kind.OPEN: tuple[int, int, bytes],
     Kind.ASK: tuple[int],
     Kind.HISTORY: tuple[int, FlatEntry, bool],
-    Kind.SNAPSHOT: tuple[int, int, bytes, tuple[int, ...], tuple[FlatRan | None, ...], bytes],
+    Kind.SNAPSHOT: tuple[int, int, bytes, tuple[int, ...], tuple[FlatRan | None, ...], bytes, bool],
     Kind.CANVASS: tuple[int, int, int],
     Kind.SUPPORT: tuple[int],
     Kind.CANDIDACY: tuple[int, int, int],
@@ -125,6 +125,7 @@ def _flat(message: Message) -> tuple[Kind, tuple[Any, ...]]:
                 message.roster,
                 last_ran,
                 message.store,
+                message.ended,
             )
         case Canvass(epoch=epoch, position=at):
             return Kind.CANVASS, (epoch, at.round, at.epoch)
@@ -159,9 +160,9 @@ def _message(kind: Kind, flat: Any) -> Message:
         case Kind.HISTORY:
             return History(flat[0], _entry(flat[1]), flat[2])
         case Kind.SNAPSHOT:
-            epoch, round_, chain, roster, last_ran, store = flat
+            epoch, round_, chain, roster, last_ran, store, ended = flat
             ran = tuple(None if one is None else Ran(*one) for one in last_ran)
-            return Snapshot(epoch, round_, chain, roster, ran, store)
+            return Snapshot(epoch, round_, chain, roster, ran, store, ended)
         case Kind.CANVASS:
             return Canvass(flat[0], Position(flat[1], flat[2]))
         case Kind.CANDIDACY:

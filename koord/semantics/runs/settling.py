@@ -203,14 +203,25 @@ def settle_readings(
     First what a vehicle would read, then the readings before the turn, then others, one by one.
     """
     inputs.look_at(configuration)
-    for robot, state in enumerate(configuration.robots):
-        agent = system.agent(robot)
-        free = [module for module in agent.modules if module.environment is None]
-        for module in free:
-            for port, value in driven(inputs.sampler, agent, module, state).items():
-                inputs.readings[robot, port] = value
-        if any(module.contracts for module in free):
-            _Search(d, system, inputs, configuration.round, robot, state).run(free)
+    for robot in range(len(configuration.robots)):
+        settle_robot(d, system, configuration, robot, inputs)
+
+
+def settle_robot(
+    d: Domain[Constant],
+    system: System,
+    configuration: Configuration[Constant],
+    robot: int,
+    inputs: SampledInputs,
+) -> None:
+    """Make up the readings of one robot. Raises KoordError if none are found."""
+    state, agent = configuration.robots[robot], system.agent(robot)
+    free = [module for module in agent.modules if module.environment is None]
+    for module in free:
+        for port, value in driven(inputs.sampler, agent, module, state).items():
+            inputs.readings[robot, port] = value
+    if any(module.contracts for module in free):
+        _Search(d, system, inputs, configuration.round, robot, state).run(free)
 
 
 @dataclass(slots=True)

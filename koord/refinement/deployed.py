@@ -1,0 +1,266 @@
+"""Runs of deployed robots, judged like those of the engine: the protocol in virtual time, and
+processes that talk over UDP on this machine. (R-COMMIT)
+
+Both are the robots of ``koord deploy``: the same protocol, wire, journal and program. Only what
+carries their messages differs, and where the time comes from.
+"""
+
+from __future__ import annotations
+
+import pickle
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+
+from koord.refinement.gathering import gathered
+from koord.refinement.hosting import SeededHost
+from koord.refinement.running import Compiled, Ran
+from koord.refinement.witnessing import (
+    TOO_LARGE,
+    Scribe,
+    Told,
+    TooLargeError,
+    Witnessed,
+    WitnessedHost,
+)
+from koord.runtime.chaos.faults import CALM, Faults
+from koord.runtime.chaos.network import Network, Newborn
+from koord.runtime.chaos.unreliable import Unreliable
+from koord.runtime.configuration.checking import load as load_configuration
+from koord.runtime.deploy.ideal import Ideal, unanswered
+from koord.runtime.deploy.local import Fleet, Launch, launched
+from koord.runtime.deploy.member import Body
+from koord.runtime.deploy.networks import local_plan
+from koord.runtime.deploy.running import Job
+from koord.runtime.protocol.messages import Message
+from koord.runtime.protocol.setup import Setup, Timing
+from koord.runtime.protocol.state import fresh, returning
+from koord.runtime.transports.transport import Transport
+from koord.runtime.transports.udp import Plan, Udp
+from koord.runtime.wire.bodies import kind_and_body, message_of
+from koord.semantics.configurations import System
+from koord.semantics.traces.trace import Sources
+from koord.syntax.diagnostics import KoordError
+from koord.syntax.source import Source
+
+#: A run that is not over after so long is stuck: virtual seconds, and real ones.
+_VIRTUAL_S, _REAL_S = 300.0, 60.0
+
+#: It blows for so many rounds, then the network is calm until the run is over.
+_STORM_ROUNDS = 40
+
+
+class StuckError(Exception):
+    """Robots do not get on, though nothing hinders them any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Expedition:
+    """A run of deployed robots, as data."""
+
+    made: Compiled
+    system: System
+    sources: Sources
+    rounds: int
+    seed: int
+    faults: Faults = CALM
+    largest: int | None = None  #: the size of values at which the run ends
+
+    @property
+    def is_generated(self) -> bool:
+        return not self.sources.program.text
+
+    def job(self, journals: Path, pace_s: float) -> Job:
+        """The run as `koord deploy` has it."""
+        robots = self.system.robots
+        configuration = load_configuration(
+            Source("generated.yaml", f"num_robots: {robots}\nseed: {self.seed}\n")
+        )
+        delta_s = float(self.system.delta_s)
+        kinds, run = self.system.kinds, f"check {self.seed}"
+        key = self.seed.to_bytes(16, "big", signed=True)
+        classes = self.made.classes
+        return Job(classes, kinds, configuration, key, run, delta_s, pace_s, self.rounds, journals)
+
+    def member(self, job: Job, pid: int, tell: Callable[[Told], None]) -> Witnessed:
+        """A robot that tells what it does. What is deployed has the host that it will have."""
+        made = self.made
+        program = job.classes[job.kinds[pid]]
+        body: Body
+        if self.is_generated or unanswered(program.EXTERNALS):
+            body = SeededHost(self.system, made.names, str(self.seed), pid)
+        else:
+            place = job.configuration.robots[pid].position
+            body = Ideal(program, pid, job.robots, job.delta_s, self.seed, place)
+        scribe = Scribe(self.system, made.names, made.places, pid, tell)
+        host = WitnessedHost(body, scribe)
+        robot = program(pid, job.kinds, job.delta_s, host)
+        return Witnessed(robot, host, job.journal(pid), job.program, self.largest)
+
+    def ran(self, told: list[list[Told]]) -> Ran:
+        return gathered(self.sources, self.system, told, self.rounds)
+
+
+# --- in virtual time ----------------------------------------------------------------------------
+
+
+@dataclass
+class _Crew:
+    """Switches robots on, and keeps what they told, also before a crash."""
+
+    expedition: Expedition
+    job: Job
+    told: list[list[Told]] = field(init=False)
+    members: dict[int, Witnessed] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.told = [[] for _ in range(self.job.robots)]
+
+    def switch_on(self, pid: int, incarnation: int, back: bool) -> Newborn:
+        job = self.job
+        member = self.expedition.member(job, pid, self.told[pid].append)
+        self.members[pid] = member
+        timing = Timing.of(job.delta_s, job.robots)
+        setup = Setup(job.robots, timing, owing=job.owing, rounds=job.rounds, decide=member.decided)
+        journal = job.journal(pid)
+        if journal is not None and journal.read() is not None:
+            member.come_back()
+            return Newborn(member, setup, returning(setup, pid, incarnation))
+        return Newborn(member, setup, fresh(setup, pid, incarnation))
+
+
+def over_network(expedition: Expedition) -> Ran:
+    """A run over a simulated network: a storm, and then a calm until it is over.
+
+    Raises StuckError, DisagreementError.
+    """
+    with TemporaryDirectory() as folder:
+        job = expedition.job(Path(folder), 0.0)
+        crew = _Crew(expedition, job)
+        setup = Setup(job.robots, Timing.of(job.delta_s, job.robots))
+        network = Network(
+            setup, expedition.faults, expedition.seed, crew.switch_on, _over_the_wire(job.robots)
+        )
+        storm_s = _STORM_ROUNDS * job.delta_s
+        gave_up: KoordError | None = None
+        try:
+            _play(network, storm_s)
+            for pid, node in enumerate(network.nodes):
+                if node is not None:
+                    crew.members[pid].finish()
+        except KoordError as error:
+            gave_up = error
+        except TooLargeError:
+            pass
+        return replace(expedition.ran(crew.told), gave_up=gave_up)
+
+
+def _play(network: Network, storm_s: float) -> None:
+    while not _is_over(network):
+        network.step()
+        if network.now > storm_s:
+            network.faults = CALM
+        if network.now > _VIRTUAL_S:
+            rounds = {state.pid: state.round for state in network.running()}
+            raise StuckError(f"after {network.now:.0f} s robots are at rounds {rounds}")
+
+
+def _is_over(network: Network) -> bool:
+    return all(node is not None and node.state.ended for node in network.nodes)
+
+
+def _over_the_wire(robots: int) -> Callable[[Message], Message]:
+    """What comes of a message that is written and read."""
+
+    def carry(message: Message) -> Message:
+        read = message_of(*kind_and_body(message), robots)
+        assert read is not None, message
+        return read
+
+    return carry
+
+
+# --- in processes -------------------------------------------------------------------------------
+
+
+def over_udp(expedition: Expedition) -> Ran:
+    """A run of processes that talk over UDP, on a network as bad as the faults say.
+
+    Raises StuckError, DisagreementError, TransportError.
+    """
+    faults, system = expedition.faults, expedition.system
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        pace_s = 0.0 if faults == CALM else float(system.delta_s)
+        job = expedition.job(folder, pace_s)
+
+        def make(job: Job, pid: int) -> Witnessed:
+            return expedition.member(job, pid, _written_to(folder / f"{pid}.told"))
+
+        def carry(plan: Plan, pid: int) -> Transport:
+            udp = Udp(plan, pid)
+            return udp if faults == CALM else Unreliable(udp, faults, expedition.seed + pid)
+
+        plan = local_plan(job.configuration, job.robots)
+        fleet = launched(Launch(job, plan, make, carry))
+        try:
+            _watch(fleet, faults, Random(expedition.seed))
+        finally:
+            fleet.kill()
+            fleet.join()
+        told = [list(_read_from(folder / f"{pid}.told")) for pid in range(job.robots)]
+        return expedition.ran(told)
+
+
+def _watch(fleet: Fleet, faults: Faults, draw: Random) -> None:
+    """Until the run is over; robots are killed now and then, and come back at once."""
+    begun = looked_at = time.monotonic()
+    while not fleet.is_over:
+        for _ in fleet.news(0.05):
+            pass
+        if fleet.failures:
+            raise fleet.failures[0]
+        if any(status.fault == str(TOO_LARGE) for status in fleet.statuses.values()):
+            return
+        now = time.monotonic()
+        stormy = now - begun < _REAL_S / 4
+        for pid, process in enumerate(fleet.processes):
+            falls = draw.random() < faults.crashes_per_s * (now - looked_at)
+            if stormy and falls and process.is_alive() and _spare(fleet) > 0:
+                fleet.replace(pid)
+        looked_at = now
+        if now - begun > _REAL_S:
+            rounds = {pid: status.round for pid, status in fleet.statuses.items()}
+            raise StuckError(f"after {_REAL_S:.0f} s robots are at rounds {rounds}")
+
+
+def _spare(fleet: Fleet) -> int:
+    """How many robots may die, so that a majority is left that knows everything."""
+    robots = len(fleet.processes)
+    voters = sum(status.is_voter and status.round >= 0 for status in fleet.statuses.values())
+    return voters - (robots // 2 + 1)
+
+
+def _written_to(path: Path) -> Callable[[Told], None]:
+    """Writes each thing at once, so that it outlives the process."""
+    file = path.open("ab", buffering=0)
+
+    def tell(told: Told) -> None:
+        file.write(pickle.dumps(told))
+
+    return tell
+
+
+def _read_from(path: Path) -> Iterator[Told]:
+    """What was written whole, by processes of our own."""
+    if not path.exists():
+        return
+    with path.open("rb") as file:
+        while True:
+            try:
+                yield pickle.load(file)
+            except (EOFError, pickle.UnpicklingError):
+                return

@@ -1,0 +1,108 @@
+"""Hosts of deployed robots whose run is to be judged. [RECORDING]"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from random import Random
+from typing import Any
+
+from koord.refinement.answering import starting
+from koord.refinement.translating import Observer, to_plain, to_value
+from koord.runtime.compile.naming import Names
+from koord.runtime.motion.world import Point
+from koord.runtime.robot import Key, Robot, Turn
+from koord.semantics.configurations import Configuration, System
+from koord.semantics.domain import DOUBLES
+from koord.semantics.runs.answering import Question, SampledInputs
+from koord.semantics.runs.sampling import Sampler
+from koord.semantics.runs.settling import settle_robot
+from koord.semantics.traces.recording import Concrete
+from koord.semantics.traces.trace import Numbers
+from koord.syntax import core
+from koord.syntax.core import ExternalKind, Home
+from koord.syntax.types import FLOAT, INT, ArrayType, Type
+
+
+@dataclass
+class _ByQuestion(SampledInputs):
+    """Answers that hang on the seed and the question alone, so that all processes agree."""
+
+    seed: str = ""
+
+    def around(self, robot: int | None, type_: Type) -> list[Concrete]:
+        """What the robot holds; what everybody has to answer alike hangs on nobody."""
+        return [] if robot is None else super().around(robot, type_)
+
+    def ask(
+        self,
+        function: core.External,
+        arguments: tuple[Concrete, ...],
+        robot: int | None,
+        pending: dict[Question, Concrete],
+    ) -> Concrete:
+        if function.kind is not ExternalKind.FUNCTION:
+            return super().ask(function, arguments, robot, pending)
+        before = self.sampler.rng
+        self.sampler.rng = Random(f"{self.seed} {function.name} {arguments}")
+        try:
+            return super().ask(function, arguments, None, pending)
+        finally:
+            self.sampler.rng = before
+
+
+class SeededHost:
+    """The host of one robot among several processes: all that it says hangs on a seed.
+
+    What all robots have to see alike (starts of shared variables, mathematical functions) hangs on
+    nothing else. Contracts are kept; who looks after assumptions passes ``starts``.
+    """
+
+    def __init__(self, system: System, names: Names, seed: str, pid: int) -> None:
+        self.position: Point = (0.0, 0.0, 0.0)
+        self.holding = False
+        self._system = system
+        self._names = names
+        self._seed = seed
+        self._starts = dict(starting(system.program, names))
+        self._observer = Observer(system, names)
+        self._own = Random(f"{seed} {pid}")
+        sampler = Sampler(system, Numbers.DOUBLE, self._own)
+        self._inputs = _ByQuestion(sampler, seed=seed)
+
+    def start(self, robot: int | None, name: str) -> Any:
+        kind = None if robot is None else self._system.kinds[robot]
+        declaration = self._starts[kind, name]
+        type_ = declaration.variable.type
+        if declaration.variable.home is Home.ALLREAD:
+            assert isinstance(type_, ArrayType)
+            type_ = type_.element
+        sampler = self._inputs.sampler
+        sampler.rng = Random(f"{self._seed} {robot} {name}")
+        value = sampler.value(type_, (), declaration.length)
+        sampler.rng = self._own
+        return to_plain(value)
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        pid, system, inputs = robot.pid, self._system, self._inputs
+        state = self._observer.robot(robot)
+        # Contracts are about the robot itself: the others may be anyone.
+        seen = Configuration((state,) * system.robots, state.copy, 0)
+        inputs.forget_round()
+        inputs.look_at(seen)
+        settle_robot(DOUBLES, system, seen, pid, inputs)
+        ports = (port for port in system.agent(pid).ports)
+        named = {self._names.attribute(p.declaration.variable, state.kind): p for p in ports}
+        return {name: to_plain(inputs.sensor(pid, named[name])) for name in robot.SENSORS}
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        external = self._system.program.external(function)
+        pairs = zip(arguments, external.parameters, strict=True)
+        given = tuple(to_value(argument, parameter.type) for argument, parameter in pairs)
+        return to_plain(self._inputs.ask(external, given, robot, {}))
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        type_ = FLOAT if isinstance(low, float) else INT
+        return self._inputs.sampler.between(low, high, type_)
