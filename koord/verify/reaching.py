@@ -61,12 +61,13 @@ def seen(
 class Unbroken:
     """Claims that no run breaks within some rounds; ``stuck`` is a round that no run gets through.
 
-    ``known`` is False if the solver did not get so far.
+    ``known`` is False if the solver did not get so far. ``limits`` are runs that were left out.
     """
 
     claims: frozenset[Claim]
     stuck: int | None = None
     known: bool = True
+    limits: tuple[str, ...] = ()
 
 
 def unbroken(
@@ -91,12 +92,16 @@ def unbroken(
             answer = unrolling.solver.check([], deadline, effort)
             if answer is Answer.UNSAT:
                 stuck = _stuck(system, moment.configuration.round, deadline, seed)
-                return Unbroken(frozenset(pending), stuck)
+                return Unbroken(frozenset(pending), stuck, limits=_limits(unrolling))
         if answer is Answer.UNKNOWN:
             return Unbroken(frozenset(pending), known=False)
         if moment.phase is Phase.END and (not pending or moment.configuration.round >= rounds):
             break
-    return Unbroken(frozenset(pending))
+    return Unbroken(frozenset(pending), limits=_limits(unrolling))
+
+
+def _limits(unrolling: Unrolling) -> tuple[str, ...]:
+    return tuple(sorted(set(unrolling.unknowns.limits)))
 
 
 def _strike(

@@ -69,7 +69,8 @@ def _unmet(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacui
     left = unbroken(system, pending, rounds, deadline, effort, seed=seed)
     if left.stuck is not None:
         detail = f"no run gets through round {left.stuck}"
-        yield Vacuity(Emptiness.CONTRACTS, "", detail, certain=True)
+        found = Vacuity(Emptiness.CONTRACTS, "", detail, certain=True)
+        yield _within(found, left.limits)
     elif left.known and left.claims:
         unmet = [never for never in pending if never in left.claims]
         always = never_broken(ledger, unmet, deadline, effort)
@@ -79,7 +80,16 @@ def _unmet(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacui
         for never in unmet:
             told = _told(wishes[never], rounds, never in always, never in blocked)
             # An event that faults ends the run, and so was not seen to run.
-            yield replace(told, detail=f"{told.detail} without a fault") if faults else told
+            told = replace(told, detail=f"{told.detail} without a fault") if faults else told
+            yield told if never in always else _within(told, left.limits)
+
+
+def _within(vacuity: Vacuity, limits: Sequence[str]) -> Vacuity:
+    """The same, of the runs that were looked at."""
+    if not limits:
+        return vacuity
+    detail = f"{vacuity.detail}; not covered: {'; '.join(limits)}"
+    return replace(vacuity, detail=detail, certain=False)
 
 
 def _blocked(

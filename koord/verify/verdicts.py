@@ -113,7 +113,8 @@ class Vacuity:
     """Something that makes verdicts say less than they seem to.
 
     ``subject`` is the event or the invariant, if it is about one. A vacuity that is not
-    ``certain`` was seen within the bound only, which may be short.
+    ``certain`` was seen only of the runs that were looked at: within the bound, which may be
+    short, and without the longest lists.
     """
 
     what: Emptiness

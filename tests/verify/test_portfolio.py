@@ -19,7 +19,16 @@ from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
 from koord.verify.ledger import Ledger, Subject
 from koord.verify.portfolio import Choice, verify
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Report, Verdict
+from koord.verify.unknowns import LIST_CAPACITY
+from koord.verify.verdicts import (
+    Bounds,
+    Counterexample,
+    Emptiness,
+    Engine,
+    Outcome,
+    Report,
+    Verdict,
+)
 from tests.semantics import programs
 from tests.semantics.building import (
     PID,
@@ -313,6 +322,20 @@ def test_long_lists_are_told_and_never_claimed() -> None:
     shown = ask(b.program(), robots=1, rounds=3)["One"].counterexample
     assert shown is not None
     assert shown.round == 2
+
+
+def test_what_only_long_lists_allow_is_not_said_to_be_impossible() -> None:
+    """A contract that asks for longer lists than are looked at leaves no run, of those."""
+    b = Build()
+    seen = b.sensor("seen", ListType(INT), lst(INT))
+    n = b.local("n", INT, 0)
+    b.module(contracts=[contract("Many", [], [length(seen.primed) > LIST_CAPACITY])])
+    b.event("Look", TRUE, n.set(n + 1))
+    b.invariant("Low", forall(I, n.at(I) >= 0))
+    (told,) = verify(dealt(b.program(), 1), Bounds(3)).vacuities
+    assert told.what is Emptiness.CONTRACTS
+    assert "not covered: lists" in told.detail
+    assert not told.certain
 
 
 def test_candidates_that_do_not_replay_are_unknown_and_prove_nothing() -> None:
