@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import pickle
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from koord.refinement.gathering import gathered
-from koord.refinement.hosting import SeededHost
+from koord.refinement.hosting import SeededHost, settled_starts
 from koord.refinement.running import Compiled, Ran
 from koord.refinement.witnessing import (
     TOO_LARGE,
@@ -30,7 +31,7 @@ from koord.runtime.chaos.faults import CALM, Faults
 from koord.runtime.chaos.network import Network, Newborn
 from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.configuration.checking import load as load_configuration
-from koord.runtime.deploy.ideal import Ideal, unanswered
+from koord.runtime.deploy.ideal import Ideal, is_place, point_of, unanswered
 from koord.runtime.deploy.local import Fleet, Launch, launched
 from koord.runtime.deploy.member import Body
 from koord.runtime.deploy.networks import local_plan
@@ -53,6 +54,10 @@ _VIRTUAL_S, _REAL_S = 300.0, 60.0
 _STORM_ROUNDS = 40
 
 
+#: What variables start with, by robot and attribute.
+Starts = Mapping[tuple[int | None, str], Any]
+
+
 class StuckError(Exception):
     """Robots do not get on, though nothing hinders them any more."""
 
@@ -70,8 +75,13 @@ class Expedition:
     largest: int | None = None  #: the size of values at which the run ends
 
     @property
-    def is_generated(self) -> bool:
-        return not self.sources.program.text
+    def is_seeded(self) -> bool:
+        """Whether hosts make up what they say: nobody wrote the program, or it needs a platform."""
+        functions = [unanswered(program.EXTERNALS) for program in self.made.classes]
+        return not self.sources.program.text or any(functions)
+
+    def host(self, pid: int) -> SeededHost:
+        return SeededHost(self.system, self.made.names, str(self.seed), pid)
 
     def job(self, journals: Path, pace_s: float) -> Job:
         """The run as `koord deploy` has it."""
@@ -85,23 +95,31 @@ class Expedition:
         classes = self.made.classes
         return Job(classes, kinds, configuration, key, run, delta_s, pace_s, self.rounds, journals)
 
-    def member(self, job: Job, pid: int, tell: Callable[[Told], None]) -> Witnessed:
+    def starts(self) -> Starts:
+        """Raises KoordError where no starts are found that meet the assumptions."""
+        return settled_starts(self.system, self.made.names, self.seed)
+
+    def member(self, job: Job, pid: int, starts: Starts, tell: Callable[[Told], None]) -> Witnessed:
         """A robot that tells what it does. What is deployed has the host that it will have."""
         made = self.made
         program = job.classes[job.kinds[pid]]
         body: Body
-        if self.is_generated or unanswered(program.EXTERNALS):
-            body = SeededHost(self.system, made.names, str(self.seed), pid)
+        if self.is_seeded:
+            body = self.host(pid)
         else:
-            place = job.configuration.robots[pid].position
+            place = next(
+                (point_of(v) for (i, name), v in starts.items() if i == pid and is_place(name)),
+                None,
+            )
             body = Ideal(program, pid, job.robots, job.delta_s, self.seed, place)
         scribe = Scribe(self.system, made.names, made.places, pid, tell)
-        host = WitnessedHost(body, scribe)
+        host = WitnessedHost(body, scribe, starts)
         robot = program(pid, job.kinds, job.delta_s, host)
         return Witnessed(robot, host, job.journal(pid), job.program, self.largest)
 
     def ran(self, told: list[list[Told]]) -> Ran:
-        return gathered(self.sources, self.system, told, self.rounds)
+        library = self.host(0).answer if self.is_seeded else None
+        return gathered(self.sources, self.system, told, self.rounds, library)
 
 
 # --- in virtual time ----------------------------------------------------------------------------
@@ -113,6 +131,7 @@ class _Crew:
 
     expedition: Expedition
     job: Job
+    starts: Starts
     told: list[list[Told]] = field(init=False)
     members: dict[int, Witnessed] = field(default_factory=dict)
 
@@ -121,7 +140,7 @@ class _Crew:
 
     def switch_on(self, pid: int, incarnation: int, back: bool) -> Newborn:
         job = self.job
-        member = self.expedition.member(job, pid, self.told[pid].append)
+        member = self.expedition.member(job, pid, self.starts, self.told[pid].append)
         self.members[pid] = member
         timing = Timing.of(job.delta_s, job.robots)
         setup = Setup(job.robots, timing, owing=job.owing, rounds=job.rounds, decide=member.decided)
@@ -139,7 +158,10 @@ def over_network(expedition: Expedition) -> Ran:
     """
     with TemporaryDirectory() as folder:
         job = expedition.job(Path(folder), 0.0)
-        crew = _Crew(expedition, job)
+        try:
+            crew = _Crew(expedition, job, expedition.starts())
+        except KoordError as error:
+            return replace(expedition.ran([]), gave_up=error)
         setup = Setup(job.robots, Timing.of(job.delta_s, job.robots))
         network = Network(
             setup, expedition.faults, expedition.seed, crew.switch_on, _over_the_wire(job.robots)
@@ -197,8 +219,13 @@ def over_udp(expedition: Expedition) -> Ran:
         pace_s = 0.0 if faults == CALM else float(system.delta_s)
         job = expedition.job(folder, pace_s)
 
+        try:
+            starts = expedition.starts()
+        except KoordError as error:
+            return replace(expedition.ran([]), gave_up=error)
+
         def make(job: Job, pid: int) -> Witnessed:
-            return expedition.member(job, pid, _written_to(folder / f"{pid}.told"))
+            return expedition.member(job, pid, starts, _written_to(folder / f"{pid}.told"))
 
         def carry(plan: Plan, pid: int) -> Transport:
             udp = Udp(plan, pid)

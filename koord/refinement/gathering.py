@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from koord.refinement.running import Ran, schedule_of
-from koord.refinement.summaries import with_summaries
+from koord.refinement.summaries import Library, with_summaries
 from koord.refinement.witnessing import (
     Acted,
     Asked,
@@ -101,9 +101,15 @@ class _Heard:
 
 
 def gathered(
-    sources: Sources, system: System, told: Sequence[Sequence[Told]], rounds: int | None = None
+    sources: Sources,
+    system: System,
+    told: Sequence[Sequence[Told]],
+    rounds: int | None = None,
+    library: Library | None = None,
 ) -> Ran:
     """The run that the robots tell of, of at most so many rounds. ``told[i]`` is by robot i.
+
+    ``library`` answers what only the rules ask; without one the reference's does.
 
     Raises DisagreementError, and KoordError where no answers are found that the program allows to
     questions that only the rules have.
@@ -112,7 +118,7 @@ def gathered(
     for pid, story in enumerate(told):
         for one in story:
             heard.hear(pid, one)
-    return _Gathering(sources, system, heard, rounds).ran()
+    return _Gathering(sources, system, heard, rounds, library).ran()
 
 
 @dataclass
@@ -121,6 +127,7 @@ class _Gathering:
     system: System
     heard: _Heard
     most: int | None
+    library: Library | None
 
     def ran(self) -> Ran:
         """The run as a trace. What the last round left open may be missing in it."""
@@ -148,7 +155,7 @@ class _Gathering:
             rounds.append(Round(turns, events, readings, self._answers(number), cut))
         recording = Recording(opening, tuple(rounds))
         bare = Trace(self.sources, system, Numbers.DOUBLE, recording, ())
-        trace = self._seen(with_summaries(bare), fault)
+        trace = self._seen(with_summaries(bare, self.library), fault)
         return Ran(trace, None if fault is None else fault[1].place)
 
     def _begin_the_rest(self) -> None:

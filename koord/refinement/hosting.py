@@ -10,18 +10,40 @@ from typing import Any
 from koord.refinement.answering import starting
 from koord.refinement.translating import Observer, to_plain, to_value
 from koord.runtime.compile.naming import Names
+from koord.runtime.deciding import rotating
 from koord.runtime.motion.world import Point
 from koord.runtime.robot import Key, Robot, Turn
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import DOUBLES
 from koord.semantics.runs.answering import Question, SampledInputs
 from koord.semantics.runs.sampling import Sampler
-from koord.semantics.runs.settling import settle_robot
+from koord.semantics.runs.settling import settle_robot, settled_start
 from koord.semantics.traces.recording import Concrete
 from koord.semantics.traces.trace import Numbers
 from koord.syntax import core
 from koord.syntax.core import ExternalKind, Home
 from koord.syntax.types import FLOAT, INT, ArrayType, Type
+
+
+def settled_starts(system: System, names: Names, seed: int) -> dict[tuple[int | None, str], Any]:
+    """Starts that meet the assumptions, by robot and attribute. Raises KoordError without any.
+
+    Nothing, if there is nothing to meet: then robots begin as their hosts have it. [PROP-ASSUME]
+    """
+    if not system.program.assumptions:
+        return {}
+    inputs = SampledInputs(Sampler(system, Numbers.DOUBLE, Random(seed)))
+    settled_start(DOUBLES, system, inputs, rotating(0, system.robots))
+    attributes = {
+        (kind, entry.variable.home, entry.variable.slot): name
+        for (kind, name), entry in starting(system.program, names)
+    }
+    found = {}
+    for start in inputs.recorded_starts():
+        kind = None if start.robot is None else system.kinds[start.robot]
+        name = attributes[kind, start.home, start.slot]
+        found[start.robot, name] = to_plain(start.value)
+    return found
 
 
 @dataclass
@@ -101,7 +123,13 @@ class SeededHost:
         external = self._system.program.external(function)
         pairs = zip(arguments, external.parameters, strict=True)
         given = tuple(to_value(argument, parameter.type) for argument, parameter in pairs)
-        return to_plain(self._inputs.ask(external, given, robot, {}))
+        return to_plain(self.answer(external, given, robot))
+
+    def answer(
+        self, function: core.External, arguments: tuple[Concrete, ...], robot: int | None
+    ) -> Concrete:
+        """What any robot's host of this seed answers. Raises KoordError."""
+        return self._inputs.ask(function, arguments, robot, {})
 
     def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
         type_ = FLOAT if isinstance(low, float) else INT

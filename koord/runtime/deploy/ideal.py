@@ -25,6 +25,9 @@ APART_M = 1.0
 
 DEFAULT_SPEED_MPS = 1.0
 
+#: So much of a step is left out, so that rounding makes nobody faster than it may be.
+_SLACK = 1e-9
+
 
 def unanswered(functions: Mapping[str, Shape]) -> tuple[str, ...]:
     """The external functions among those that :class:`Ideal` cannot answer."""
@@ -56,7 +59,8 @@ class Ideal:
         self.world = world if world is not None else World()
         self.position: Point = position if position is not None else self._place(pid)
         self.holding = False
-        self._step_m = delta_s * (speed_mps if speed_mps is not None else DEFAULT_SPEED_MPS)
+        speed = speed_mps if speed_mps is not None else DEFAULT_SPEED_MPS
+        self._step_m = delta_s * speed * (1 - _SLACK)
         self._random = Random(f"{seed} {pid}")
         self._done = 0  #: way-points of the path that lie behind
         self._path: tuple[Point, ...] = ()
@@ -74,7 +78,7 @@ class Ideal:
         """[INIT]: where it is, tasks somewhere, and otherwise the plainest value there is."""
         shape = self._shape(name, shared=robot is None)
         robots = self.robots
-        if name.endswith("_psn"):
+        if is_place(name):
             return self._as(shape, self.position)
         if isinstance(shape, Array) and _is_task(shape.element):
             return tuple(self._task(shape.element, k, robots) for k in range(shape.size))
@@ -135,11 +139,11 @@ class Ideal:
             shape = robot.PORTS.get(f"{module}_{port}")
             if sent is None or shape is None:
                 continue
-            if isinstance(shape, ListOf):
-                return tuple(_point(one) for one in sent if one is not None)
-            if isinstance(sent, tuple) and any(part is None for part in sent):
+            if isinstance(shape, ListOf | Array):
+                return tuple(point_of(one) for one in sent if _is_set(one))
+            if not _is_set(sent):
                 continue
-            return (_point(sent),)
+            return (point_of(sent),)
         return ()
 
     def _move(self, path: tuple[Point, ...]) -> None:
@@ -169,7 +173,16 @@ def _is_task(shape: Shape) -> bool:
     return isinstance(shape, Record) and shape.make.__name__ == "Task"
 
 
-def _point(sent: Any) -> Point:
+def is_place(name: str) -> bool:
+    """Whether a port says where the robot is."""
+    return name.endswith("_psn")
+
+
+def _is_set(sent: Any) -> bool:
+    return sent is not None and not (isinstance(sent, tuple) and any(p is None for p in sent))
+
+
+def point_of(sent: Any) -> Point:
     """Any of the forms of a place as three coordinates."""
     if isinstance(sent, int | float):
         return (float(sent), 0.0, 0.0)
@@ -202,7 +215,7 @@ def _paths_clear(host: Ideal, one: Any, other: Any) -> bool:
 
 
 def _samples(path: Sequence[Any]) -> list[Point]:
-    points = [_point(one) for one in path]
+    points = [point_of(one) for one in path]
     samples = points[:1]
     for a, b in pairwise(points):
         pieces = max(1, math.ceil(math.dist(a, b) / (APART_M / 4)))
