@@ -11,6 +11,7 @@ from koord.cli.arguments import (
     add_files,
     add_json,
     add_settings,
+    add_trace,
     check_files,
     delta,
     rounds,
@@ -61,6 +62,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--keep-going", action="store_true", help="count what is broken, instead of ending there"
     )
+    parser.add_argument(
+        "--check-summaries",
+        action="store_true",
+        help="hold every answer of an external function against the summary that is verified with",
+    )
+    add_trace(parser, "the run")
     add_outputs(parser)
     add_settings(parser)
     add_json(parser, "what the run came to")
@@ -106,22 +113,36 @@ def _run(arguments: argparse.Namespace, job: Job) -> int:
 
     from koord.cli.progress import Interruption, LiveLine
     from koord.cli.simulated import as_document, conclusion, heading, table
+    from koord.cli.simulated_traces import Tracing
     from koord.cli.terminal import visible
+    from koord.cli.traces import write_trace
     from koord.sim.running import Ending, run
 
     limit_s = _limit(arguments, job)
-    simulation = job.simulation(keep_going=arguments.keep_going)
+    tracing = Tracing(job) if arguments.trace is not None else None
+    simulation = job.simulation(
+        keep_going=arguments.keep_going, summaries=arguments.check_summaries, tracing=tracing
+    )
     began = time.perf_counter()
-    simulation.begin()
+    first = simulation.begin()
+    if tracing is not None:
+        tracing.begun(first, simulation)
     job.check_start(simulation)
     if not arguments.json:
         print(heading(job))
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
-        for now in run(simulation, limit_s):
-            line.show(_progress(now))
+        for decision in run(simulation, limit_s):
+            line.show(_progress(simulation))
+            if tracing is not None:
+                tracing.round(decision, simulation)
             if interruption.requested:
-                now.end(Ending.INTERRUPTED)
+                simulation.end(Ending.INTERRUPTED)
     wall_s = time.perf_counter() - began
+    told = None
+    if tracing is not None:
+        ran = tracing.ran(simulation)
+        write_trace(arguments.trace, tracing.trace(ran))
+        told = tracing.judged(ran)
     if arguments.json:
         sys.stdout.write(as_document(job, simulation, wall_s))
     else:
@@ -130,6 +151,12 @@ def _run(arguments: argparse.Namespace, job: Job) -> int:
     kept = keep(arguments, simulation.recording)
     if kept and not arguments.json:
         print(f"kept: {', '.join(map(visible, kept))}")
+    if told is not None and told.refused is not None:
+        print(
+            f"the trace is none of the semantics: [{told.refused.rule}] {told.refused.reason}",
+            file=sys.stderr,
+        )
+        return Exit.VIOLATED
     return _code(simulation)
 
 

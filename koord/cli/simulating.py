@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from koord.cli.arguments import settings
 from koord.cli.diagnostics import Report
@@ -18,7 +19,7 @@ from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Sort, watched
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import Configuration, Scatter
-from koord.sim.claims import Watching
+from koord.sim.claims import Checked, Watching
 from koord.sim.running import Cast, Simulation
 from koord.sim.scene import Scene, params, scene
 from koord.syntax import core
@@ -27,6 +28,10 @@ from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source, whole_file
 from koord.syntax.types import POS, ArrayType, ListType, RecordType, Type
+
+if TYPE_CHECKING:
+    from koord.cli.simulated_traces import Tracing
+    from koord.runtime.robot import Host
 
 #: So many robots and tasks there are where nobody says how many.
 _ROBOTS, _TASKS = 3, 20
@@ -53,13 +58,36 @@ class Job:
     scene: Scene
     kinds: tuple[int, ...]
 
-    def simulation(self, *, keep_going: bool = False) -> Simulation:
-        """The program in its scene, with all that it claims watched."""
+    @property
+    def delta_s(self) -> Fraction:
+        """The length of a round, as exact as a double can be written."""
+        return Fraction(repr(self.scene.delta_s))
+
+    @property
+    def slack(self) -> Fraction:
+        """By how much numbers may be off in claims."""
+        return Fraction(repr(self.scene.slack_m))
+
+    def simulation(
+        self, *, keep_going: bool = False, summaries: bool = False, tracing: Tracing | None = None
+    ) -> Simulation:
+        """The program in its scene, with all that it claims watched, ``summaries`` if asked for."""
         program, source, scene = self.loaded.program, self.loaded.source, self.scene
         cast = Cast(source.name, source.text, loaded(compiled(program)), self.kinds)
-        made = Simulation(cast, scene, keep_going=keep_going)
-        slack = Fraction(repr(scene.slack_m))
-        made.claims.append(Watching(watched(program, slack), made))
+        checked: list[Checked] = []
+
+        def heard(host: Host) -> Host:
+            if summaries:
+                checked.append(Checked(host))
+                host = checked[0]
+            return host if tracing is None else tracing.hear(host)
+
+        made = Simulation(cast, scene, keep_going=keep_going, heard=heard)
+        claims = watched(program, self.slack)
+        made.claims.append(Watching(claims, made))
+        for one in checked:
+            one.hold(claims, made)
+            made.claims.append(one)
         return made
 
     def check_start(self, simulation: Simulation) -> None:

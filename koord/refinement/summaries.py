@@ -86,12 +86,20 @@ def _round(
 
 
 def _mentioned(program: core.Program) -> frozenset[int]:
-    """The sites of the calls that stand in summaries and contracts."""
+    """The sites of the calls that stand in summaries and contracts, and in what these call."""
     summaries = tuple((function.requires, function.ensures) for function in program.externals)
     modules = (module for agent in program.agents for module in agent.modules)
     contracts = tuple(module.contracts for module in modules)
-    calls = (n for n in nodes((summaries, contracts)) if isinstance(n, core.ExternalCall))
-    return frozenset(call.site for call in calls)
+    parts: list[object] = [summaries, contracts]
+    sites, called = set[int](), set[str]()
+    while parts:
+        for node in nodes(parts.pop()):
+            if isinstance(node, core.ExternalCall):
+                sites.add(node.site)
+            elif isinstance(node, core.Call) and node.function not in called:
+                called.add(node.function)
+                parts.append(program.function(node.function).body)
+    return frozenset(sites)
 
 
 def _sensors(system: System, robot: int) -> list[core.Port]:

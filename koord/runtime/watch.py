@@ -10,7 +10,9 @@ from koord.runtime.operations import FaultError
 from koord.runtime.proposals import FaultKind
 from koord.runtime.robot import Host, Key, Robot, Status, Turn
 from koord.runtime.shapes import Record, Scalar, Shape, from_plain
-from koord.runtime.shapes import Sequence as ListOf
+
+#: Of a path, so many points are tried on a summary that speaks of all positions.
+_SAMPLES = 3
 
 
 class Watch(Robot):
@@ -46,6 +48,14 @@ class Watch(Robot):
         except FaultError:
             return False
 
+    def meets(self, method: str, arguments: Sequence[Any], answer: Any) -> bool:
+        """Whether an answer of an external function meets its summary. [EXTERNAL]"""
+        self._in_summary = True  # what functions require that it mentions is nobody's concern
+        self.points = points_in([*arguments, answer])
+        met = self.holds(method, *arguments, answer)
+        self._in_summary = False
+        return met
+
     # --- what claims ask --------------------------------------------------------------------------
 
     def held(self, robot: int, names: tuple[str | None, ...], place: str) -> Any:
@@ -67,7 +77,9 @@ class Watch(Robot):
 
     def samples(self, shape: Shape) -> Sequence[Any]:
         """Some values of a shape, for summaries that speak of all of them: points, and no more."""
-        return self.points if isinstance(shape, Record) and len(shape.fields) == 3 else ()
+        if isinstance(shape, Record) and len(shape.fields) == 3:
+            return [shape.make(*point) for point in self.points]
+        return ()
 
     def ask(self, function: str, key: Key, *arguments: Any) -> Any:
         """What the library answers; claims are no turn, and leave no answers behind. [EXTERNAL]"""
@@ -76,19 +88,27 @@ class Watch(Robot):
         return answer if isinstance(shape, Scalar) else from_plain(shape, answer, self.numAgents)
 
 
-def points_in(values: Sequence[Any], shapes: Sequence[Shape]) -> list[Any]:
-    """The points in some values, and those halfway along the paths in them."""
+def points_in(values: Sequence[Any]) -> list[Any]:
+    """Some of the points in some values, and of those halfway along the paths in them."""
     found: list[Any] = []
-    for value, shape in zip(values, shapes, strict=True):
-        match shape:
-            case Record(fields=fields) if len(fields) == 3:
-                found.append(value)
-            case ListOf(element=Record(fields=fields)) if len(fields) == 3:
-                found += value
-                found += [
-                    type(a)(*((x + y) / 2 for x, y in zip(a, b, strict=True)))
-                    for a, b in pairwise(value)
-                ]
-            case _:
-                pass
+    for value in values:
+        if _is_point(value):
+            found.append(value)
+        elif isinstance(value, tuple) and value and all(map(_is_point, value)):
+            found += _some(value)
+            halfway = [
+                tuple((x + y) / 2 for x, y in zip(a, b, strict=True)) for a, b in pairwise(value)
+            ]
+            found += _some(halfway)
     return found
+
+
+def _some(points: Sequence[Any]) -> list[Any]:
+    """The first, the last and some between."""
+    if len(points) <= _SAMPLES:
+        return list(points)
+    return [points[round(k * (len(points) - 1) / (_SAMPLES - 1))] for k in range(_SAMPLES)]
+
+
+def _is_point(value: Any) -> bool:
+    return isinstance(value, tuple) and [type(part) for part in value] == [float] * 3

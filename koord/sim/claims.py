@@ -7,7 +7,7 @@ claims have the slack of the scene (:mod:`koord.runtime.compile.slack`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Claim, Sort, Watched
 from koord.runtime.motion.world import Point
+from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.runtime.shapes import from_plain
 from koord.runtime.watch import Watch
 from koord.sim.hosting import placed
@@ -50,11 +51,8 @@ class Watching:
     """Looks at the claims of a run. ``looked`` counts them, each time that they were looked at."""
 
     def __init__(self, watched: Watched, run: Simulation) -> None:
-        (made,) = loaded(watched.text)
-        assert issubclass(made, Watch)
         kinds = run.cast.kinds
-        self.watch = made(kinds, run.scene.delta_s, run.host)
-        run.host.watches = (made,)
+        self.watch = watch_of(watched, run)
         self.looked: dict[str, int] = {}
         self._stated: dict[Sort, list[_Stated]] = {sort: [] for sort in Sort}
         self._contracts: list[list[Claim]] = [[] for _ in run.cast.classes]
@@ -156,6 +154,76 @@ class Watching:
             for pid, (now, then) in enumerate(zip(own, before.own, strict=True))
             if any(a is not b for a, b in zip(now, then, strict=True))
         }
+
+
+class Checked:
+    """A host whose every answer is held against the summary that the program gives of its function.
+
+    It may stand between a program and its host from the beginning; :meth:`hold` says against what.
+    """
+
+    def __init__(self, host: Host) -> None:
+        self.host = host
+        self.looked: dict[str, int] = {}
+        self._summaries: dict[str, Claim] = {}
+        self._watch: Watch | None = None
+        self._broken: list[Broken] = []
+        self._now_s: Callable[[], float] = lambda: 0.0
+
+    def hold(self, watched: Watched, run: Simulation) -> None:
+        """Hold all answers against the summaries of a program, before a run begins."""
+        self._watch = watch_of(watched, run)
+        self._summaries = {c.function: c for c in watched.claims if c.sort is Sort.SUMMARY}
+        self._now_s = lambda: run.fleet.now_s
+
+    def start(self, robot: int | None, name: str) -> Any:
+        return self.host.start(robot, name)
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        return self.host.read(robot)
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        return self.host.choose(turn, robot, key, low, high)
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        answer = self.host.ask(turn, robot, key, function, arguments)
+        claim, watch = self._summaries.get(function), self._watch
+        if claim is None or watch is None or not key:  # only the rules ask without a key
+            return answer
+        name = _named(claim)
+        self.looked[name] = self.looked.get(name, 0) + 1
+        made = from_plain(watch.EXTERNALS[function], answer, watch.numAgents)
+        watch.pid = robot
+        if not watch.meets(claim.method, arguments, made):
+            told = f"at {claim.span}, of {_shown(arguments)}: {_shown(made)}"
+            self._broken.append(
+                Broken(name, self._now_s(), (robot,), None, told, Sort.SUMMARY.value)
+            )
+        return answer
+
+    def look(self, moment: Moment, run: Simulation) -> Iterator[Broken]:
+        """The summaries that were not met since this was asked last. [EXTERNAL]"""
+        broken, self._broken = self._broken, []
+        yield from broken
+
+    def glance(self, run: Simulation) -> Iterator[Broken]:
+        """Nothing is asked between rounds."""
+        yield from ()
+
+
+def watch_of(watched: Watched, run: Simulation) -> Watch:
+    """What looks at a run for its claims; the host knows what it may ask."""
+    (made,) = loaded(watched.text)
+    assert issubclass(made, Watch)
+    run.host.watches = (*run.host.watches, made)
+    return made(run.cast.kinds, run.scene.delta_s, run.host)
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 120 else f"{text[:117]}..."
 
 
 def _robots(kinds: Sequence[int], agent: int | None) -> Sequence[int]:

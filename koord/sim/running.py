@@ -7,7 +7,7 @@ give equal runs, and equal :attr:`Figures.digest`.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
@@ -21,7 +21,7 @@ from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.planning import Pose, planner
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision
-from koord.runtime.robot import Robot, Status
+from koord.runtime.robot import Host, Robot, Status
 from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
@@ -99,14 +99,17 @@ class Simulation:
         schedule: Schedule | None = None,
         *,
         keep_going: bool = False,
+        heard: Callable[[Host], Host] | None = None,
     ) -> None:
+        """``heard`` may put itself between the program and its host."""
         self.cast, self.scene, self.keep_going = cast, scene, keep_going
         self.claims: list[Claims] = []  #: that are watched; to be filled before the run begins
         self.schedule: Schedule = schedule if schedule is not None else Deployed()
         world, seed = scene.world, scene.seed
         self.fleet = Fleet(world, scene.robots, seed)
         self.host = _host(cast, scene, self.fleet)
-        self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, self.host)
+        host: Host = self.host if heard is None else heard(self.host)
+        self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, host)
         header = header_of(
             cast.name,
             cast.text,
@@ -244,14 +247,13 @@ def _held(robot: Robot) -> dict[str, Any]:
     return {name: value for name, value in vars(robot).items() if name not in sensors}
 
 
-def run(simulation: Simulation, time_s: float) -> Iterator[Simulation]:
-    """The rest of a run that has begun, up to a time; it is handed out after each round."""
+def run(simulation: Simulation, time_s: float) -> Iterator[Decision]:
+    """The rest of a run that has begun, up to a time: what was decided in each round."""
     while simulation.ending is None:
         if simulation.time_s > time_s - 1e-9:
             simulation.end(Ending.LIMIT)
             break
-        simulation.round()
-        yield simulation
+        yield simulation.round()
 
 
 def _host(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:

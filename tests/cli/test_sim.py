@@ -16,7 +16,7 @@ EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
 def simulated(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, Any]:
     """A run as JSON."""
-    code = main(["sim", *arguments, "--json"])
+    code = main(["sim", *arguments, "--json", "--no-html"])
     out, err = capsys.readouterr()
     assert code in (Exit.OK, Exit.VIOLATED), err
     return code, json.loads(out)
@@ -65,7 +65,7 @@ def test_an_example_does_what_it_is_for(
 
 
 def test_task_by_itself_is_the_one_of_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["sim", example("task.krd"), "--time", "2"]) == Exit.OK
+    assert main(["sim", example("task.krd"), "--time", "2", "--no-html"]) == Exit.OK
     out, _ = capsys.readouterr()
     assert "task.yaml: 3 robots (2 car, 1 drone), δ = 0.1 s, seed 0" in out
     assert "0 of 20 visited" in out
@@ -160,7 +160,7 @@ def test_what_is_broken_is_counted_if_the_run_goes_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files = crash(tmp_path, 1.9, 2.0)
-    assert main(["sim", *files, "--keep-going", "--time", "4"]) == Exit.VIOLATED
+    assert main(["sim", *files, "--keep-going", "--time", "4", "--no-html"]) == Exit.VIOLATED
     out, _ = capsys.readouterr()
     assert out.count("broken: ") == 3  # the contract, the invariant and the separation
     assert "3 claims broken" in out
@@ -171,7 +171,7 @@ def test_a_fault_ends_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     program.write_text(
         "local:\n    int n = 3\nCount:\n    eff: n = 6 / (pid - 1)\n", encoding="utf-8"
     )
-    assert main(["sim", str(program)]) == Exit.VIOLATED
+    assert main(["sim", str(program), "--no-html"]) == Exit.VIOLATED
     out, _ = capsys.readouterr()
     assert "fault: division by zero of robot 1" in out
 

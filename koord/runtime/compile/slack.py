@@ -138,6 +138,30 @@ class Loosening:
                 return s
 
 
+def loosened(program: core.Program, slack: Fraction) -> core.Program:
+    """The program with slack in its assumptions and contracts: what it takes for granted."""
+    loosening = Loosening(program, slack)
+
+    def contract(one: core.Contract) -> core.Contract:
+        return replace(one, ensures=tuple(map(loosening.expression, one.ensures)))
+
+    agents = tuple(
+        replace(
+            agent,
+            modules=tuple(
+                replace(module, contracts=tuple(map(contract, module.contracts)))
+                for module in agent.modules
+            ),
+        )
+        for agent in program.agents
+    )
+    assumptions = tuple(
+        replace(one, condition=loosening.expression(one.condition)) for one in program.assumptions
+    )
+    functions = (*program.functions, *loosening.functions.values())
+    return replace(program, agents=agents, assumptions=assumptions, functions=functions)
+
+
 def _side_of_condition(then: core.Block, side: Side) -> Side:
     """What a condition counts for, seen by what is answered where it is true."""
     match then:

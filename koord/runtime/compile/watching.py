@@ -257,6 +257,8 @@ class _WatchModule(Module):
         knowledge.asking -= methods  # nobody calls them, so there is no way to them
         wanted = tuple(f.body for f in program.functions if f.name in methods)
         knowledge.used = knowledge.called(wanted) | methods
+        # Whoever holds an answer against a summary has to know what shape it has.
+        knowledge.used |= {claim.function for claim in claims if claim.function}
         knowledge.in_init = set()
 
     def text(self) -> str:

@@ -1,0 +1,134 @@
+"""Simulated runs are runs of the semantics, and their answers meet the summaries."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from koord.cli.diagnostics import Report
+from koord.cli.exits import Exit
+from koord.cli.main import main
+from koord.cli.simulated_traces import Tracing
+from koord.cli.simulating import Job, asked
+from koord.refinement.judging import Judged
+from koord.runtime.motion.clearance import Clearance
+from koord.runtime.motion.library import Library
+from koord.sim.running import Simulation, run
+
+EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
+
+
+def job(name: str, configuration: str | None = None, seed: int = 0) -> Job:
+    config = None if configuration is None else str(EXAMPLES / f"{configuration}.yaml")
+    arguments = argparse.Namespace(
+        file=str(EXAMPLES / f"{name}.krd"), config=config, properties=[], settings=[], delta=None
+    )
+    report = Report()
+    wanted = asked(arguments, report)
+    assert wanted is not None
+    found = wanted.job(report, None, seed)
+    assert found is not None
+    return found
+
+
+def judged(of: Job, time_s: float) -> tuple[Judged, Simulation]:
+    tracing = Tracing(of)
+    simulation = of.simulation(tracing=tracing)
+    tracing.begun(simulation.begin(), simulation)
+    for decision in run(simulation, time_s):
+        tracing.round(decision, simulation)
+    return tracing.judged(tracing.ran(simulation)), simulation
+
+
+@pytest.mark.parametrize(
+    ("name", "configuration"),
+    [
+        ("task", "task_mixed"),
+        ("delivery", None),
+        ("cars_and_drones", None),
+        ("mapping", None),
+        ("lineform", None),
+        ("shapeform", "shapeform_9"),
+        ("follow_points", None),
+        ("follow_path", None),
+        ("waypoints", None),
+    ],
+)
+def test_a_simulated_run_is_one_of_the_semantics(name: str, configuration: str | None) -> None:
+    found, simulation = judged(job(name, configuration), 3.0)
+    assert found.refused is None
+    # INIT, a turn of each robot and one of the environment in each round.
+    assert found.steps == 1 + simulation.engine.round * (len(simulation.scene.robots) + 1)
+
+
+def test_a_library_that_contradicts_its_summary_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    real = Library.find_path
+    monkeypatch.setattr(Library, "find_path", lambda *given: real(*given)[:-1])
+    found, _ = judged(job("task", "task_mixed"), 1.0)
+    assert found.refused is not None
+    assert found.refused.rule == "EXTERNAL"
+
+
+def test_vehicles_that_leave_their_paths_are_refused() -> None:
+    of = job("task", "task_mixed")
+    tracing = Tracing(of)
+    simulation = of.simulation(tracing=tracing)
+    tracing.begun(simulation.begin(), simulation)
+    original = simulation.fleet.sensed
+
+    def elsewhere() -> Any:
+        from dataclasses import replace
+
+        return tuple(replace(s, psn=(s.psn[0] + 1.0, *s.psn[1:])) for s in original())
+
+    simulation.fleet.sensed = elsewhere  # type: ignore[method-assign]
+    for decision in run(simulation, 1.0):
+        tracing.round(decision, simulation)
+    found = tracing.judged(tracing.ran(simulation))
+    assert found.refused is not None
+    assert found.refused.rule == "ENV-CONTRACT"
+
+
+def test_a_trace_is_written_and_replays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = str(tmp_path / "trace.json")
+    files = [str(EXAMPLES / "task.krd"), str(EXAMPLES / "task_mixed.yaml")]
+    assert main(["sim", *files, "--time", "2", "--trace", path, "--no-html"]) == Exit.OK
+    assert main(["replay", path]) == Exit.OK
+    assert "legal: 101 steps, 20 rounds, 4 robots" in capsys.readouterr().out
+
+
+# --- summaries ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["task", "delivery", "mapping"])
+def test_all_answers_meet_their_summaries(name: str) -> None:
+    simulation = job(name).simulation(summaries=True)
+    simulation.begin()
+    for _ in run(simulation, 3.0):
+        pass
+    assert simulation.broken == []
+    assert any("summary" in claim and count for claim, count in simulation.looked.items())
+
+
+def test_an_answer_that_does_not_meet_its_summary_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    real = Clearance.paths_clear
+
+    def lopsided(self: Clearance, one: Any, other: Any) -> bool:
+        return real(self, one, other) and math.dist(one[0], other[-1]) < math.dist(
+            one[-1], other[0]
+        )
+
+    monkeypatch.setattr(Clearance, "paths_clear", lopsided)
+    files = [str(EXAMPLES / "task.krd"), str(EXAMPLES / "task_mixed.yaml")]
+    code = main(["sim", *files, "--time", "3", "--check-summaries", "--keep-going", "--no-html"])
+    out, err = capsys.readouterr()
+    assert code in (Exit.VIOLATED, Exit.BAD_INPUT), err
+    assert "summary pathsClear" in out + err or "K934" in err
