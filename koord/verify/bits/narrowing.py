@@ -7,7 +7,7 @@ runs, but a violation has to be looked for again with everything.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from koord.verify.bits.graph import Graph
 from koord.verify.bits.pdr import Question, reduced
@@ -41,6 +41,42 @@ def narrowed(circuit: Circuit, claims: Iterable[Claim], given: Iterable[int]) ->
     return Question(latches, circuit.opens, steps, g.any_of([*violated, lost]), tuple(given))
 
 
+def related(
+    circuit: Circuit, latches: Sequence[Latch], roots: Sequence[int]
+) -> tuple[set[int], set[int]]:
+    """The constraints of whole rounds that are about the same things as some literals.
+
+    Second are the inputs and latches that any of it depends on. ``latches`` may be more than the
+    circuit's own.
+    """
+    g = circuit.d.graph
+    relations = {x >> 1 for atoms in circuit.d.opaques.atoms.values() for x in atoms.values()}
+    whole = [*circuit.needed[Phase.END], *(literal ^ 1 for literal in circuit.faults)]
+    about = {x: _inputs(g, [x]) for part in _single(g, whole) for x in _implied(g, part)}
+    by_node = {latch.literal >> 1: latch for latch in latches}
+    pending = sorted(x for x in about if about[x])
+    kept: set[int] = set()
+    inputs: set[int] = set()
+    more = list(roots)
+    while more:
+        inputs = _closed(g, by_node, more, inputs)
+        more = [x for x in pending if about[x] & inputs and about[x] & relations <= inputs]
+        kept.update(more)
+        pending = [x for x in pending if x not in kept]
+    return kept, inputs
+
+
+def _implied(g: Graph, literal: int) -> list[int]:
+    """An implication of a conjunction, taken apart: each part may be left out by itself."""
+    node = literal >> 1
+    if literal & 1 and not g.is_input(node):
+        for one, other in ((g.left[node], g.right[node]), (g.right[node], g.left[node])):
+            if other & 1 and not g.is_input(other >> 1):
+                parts = g.conjuncts(other ^ 1)
+                return [g.both(one, part ^ 1) ^ 1 for part in parts]
+    return [literal]
+
+
 def _single(g: Graph, literals: Iterable[int]) -> list[int]:
     return [part for literal in literals for part in g.conjuncts(literal)]
 
@@ -68,4 +104,4 @@ def _inputs(g: Graph, literals: Iterable[int]) -> set[int]:
     return {node for node in g.cone(literals) if g.is_input(node)}
 
 
-__all__ = ["everything", "narrowed"]
+__all__ = ["everything", "narrowed", "related"]

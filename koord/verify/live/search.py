@@ -15,9 +15,6 @@ from koord.verify.ledger import Ledger, Reach
 from koord.verify.verdicts import Emptiness, Engine, Outcome, Vacuity, Verdict
 from koord.verify.witness import NotReplayedError
 
-#: So many states are searched before another engine gets its turn; ``--engine search`` goes on.
-FEW_STATES = 20_000
-
 
 @dataclass(frozen=True, slots=True)
 class LiveBySearch:

@@ -10,14 +10,15 @@ from koord.semantics.configurations import System
 from koord.semantics.domain import NumberTooLongError
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.patience import OutOfPatienceError
-from koord.semantics.search.limits import Limits
+from koord.semantics.search.limits import FEW_STATES, Limits
 from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
 from koord.verify.claims import Claim, Phase, liveness_of
 from koord.verify.concretion import Concretion
 from koord.verify.ledger import Ledger, Subject, Works
+from koord.verify.live.bits import LiveByBits
 from koord.verify.live.lassos import replayed_lasso
-from koord.verify.live.search import FEW_STATES, LiveBySearch
+from koord.verify.live.search import LiveBySearch
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Counterexample, Vacuity, Verdict
 
@@ -58,6 +59,9 @@ def settled(
     asked: list[tuple[Subject, Works]] = []
     if ways in (Ways.ALL, Ways.SEARCH):
         asked.append((_plainly(system), search))
+    bits = LiveByBits()
+    if ways in (Ways.ALL, Ways.BITS):
+        asked.append((abstractly(system) or _plainly(system), bits))
     ledger = Ledger(_plainly(system), bounds, deadline, claims, seed, progress)
     if not asked:
         ledger.stopped = "liveness is decided by search, and by bits"
@@ -77,7 +81,8 @@ def settled(
         interrupted = True
         ledger.stopped = "interrupted"
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
-    return Settled(verdicts, tuple(search.empty), interrupted)
+    empty = tuple(dict.fromkeys([*search.empty, *bits.empty]))
+    return Settled(verdicts, empty, interrupted)
 
 
 def _plainly(system: System) -> Subject:

@@ -1,0 +1,280 @@
+"""The engine on circuits: loops of bounded length, and proofs that count. [T-COUNT] [LASSO]"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from koord.semantics.configurations import System
+from koord.semantics.liveness import Response, expected, reads_ran, responses
+from koord.semantics.machine import NotFiniteError
+from koord.semantics.search.effects import asks
+from koord.syntax import core
+from koord.syntax.core import QuantifierKind
+from koord.verify.bits import pdr
+from koord.verify.bits.checking import holds_always
+from koord.verify.bits.clauses import QUICK, Clauses
+from koord.verify.bits.renaming import images
+from koord.verify.bits.transition import LEVELS
+from koord.verify.claims import Claim, Phase
+from koord.verify.ledger import Ledger, Reach
+from koord.verify.live.counting import Counting, counted, counting, settles
+from koord.verify.live.loops import Loops
+from koord.verify.live.monitors import NOTHING, Watched, Watching
+from koord.verify.live.search import NO_FAIR_RUN
+from koord.verify.solving import Answer
+from koord.verify.verdicts import Engine, Outcome, Vacuity, Verdict
+from koord.verify.witness import NotReplayedError
+
+#: Lassos with so many rounds are looked for before a proof is tried.
+FIRST_ROUNDS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class _Try:
+    """One way to look for a proof; ``most`` times fairness is counted, by so many questions."""
+
+    locks: bool
+    lemmas: bool
+    narrow: bool
+    most: int
+    questions: int | None
+
+
+#: What is tried before longer lassos are looked for, and what after that.
+QUICKLY = (_Try(False, False, True, 4, 20_000), _Try(True, False, True, 4, 20_000))
+AT_LENGTH = (
+    _Try(True, False, True, 8, 100_000),
+    _Try(True, True, True, 8, 100_000),
+    _Try(True, True, False, 64, None),
+)
+
+
+@dataclass(slots=True)
+class LiveByBits:
+    """Verdicts on whole runs from circuits. ``lemmas`` are claims that hold in every round."""
+
+    lemmas: tuple[Claim, ...] = ()
+    #: what was found out besides
+    empty: list[Vacuity] = field(default_factory=list)
+
+    def work(self, ledger: Ledger) -> None:
+        started = time.monotonic()
+        open_ = [claim for claim in ledger.open() if _leaves_open(ledger.system, claim)]
+        _leave(ledger, open_, "a statement asks what an external function gives", started)
+        claims = [claim for claim in ledger.open() if claim not in open_]
+        stated = [claim.stated for claim in claims if claim.stated is not None]
+        for level in range(len(LEVELS)):
+            try:
+                watching = Watching.of(ledger.system, stated, self.lemmas, level)
+            except NotFiniteError as error:
+                _leave(ledger, claims, str(error), started)
+                return
+            for claim in claims:
+                if claim not in ledger.verdicts:
+                    _Run(ledger, watching, claim, self.lemmas, started).work()
+            circuit = watching.circuit
+            held = [c for c in claims if c in ledger.verdicts]
+            if held and expected(ledger.system) and not self.empty:
+                run = _Run(ledger, watching, held[0], self.lemmas, started)
+                if run.is_impossible():
+                    self.empty.append(NO_FAIR_RUN)
+            strays = any("strays" in latch.name for latch in circuit.latches)
+            if not strays or ledger.deadline.passed():
+                return
+
+
+def _leaves_open(system: System, claim: Claim) -> bool:
+    assert claim.stated is not None
+    parts = [claim.stated, *system.program.expectations]
+    sides = [side for p in parts for side in (p.condition, p.trigger) if side is not None]
+    return any(asks(system.program, side) for side in sides)
+
+
+def _leave(ledger: Ledger, claims: Sequence[Claim], reason: str, started: float) -> None:
+    seconds = time.monotonic() - started
+    ledger.leave(claims, Reach(Engine.BITS, None, f"bits: {reason}", seconds))
+
+
+@dataclass(slots=True)
+class _Run:
+    """One claim, asked of one circuit."""
+
+    ledger: Ledger
+    watching: Watching
+    claim: Claim
+    lemmas: tuple[Claim, ...]
+    started: float
+    astray: str = ""
+    used: dict[str, None] = field(default_factory=dict)
+
+    def work(self) -> None:
+        """Settle the claim, or say why not."""
+        assert self.claim.stated is not None
+        rounds = 0
+        for response in responses(self.watching.system, self.claim.stated):
+            watched = self.watching.watched(response)
+            loops = Loops(watched, reads_ran(self.watching.system, self.claim.stated))
+            proved = self._looked(loops, FIRST_ROUNDS) and self._proved(response, watched, QUICKLY)
+            if not proved and self._goes_on() and self._looked(loops, self.ledger.bounds.rounds):
+                proved = self._proved(response, watched, AT_LENGTH)
+            if not proved:
+                rounds = loops.rounds
+                break
+        else:
+            fairness = tuple(name for name in self._names() if name in self.used)
+            verdict = Verdict(
+                self.claim, Outcome.HOLDS, Engine.BITS, self._seconds(), fairness=fairness
+            )
+            self.ledger.settle({self.claim: verdict})
+        if self.claim in self.ledger.verdicts:
+            return
+        limits = self.watching.circuit.limits
+        reason = f"no lasso of up to {rounds} rounds breaks it, and no proof was found"
+        if limits:
+            reason = f"not covered: {'; '.join(limits)}"
+        elif self.astray:
+            reason = self.astray
+        elif self.ledger.deadline.passed():
+            reason = f"timeout; {reason}"
+        _leave(self.ledger, [self.claim], reason, self.started)
+
+    def is_impossible(self) -> bool:
+        """Whether it is quickly proved that no run is fair at all."""
+        watched = self.watching.watched(NOTHING)
+        return self._proved(NOTHING, watched, QUICKLY, anew=True)
+
+    def _goes_on(self) -> bool:
+        settled = self.claim in self.ledger.verdicts
+        return not settled and not self.astray and not self.ledger.deadline.passed()
+
+    def _seconds(self) -> float:
+        return time.monotonic() - self.started
+
+    def _names(self) -> list[str]:
+        names = [response.name for response in expected(self.watching.system)]
+        return ["robots", "locks", *dict.fromkeys(names)]
+
+    # --- lassos ---------------------------------------------------------------------------------
+
+    def _looked(self, loops: Loops, rounds: int) -> bool:
+        """Look for lassos of up to so many rounds. Whether there is reason to go on."""
+        ledger = self.ledger
+        while loops.rounds < rounds and self._goes_on():
+            self._tell(f"lassos of {loops.rounds + 1} rounds")
+            answer, lasso = loops.one_more(ledger.system, ledger.deadline)
+            if answer is Answer.UNKNOWN:
+                return False
+            if lasso is None:
+                continue
+            try:
+                shown = ledger.subject.judge(lasso, self.claim, Phase.END)
+            except NotReplayedError as error:
+                self.astray = f"a candidate violation did not replay: {error}"
+                # It may hold all the same: circuits allow more than programs do.
+                return True
+            verdict = Verdict(
+                self.claim, Outcome.VIOLATED, Engine.BITS, self._seconds(), counterexample=shown
+            )
+            ledger.settle({self.claim: verdict})
+            return False
+        return not ledger.deadline.passed()
+
+    # --- proofs ---------------------------------------------------------------------------------
+
+    def _proved(
+        self, response: Response, watched: Watched, tries: Sequence[_Try], *, anew: bool = False
+    ) -> bool:
+        settled = self.claim in self.ledger.verdicts and not anew
+        if self.watching.circuit.limits or settled:
+            return False
+        for each in tries:
+            given = self._given() if each.lemmas else []
+            if each.lemmas and not given:
+                continue
+            if each.locks and not watched.grants and each in QUICKLY:
+                continue
+            of = counting(watched, given, locks=each.locks, narrow=each.narrow)
+            for times in range(1, each.most + 1):
+                if self.ledger.deadline.passed():
+                    return False
+                found = self._counted(response, of, times, each.questions)
+                if found:
+                    if not anew:
+                        self._rests_on(response, watched, each, times)
+                    return True
+                if found is None:
+                    break
+        return False
+
+    def _given(self) -> list[int]:
+        held = self.watching.circuit.held
+        return [held[lemma] for lemma in self.lemmas if lemma in held]
+
+    def _counted(
+        self, response: Response, of: Counting, times: int, questions: int | None
+    ) -> bool | None:
+        """Whether fairness is never met so many times; None if nobody knows."""
+        for exchange in (True, False):
+            question = counted(of, times)
+            clauses = Clauses(of.graph, QUICK)
+            alike = self._symmetric(response) if exchange else None
+            search = pdr.Search(
+                clauses,
+                question,
+                self.ledger.deadline,
+                images(self.ledger.system, alike, question.latches),
+                lambda frame, cubes: self._tell(f"frame {frame}, {cubes} clauses"),
+                limit=questions,
+            )
+            found = search.run()
+            clauses.close()
+            match found:
+                case pdr.Reached():
+                    return False
+                case pdr.Unfinished():
+                    return None
+                case pdr.Invariant():
+                    # Asked with all constraints, whatever was left out.
+                    asked = replace(question, steps=of.whole)
+                    if holds_always(of.graph, asked, found.cubes) and settles(of):
+                        return True
+                    # Robots were exchanged that are not alike in every bit.
+                    assert exchange, "an invariant that is none"
+        return None
+
+    def _tell(self, text: str) -> None:
+        self.ledger.progress(f"bits, {self.claim.name}: {text}")
+
+    def _symmetric(self, response: Response) -> tuple[core.Property, ...]:
+        """What robots must look alike to: the response, and what is expected of each of them."""
+        sides = list(response.statements)
+        for stated in self.watching.system.program.expectations:
+            assert stated.trigger is not None
+            for side in (stated.trigger, stated.condition):
+                whole = _of_all(stated, side)
+                sides.append(replace(stated, condition=whole, trigger=None, each=None))
+        return tuple(sides)
+
+    def _rests_on(self, response: Response, watched: Watched, how: _Try, times: int) -> None:
+        """Note which fairness the proof needs, as far as that is quickly told."""
+        needed = [name for name in self._names() if name != "locks" or how.locks]
+        given = self._given() if how.lemmas else []
+        for name in list(needed):
+            rest = [other for other in needed if other != name]
+            of = counting(watched.resting_on(rest), given, locks="locks" in rest, narrow=how.narrow)
+            if self._counted(response, of, times, FEW_QUESTIONS):
+                needed = rest
+        self.used |= dict.fromkeys(needed)
+
+
+#: So many questions may be asked to do without some fairness.
+FEW_QUESTIONS = 3_000
+
+
+def _of_all(stated: core.Property, side: core.Expr) -> core.Expr:
+    if stated.each is None:
+        return side
+    domain = core.RobotRange(stated.each.agent)
+    return core.Quantified(QuantifierKind.FORALL, stated.each.variable, domain, side)

@@ -1,0 +1,47 @@
+"""Liveness by bits against liveness by search, on generated programs. [T-COUNT] [T-FAIR-CYCLE]"""
+
+from __future__ import annotations
+
+from collections import Counter
+from random import Random
+
+import pytest
+
+from koord.refinement.generating.programs import system
+from koord.verify.live.settling import Ways, settled
+from koord.verify.solving import Deadline
+from koord.verify.verdicts import Bounds, Outcome
+from tests.agreement.test_lassos import LIVELY, searched, with_liveness
+
+
+def compare(seed: int) -> Counter[str]:
+    """What bits say of each property; never anything else than the search, if anything at all."""
+    random = Random(seed)
+    of = with_liveness(system(random, LIVELY), random)
+    found = searched(of)
+    if found is None:
+        return Counter(["too large, or not finite"])
+    said = settled(of, Bounds(8), Ways.BITS, Deadline.after(None))
+    for verdict in said.verdicts:
+        if verdict.outcome is not Outcome.UNKNOWN:
+            is_violated = verdict.claim.name in found.violated
+            assert (verdict.outcome is Outcome.VIOLATED) is is_violated, (seed, verdict.claim.name)
+    # That no run is fair is seen by bits if that is quickly proved, and never where one is.
+    assert found.is_empty or not said.vacuities, seed
+    count = Counter(verdict.outcome.value for verdict in said.verdicts)
+    count["no fair run"] += bool(said.vacuities)
+    return count
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_bits_say_what_the_search_says(block: int) -> None:
+    count = sum((compare(seed) for seed in range(block * 40, block * 40 + 40)), Counter[str]())
+    assert count["holds"] >= 40, count
+    assert count["violated"] >= 15, count
+    assert count["unknown"] <= 15, count
+
+
+@pytest.mark.slow
+def test_bits_say_what_the_search_says_of_many() -> None:
+    count = sum((compare(seed) for seed in range(20_000, 22_000)), Counter[str]())
+    assert count["holds"] + count["violated"] > 3_000, count

@@ -1,0 +1,192 @@
+"""Liveness on circuits: what settles, what is counted, which fairness a proof needs. [T-COUNT]
+[FAIR-ROBOT] [FAIR-LOCK] [FAIR-ASSUME]
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from textwrap import dedent
+
+import pytest
+
+from koord.semantics.configurations import System, dealt
+from koord.syntax.load import load
+from koord.syntax.source import Source
+from koord.verify.bits.graph import Graph
+from koord.verify.bits.transition import Latch
+from koord.verify.live.counting import settling
+from koord.verify.live.settling import Settled, Ways, settled
+from koord.verify.solving import Deadline
+from koord.verify.verdicts import Bounds, Outcome, Verdict
+
+
+def system(text: str, robots: int = 2) -> System:
+    made = load(Source("live.krd", dedent(text)))
+    assert made.program is not None, made.diagnostics
+    return dealt(made.program, robots, Fraction(1))
+
+
+def asked(text: str, robots: int = 2, rounds: int = 8) -> Settled:
+    return settled(system(text, robots), Bounds(rounds), Ways.BITS, Deadline.after(None))
+
+
+def only(text: str, robots: int = 2, rounds: int = 8) -> Verdict:
+    (verdict,) = asked(text, robots, rounds).verdicts
+    return verdict
+
+
+COUNTER = """
+    local:
+      int n = 0
+    Step:
+      pre: n < 5
+      eff: n = n + 1
+    eventually Five: n == 5
+"""
+
+GATE = """
+    local:
+      bool inside = false
+    allwrite:
+      int holder = -1
+    Enter:
+      pre: holder == -1
+      eff:
+        atomic:
+          holder = pid
+          inside = true
+    Leave:
+      pre: inside
+      eff:
+        atomic:
+          holder = -1
+          inside = false
+    eventually Served: true leadsto inside
+"""
+
+#: Whoever looks for a path may never find one; and where a robot drives, it may never arrive.
+DRIVING = """
+    using Motion
+    local:
+      bool busy = false
+    allread:
+      pos[][] route
+    allwrite:
+      int left = 2
+    init:
+      route[pid] = [Motion.psn]
+    Take:
+      pre: not busy
+      eff:
+        atomic:
+          if left > 0 and pathIsClear(route, [Motion.psn], pid):
+            left = left - 1
+            busy = true
+            route[pid] = [Motion.psn]
+    Bring:
+      pre: busy and Motion.reached
+      eff: busy = false
+    eventually Empty: left == 0 and not (exists i: busy@i)
+"""
+
+
+def test_what_settles_does_so_one_after_the_other() -> None:
+    """A token is taken once; who has it may let go; what goes on for ever never settles."""
+    g = Graph()
+    taken, held, ticking = (g.input(name) for name in ("taken", "held", "ticking"))
+    take, drop = g.input("take"), g.input("drop")
+    taking = g.both(take, taken ^ 1)
+    latches = [
+        Latch("held", held, 0, g.either(taking, g.both(held, drop ^ 1))),
+        Latch("ticking", ticking, 0, ticking ^ 1),
+        Latch("taken", taken, 0, g.either(taken, take)),
+    ]
+    assert [latch.name for latch in settling(g, latches, [])] == ["taken", "held"]
+
+
+def test_counting_needs_robots_that_run() -> None:
+    verdict = only(COUNTER, 3)
+    assert verdict.outcome is Outcome.HOLDS
+    assert verdict.fairness == ("robots",)
+
+
+def test_who_stands_in_line_needs_fair_locks() -> None:
+    verdict = only(GATE)
+    assert verdict.outcome is Outcome.HOLDS
+    assert verdict.fairness == ("locks",)
+
+
+def test_another_thing_to_do_is_another_way_to_wait_for_ever() -> None:
+    verdict = only(GATE + "    Idle:\n      eff: pass\n")
+    assert verdict.outcome is Outcome.VIOLATED
+    assert verdict.counterexample is not None
+    assert verdict.counterexample.recording.loop is not None
+
+
+def test_opaque_values_do_not_matter_where_they_are_not_looked_at() -> None:
+    expected = """
+    assume Arrives: busy leadsto ran(Bring)
+    assume Finds: ran(Take) leadsto busy or left == 0
+    """
+    verdict = only(DRIVING + expected)
+    assert verdict.outcome is Outcome.HOLDS
+    assert verdict.fairness == ("robots", "Arrives", "Finds")
+
+
+@pytest.mark.parametrize(
+    "expected",
+    [
+        "assume Arrives: busy leadsto ran(Bring)",
+        "assume Finds: ran(Take) leadsto busy or left == 0",
+    ],
+)
+def test_without_what_is_expected_nothing_is_proved(expected: str) -> None:
+    verdict = only(f"{DRIVING}\n    {expected}\n", rounds=4)
+    assert verdict.outcome is not Outcome.HOLDS
+
+
+def test_each_robot_by_itself() -> None:
+    text = """
+        local:
+          int n = 0
+        First:
+          pre: pid == 0 and n == 0
+          eff: n = 1
+        Second:
+          pre: pid == 1 and n == 0
+          eff: n = 2
+        eventually Each: n == 1 leadsto n == 2
+        """
+    verdict = only(text)
+    assert verdict.outcome is Outcome.VIOLATED
+    assert verdict.counterexample is not None
+    assert verdict.counterexample.robot == 0
+    assert "robot 0" in verdict.counterexample.detail
+
+
+def test_that_no_run_is_fair_is_told() -> None:
+    said = asked(COUNTER + "    assume Odd: true leadsto n == 6\n")
+    assert [vacuity.certain for vacuity in said.vacuities] == [True]
+    assert not asked(COUNTER + "    assume Even: true leadsto n == 5\n").vacuities
+
+
+def test_a_statement_that_asks_is_left_to_others() -> None:
+    text = """
+        def fun odd(int n) -> bool: extern
+        local:
+          int n = 0
+        Step:
+          pre: n < 5
+          eff: n = n + 1
+        eventually Odd: odd(n)
+        """
+    verdict = only(text)
+    assert verdict.outcome is Outcome.UNKNOWN
+    assert "external function" in verdict.reason
+
+
+def test_time_may_run_out() -> None:
+    said = settled(system(GATE), Bounds(8), Ways.BITS, Deadline.after(0.0))
+    (verdict,) = said.verdicts
+    assert verdict.outcome is Outcome.UNKNOWN
+    assert "timeout" in verdict.reason
