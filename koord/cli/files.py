@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 import sys
 import tempfile
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +21,9 @@ STDIN_NAME = "<stdin>"
 
 #: A program of this size is none; what is longer (``/dev/zero``) is not read to its end.
 LARGEST_FILE = 64 * 1024 * 1024
+
+#: What a folder that may be replaced has in it: rosbag2 folders are the only ones written.
+_OURS = "metadata.yaml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +98,43 @@ def check_writable(path: str) -> None:
         raise refusal("K903", path, f"cannot be written: {reason}")
 
 
+def check_folder(path: str) -> None:
+    """Raise KoordError if ``path`` can be seen to be no place for a folder of files of ours."""
+    target = Path(os.path.realpath(path))
+    reason = None
+    if target.exists() and not (target / _OURS).is_file():
+        reason = "something else is there"
+    elif not target.parent.is_dir():
+        reason = f"there is no folder {target.parent}"
+    elif not os.access(target.parent, os.W_OK):
+        reason = "permission denied"
+    if reason is not None:
+        raise refusal("K903", path, f"cannot be written: {reason}")
+
+
+def write_folder(path: str, files: Mapping[str, bytes]) -> None:
+    """Make a folder of files, which is there as a whole or not at all.
+
+    One that was written like this before is replaced. Raises KoordError.
+    """
+    check_folder(path)
+    target = Path(os.path.realpath(path))
+    try:
+        made = Path(tempfile.mkdtemp(prefix=f".{target.name[:100]}.", dir=target.parent))
+        try:
+            for name, data in files.items():
+                (made / name).write_bytes(data)
+            made.chmod(_default_mode(0o777))
+            if target.exists():
+                shutil.rmtree(target)
+            made.replace(target)
+        except BaseException:  # Ctrl-C too
+            shutil.rmtree(made, ignore_errors=True)
+            raise
+    except (OSError, ValueError) as error:
+        raise refusal("K903", path, f"cannot be written: {_reason(error)}") from None
+
+
 def _replace(target: Path, data: bytes) -> None:
     mode = None
     if target.exists():
@@ -113,11 +155,11 @@ def _replace(target: Path, data: bytes) -> None:
         raise
 
 
-def _default_mode() -> int:
-    """The mode that ``open`` would have given a new file."""
+def _default_mode(most: int = 0o666) -> int:
+    """The mode that ``open`` would have given a new file; of a new folder with 0o777."""
     mask = os.umask(0)
     os.umask(mask)
-    return 0o666 & ~mask
+    return most & ~mask
 
 
 def _reason(error: OSError | ValueError) -> str:

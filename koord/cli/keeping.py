@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from argparse import ArgumentTypeError
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from koord.cli.files import check_writable, write_atomically
+from koord.cli.arguments import number
+from koord.cli.files import check_folder, check_writable, write_atomically, write_folder
 
 if TYPE_CHECKING:
     from koord.sim.recording import Recording
@@ -20,9 +23,9 @@ _PAGE = "run.html"
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """A form of file that a run can be kept in: the libraries it needs, and the extra with them."""
+    """A form of file, or of folder, to keep a run in: the libraries for it, and their extra."""
 
-    make: Callable[[Recording, str], bytes]
+    make: Callable[[Recording, str], bytes | Mapping[str, bytes]]
     libraries: tuple[str, ...]
     extra: str
 
@@ -39,9 +42,41 @@ def _page(recording: Recording, path: str) -> bytes:
     return page_of(recording)
 
 
+def _plot(recording: Recording, path: str) -> bytes:
+    from koord.sim.files.plots import plot_of
+
+    return plot_of(recording, Path(path).suffix.lower())
+
+
+def _rrd(recording: Recording, path: str) -> bytes:
+    from koord.sim.files.rerun import rrd_of
+
+    return rrd_of(recording)
+
+
+def _rosbag(recording: Recording, path: str) -> Mapping[str, bytes]:
+    from koord.sim.files.rosbag import rosbag_of
+
+    return rosbag_of(recording, Path(path).name)
+
+
+def _space(recording: Recording, path: str) -> bytes:
+    from koord.sim.files.space import space_of
+
+    return space_of(recording)
+
+
 #: By the ending of a file's name.
-_RECORDS = {".mcap": Form(_mcap, ("mcap",), "sim")}
-_VIEWS = {"2d": Form(_page, (), "sim")}
+_PLOTS = dict.fromkeys((".png", ".svg", ".pdf"), Form(_plot, ("matplotlib",), "plot"))
+_RECORDS = {
+    ".mcap": Form(_mcap, ("mcap",), "sim"),
+    ".rrd": Form(_rrd, ("rerun",), "export"),
+    ".rosbag2": Form(_rosbag, ("rosbags",), "export"),
+}
+_VIEWS = {"2d": Form(_page, (), "sim"), "3d": Form(_space, ("viser",), "view")}
+
+#: How long a live page may take to fetch the end of a run.
+_PATIENCE_S = 3.0
 
 
 def add_outputs(parser: argparse.ArgumentParser) -> None:
@@ -56,13 +91,40 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
         "--no-html", dest="html", action="store_const", const=None, help="make no page"
     )
     parser.add_argument(
+        "--view",
+        choices=tuple(_VIEWS),
+        default="2d",
+        help="what the page shows: the world from above with timeline and variables, or the "
+        "robots in space (2d)",
+    )
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="serve the page on this machine while the run goes on, which then takes as long as "
+        "it would",
+    )
+    parser.add_argument(
+        "--pace",
+        metavar="FACTOR",
+        type=_pace,
+        help="let time pass at most so many times as quickly as on the wall (with --live 1, else "
+        "without limit)",
+    )
+    parser.add_argument(
         "--record",
         metavar="FILE",
         type=_record,
         action="append",
         default=[],
-        help=f"record the run for other tools, in the form that FILE ends in: {_known(_RECORDS)}; "
-        "may be given several times",
+        help="record the run for other tools, in the form that FILE ends in: "
+        f"{_known(_RECORDS)} (a rosbag2 folder); may be given several times",
+    )
+    parser.add_argument(
+        "--plot",
+        metavar="FILE",
+        type=_picture,
+        help="draw positions against time, and how a map grew, to a file that ends in "
+        f"{_known(_PLOTS)}",
     )
 
 
@@ -72,7 +134,35 @@ def check_outputs(arguments: argparse.Namespace) -> None:
 
     for path, form in _wanted(arguments):
         require(form.libraries, form.extra)
-        check_writable(path)
+        if Path(path).suffix.lower() == ".rosbag2":
+            check_folder(path)
+        else:
+            check_writable(path)
+
+
+@contextmanager
+def watched(
+    arguments: argparse.Namespace, recording: Recording
+) -> Iterator[Callable[[float], None]]:
+    """While this goes on the run can be watched, if that is asked for.
+
+    What comes out keeps the pace: it is to be called with the simulated time. Raises KoordError.
+    """
+    from koord.sim.live import Live, Pace
+
+    factor = arguments.pace or (1.0 if arguments.live else None)
+    pace = Pace(factor).keep if factor is not None else _at_once
+    if not arguments.live:
+        yield pace
+        return
+    with Live(recording) as live:
+        print(f"live: {live.address}", file=sys.stderr, flush=True)
+        yield pace
+        live.wait_for_watchers(_PATIENCE_S)
+
+
+def _at_once(time_s: float) -> None:
+    """There is no hurry to wait for."""
 
 
 def keep(arguments: argparse.Namespace, recording: Recording) -> list[str]:
@@ -82,21 +172,42 @@ def keep(arguments: argparse.Namespace, recording: Recording) -> list[str]:
     """
     kept = []
     for path, form in _wanted(arguments):
-        write_atomically(path, form.make(recording, path))
+        made = form.make(recording, path)
+        if isinstance(made, bytes):
+            write_atomically(path, made)
+        else:
+            write_folder(path, made)
         kept.append(path)
     return kept
 
 
 def _wanted(arguments: argparse.Namespace) -> Iterator[tuple[str, Form]]:
     if arguments.html is not None:
-        yield arguments.html, _VIEWS["2d"]
+        yield arguments.html, _VIEWS[arguments.view]
     for path in arguments.record:
         yield path, _RECORDS[Path(path).suffix.lower()]
+    if arguments.plot is not None:
+        yield arguments.plot, _PLOTS[Path(arguments.plot).suffix.lower()]
+
+
+def _pace(text: str) -> float:
+    factor = float(number(text))
+    if factor <= 0:
+        raise ArgumentTypeError(f"{text!r} is not more than 0")
+    return factor
 
 
 def _record(text: str) -> str:
-    if Path(text).suffix.lower() not in _RECORDS:
-        raise ArgumentTypeError(f"{text!r} ends in none of {_known(_RECORDS)}")
+    return _of_a_form(text, _RECORDS)
+
+
+def _picture(text: str) -> str:
+    return _of_a_form(text, _PLOTS)
+
+
+def _of_a_form(text: str, forms: dict[str, Form]) -> str:
+    if Path(text).suffix.lower() not in forms:
+        raise ArgumentTypeError(f"{text!r} ends in none of {_known(forms)}")
     return text
 
 

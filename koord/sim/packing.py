@@ -21,7 +21,6 @@ from koord.runtime.proposals import Plain
 from koord.runtime.shapes import (
     Array,
     Enumeration,
-    Kind,
     Mapping,
     PerRobot,
     Record,
@@ -29,7 +28,7 @@ from koord.runtime.shapes import (
     Sequence,
     Shape,
 )
-from koord.sim.recording import Agent, Header, Recorded, Recording, Variable
+from koord.sim.recording import Agent, Header, Recorded, Recording, Variable, map_variable
 
 #: Headings are kept in so many parts of a turn.
 TURN = 4096
@@ -269,27 +268,23 @@ def shape_of(shape: Shape) -> Any:
 
 
 def _map(header: Header) -> dict[str, Any] | None:
-    """The shared variable that is a map of the world's cells, if there is one."""
+    """The shared variable that is a map of the world's cells, and how it is to be read."""
+    number = map_variable(header)
+    if number is None:
+        return None
     grid = header.world.grid
-    where = {
+    found = {
+        "variable": number,
         "origin": grid.origin,
         "cell": grid.cell_m,
         "columns": grid.columns,
         "rows": grid.rows,
     }
-    for number, variable in enumerate(header.shared):
-        match variable.shape:
-            case Array(element=Enumeration(members=members), size=grid.cells) if {
-                "unknown",
-                "free",
-            } <= set(members):
-                free, unknown = members.index("free"), members.index("unknown")
-                return {"variable": number, "free": free, "unknown": unknown, **where}
-            case Mapping(key=Scalar(kind=Kind.INT), value=Scalar(kind=Kind.BOOL)):
-                return {"variable": number, **where}
-            case _:
-                pass
-    return None
+    match header.shared[number].shape:
+        case Array(element=Enumeration(members=members)):
+            return found | {"free": members.index("free"), "unknown": members.index("unknown")}
+        case _:
+            return found
 
 
 # --- numbers --------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.world import Point, World
 from koord.runtime.proposals import Plain
-from koord.runtime.shapes import Shape
+from koord.runtime.shapes import Array, Enumeration, Kind, Mapping, Scalar, Shape
 
 #: Positions in metres and headings in radians, as they are kept.
 Pose = NDArray[np.float32]
@@ -207,6 +207,20 @@ class Recording:
         if not self.poses:
             return np.zeros((0, len(self.header.robots), 4), np.float32)
         return np.stack(self.poses)
+
+
+def map_variable(header: Header) -> int | None:
+    """The shared variable that is a map of the world's cells, if there is one."""
+    for number, variable in enumerate(header.shared):
+        match variable.shape:
+            case Array(element=Enumeration(members=members), size=size):
+                if size == header.world.grid.cells and {"unknown", "free"} <= set(members):
+                    return number
+            case Mapping(key=Scalar(kind=Kind.INT), value=Scalar(kind=Kind.BOOL)):
+                return number
+            case _:
+                pass
+    return None
 
 
 class Recorder:

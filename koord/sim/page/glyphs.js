@@ -142,6 +142,19 @@ function drawDeed(context, deed, x, w, top, h) {
   }
 }
 
+/** A cell of a map, as the legend has it. */
+function drawCell(pen, state) {
+  pen.fillStyle = theme({ unknown: "--unknown", free: "--arena", wall: "--soft" }[state]);
+  pen.fillRect(3, 3, 14, 14);
+  pen.strokeStyle = theme("--edge");
+  pen.strokeRect(3.5, 3.5, 13, 13);
+  if (state !== "unknown") return;
+  pen.fillStyle = theme("--faint");
+  pen.font = "10px system-ui, sans-serif";
+  pen.textAlign = "center";
+  pen.fillText("?", 10, 14);
+}
+
 let hatching = null;
 /** Diagonal lines, for what is solid or not known. */
 function hatched(context, colour) {

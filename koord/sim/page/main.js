@@ -219,22 +219,28 @@ class Page {
   }
 
   paintLegend() {
-    const box = byId("legend"), { run } = this;
-    if (!run.header.world.tasks.length) {
-      box.hidden = true;
-      return;
-    }
-    if (!box.children.length || box.dataset.theme !== document.documentElement.dataset.theme) {
+    const box = byId("legend"), { run } = this, { map } = run.header;
+    const tasks = run.header.world.tasks.length ? ["open", "assigned", "done"] : [];
+    const cells = map ? ["unknown", "free", "wall"] : [];
+    box.hidden = !tasks.length && !cells.length;
+    if (box.hidden) return;
+    if (box.dataset.theme !== document.documentElement.dataset.theme) {
       box.dataset.theme = document.documentElement.dataset.theme;
-      box.replaceChildren(...["open", "assigned", "done"].map((name, state) => {
+      const entry = (name, draw) => {
         const icon = made("canvas");
-        drawTask(fitted(icon, 20, 20), 10, 10, 7, state);
+        draw(fitted(icon, 20, 20));
         return made("div", {}, icon, name, made("b"));
-      }));
+      };
+      box.replaceChildren(
+        ...tasks.map((name, state) => entry(name, (pen) => drawTask(pen, 10, 10, 7, state))),
+        ...cells.map((name) => entry(name, (pen) => drawCell(pen, name))));
     }
-    const counts = [0, 0, 0];
-    for (const task of run.tasksAt(this.time)) counts[task.state]++;
-    counts.forEach((count, state) => { box.children[state].querySelector("b").textContent = count; });
+    const counts = tasks.map((_, state) => run.tasksAt(this.time).filter((task) => task.state === state).length);
+    if (map) {
+      const states = cellStates(map, run.shared[map.variable].at(this.round));
+      counts.push(...cells.map((name) => states.filter((state) => state === name).length));
+    }
+    counts.forEach((count, k) => { box.children[k].querySelector("b").textContent = count; });
   }
 
   fillSpeeds() {

@@ -139,7 +139,7 @@ class WorldMap {
     pen.strokeStyle = theme("--edge");
     pen.lineWidth = 1.5;
     pen.strokeRect(x0, y0, w, h);
-    for (const obstacle of obstacles) this.paintObstacle(pen, obstacle);
+    for (const obstacle of obstacles) this.paintObstacle(pen, obstacle, Boolean(cells));
     const size = Math.min(Math.max(this.scale * 0.11, 5), 11), taken = [];
     pen.font = "11px system-ui, sans-serif";
     places.forEach((place, k) => {
@@ -190,12 +190,10 @@ class WorldMap {
 
   paintCells(pen, cells) {
     const map = this.run.header.map, size = map.cell * this.scale;
-    const of = map.free === undefined ? new Map(cells) : null;
-    for (let cell = 0; cell < map.columns * map.rows; cell++) {
-      const value = of ? of.get(cell) : cells[cell];
-      const unknown = of ? value === undefined : value === map.unknown || value === null;
-      const free = of ? value === false : value === map.free;
-      if (free) continue;
+    const states = cellStates(map, cells);
+    for (let cell = 0; cell < states.length; cell++) {
+      if (states[cell] === "free") continue;
+      const unknown = states[cell] === "unknown";
       const x = this.x(map.origin[0] + (cell % map.columns) * map.cell);
       const y = this.y(map.origin[1] + (Math.floor(cell / map.columns) + 1) * map.cell);
       pen.fillStyle = unknown ? theme("--unknown") : theme("--soft");
@@ -209,7 +207,8 @@ class WorldMap {
     }
   }
 
-  paintObstacle(pen, obstacle) {
+  /** An obstacle; where robots draw a map only its outline, so that the map can be seen. */
+  paintObstacle(pen, obstacle, isMapped) {
     pen.beginPath();
     let cx = 0, cy = 0, room = 0;
     if (obstacle.corners) {
@@ -225,7 +224,7 @@ class WorldMap {
       pen.arc(cx, cy, room / 2, 0, 7);
     }
     pen.fillStyle = theme("--wall");
-    pen.fill();
+    if (!isMapped) pen.fill();
     pen.fillStyle = hatched(pen, theme("--wall-line"));
     pen.globalAlpha = 0.55;
     pen.fill();
@@ -581,4 +580,14 @@ function drawnOnce(half, draw) {
 /** Whether a label of a width has room beside the others. */
 function isFree(taken, x, y, width) {
   return taken.every(([a, b, w]) => x > a + w + 2 || a > x + width + 2 || Math.abs(y - b) > 12);
+}
+
+/** What a map says of each cell: "unknown", "free" or "wall". */
+function cellStates(map, cells) {
+  const of = map.free === undefined ? new Map(cells ?? []) : null;
+  return Array.from({ length: map.columns * map.rows }, (_, cell) => {
+    const value = of ? of.get(cell) : cells?.[cell];
+    if (of ? value === undefined : value === map.unknown || value === null || value === undefined) return "unknown";
+    return (of ? value === false : value === map.free) ? "free" : "wall";
+  });
 }

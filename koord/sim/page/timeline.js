@@ -130,7 +130,7 @@ class Timeline {
   /** How near the two nearest robots are; the dashed line is the safety distance. */
   paint_separation(pen, top, height) {
     const { run } = this, safety = run.header.safety;
-    this.name(pen, "apart", top, height);
+    this.name(pen, "apart", top, safety ? height - 12 : height);
     const room = Math.max(1, Math.floor(this.width - LANE_LEFT - LANE_RIGHT));
     const least = new Float32Array(room + 1).fill(Infinity);
     for (let k = 0; k < run.samples; k++) {
@@ -158,9 +158,9 @@ class Timeline {
     pen.stroke();
     pen.setLineDash([]);
     pen.font = "10px system-ui, sans-serif";
-    pen.textAlign = "left";
+    pen.textAlign = "right";
     pen.fillStyle = theme("--bad");
-    pen.fillText(`${safety.toFixed(2)} m`, LANE_LEFT + 3, y(safety) - 2);
+    pen.fillText(`safe: ${safety.toFixed(2)} m`, LANE_LEFT - 8, top + height - 4);
   }
 
   paint_robot(pen, top, height, robot, chosen) {

@@ -64,7 +64,8 @@ function listed(items, say, open, close, room) {
 
 function scalar(kind, value) {
   if (kind !== "float" || typeof value !== "number") return String(value);
-  return Number.isInteger(value) ? value.toFixed(1) : String(Math.round(value * 1000) / 1000);
+  const short = Math.round(value * 1000) / 1000;
+  return Number.isInteger(short) ? short.toFixed(1) : String(short);
 }
 
 const elementOf = (shape) => shape.array ?? shape.robots ?? shape.list ?? null;

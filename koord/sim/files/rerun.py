@@ -1,0 +1,164 @@
+"""A run as a recording for the Rerun viewer (``.rrd``). Needs ``koord[export]``."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from koord.runtime.motion.world import Box, Disc, Obstacle, World
+from koord.sim.recording import Header, Look, Recording, TaskState
+
+_HUES = (0x2F6FDEFF, 0xB8429AFF, 0x0E8F9EFF, 0x8A6428FF, 0x6C4BD8FF, 0x5A7182FF)
+_TASKS = {
+    TaskState.OPEN: 0xD43B34FF,
+    TaskState.ASSIGNED: 0xE0961EFF,
+    TaskState.DONE: 0x1D8A4EFF,
+}
+_WALL = 0x96A0AFFF
+
+_TIMELINE = "time"
+
+
+def rrd_of(recording: Recording) -> bytes:
+    """A run in Rerun's form; times are seconds on the timeline ``time``."""
+    import rerun
+
+    stream = rerun.RecordingStream("koord", send_properties=False)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.rrd"
+        stream.save(path)
+        _draw_world(rerun, stream, recording.header.world)
+        for k in range(len(recording.header.robots)):
+            _draw_robot(rerun, stream, recording, k)
+        _draw_tasks(rerun, stream, recording)
+        _draw_paths(rerun, stream, recording)
+        _tell(rerun, stream, recording)
+        _tell_distance(rerun, stream, recording)
+        stream.disconnect()
+        return path.read_bytes()
+
+
+def _draw_world(rerun: Any, stream: Any, world: World) -> None:
+    low, high = np.array(world.low), np.array(world.high)
+    stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    bounds = rerun.Boxes3D(mins=[low], sizes=[high - low], colors=[_WALL])
+    stream.log("world/bounds", bounds, static=True)
+    for k, obstacle in enumerate(world.obstacles):
+        stream.log(f"world/obstacles/{k}", _prism(rerun, obstacle, world), static=True)
+
+
+def _prism(rerun: Any, obstacle: Obstacle, world: World) -> Any:
+    low, high = obstacle.low_z, min(obstacle.high_z, world.high[2])
+    match obstacle:
+        case Box(low=(x0, y0, _), high=(x1, y1, _)):
+            return rerun.Boxes3D(
+                mins=[(x0, y0, low)],
+                sizes=[(x1 - x0, y1 - y0, high - low)],
+                colors=[_WALL],
+                fill_mode="solid",
+            )
+        case Disc(centre=(x, y), radius_m=radius):
+            return rerun.Cylinders3D(
+                lengths=[high - low],
+                radii=[radius],
+                centers=[(x, y, (low + high) / 2)],
+                colors=[_WALL],
+                fill_mode="solid",
+            )
+        case polygon:
+            ring = [*polygon.corners, polygon.corners[0]]
+            strips = [[(x, y, z) for x, y in ring] for z in (low, high)]
+            strips += [[(x, y, low), (x, y, high)] for x, y in polygon.corners]
+            return rerun.LineStrips3D(strips, colors=[_WALL])
+
+
+def _draw_robot(rerun: Any, stream: Any, recording: Recording, number: int) -> None:
+    robot, colour = recording.header.robots[number], _HUES[number % len(_HUES)]
+    name = f"world/robots/{number}"
+    if robot.look is Look.CAR:
+        half = (robot.length_m / 2, robot.width_m / 2, 0.08)
+        centre = (robot.middle_m, 0.0, 0.08)
+    else:
+        half, centre = (robot.radius_m * 0.7, robot.radius_m * 0.7, 0.05), (0.0, 0.0, 0.0)
+    body = rerun.Boxes3D(
+        half_sizes=[half], centers=[centre], colors=[colour], labels=[robot.name], fill_mode="solid"
+    )
+    stream.log(f"{name}/body", body, static=True)
+    poses = recording.stacked()[:, number]
+    if not len(poses):
+        return
+    half_turn = poses[:, 3] / 2
+    zero = np.zeros_like(half_turn)
+    turns = np.column_stack([zero, zero, np.sin(half_turn), np.cos(half_turn)])
+    stream.send_columns(
+        name,
+        indexes=[rerun.TimeColumn(_TIMELINE, duration=list(recording.times_s))],
+        columns=rerun.Transform3D.columns(translation=poses[:, :3], quaternion=turns),
+    )
+
+
+def _draw_tasks(rerun: Any, stream: Any, recording: Recording) -> None:
+    tasks = recording.header.world.tasks
+    if not tasks:
+        return
+    states = [TaskState.OPEN] * len(tasks)
+
+    def draw() -> None:
+        labels = [f"{k}: {state.name.lower()}" for k, state in enumerate(states)]
+        colours = [_TASKS[state] for state in states]
+        stream.log("world/tasks", rerun.Points3D(tasks, colors=colours, radii=0.1, labels=labels))
+
+    stream.set_time(_TIMELINE, duration=0.0)
+    draw()
+    for change in recording.tasks:
+        stream.set_time(_TIMELINE, duration=change.time_s)
+        states[change.task] = change.state
+        draw()
+
+
+def _draw_paths(rerun: Any, stream: Any, recording: Recording) -> None:
+    for planned in recording.paths:
+        stream.set_time(_TIMELINE, duration=planned.time_s)
+        colour = _HUES[planned.robot % len(_HUES)]
+        strip = rerun.LineStrips3D([planned.points], colors=[colour])
+        stream.log(f"world/paths/{planned.robot}", strip)
+
+
+def _tell(rerun: Any, stream: Any, recording: Recording) -> None:
+    """Events, output and violations as text."""
+    header = recording.header
+    for done in recording.rounds:
+        words = [*_events(header, done.deeds.tolist())]
+        words += [f"robot {said.robot} {said.stream}: {said.text}" for said in done.said]
+        stream.set_time(_TIMELINE, duration=done.time_s)
+        for line in words:
+            stream.log("log", rerun.TextLog(line, level="INFO"))
+    for violation in recording.violations:
+        stream.set_time(_TIMELINE, duration=violation.time_s)
+        line = f"{violation.claim}: {violation.words}"
+        stream.log("log", rerun.TextLog(line, level="ERROR"))
+
+
+def _events(header: Header, deeds: Sequence[int]) -> list[str]:
+    return [
+        f"robot {k}: {header.agents[header.robots[k].agent].events[deed]}"
+        for k, deed in enumerate(deeds)
+        if deed >= 0
+    ]
+
+
+def _tell_distance(rerun: Any, stream: Any, recording: Recording) -> None:
+    apart = np.array(recording.separations_m, dtype=np.float64)
+    known = ~np.isnan(apart)
+    if not known.any():
+        return
+    times = np.array(recording.times_s)[known]
+    stream.send_columns(
+        "separation",
+        indexes=[rerun.TimeColumn(_TIMELINE, duration=times)],
+        columns=rerun.Scalars.columns(scalars=apart[known]),
+    )

@@ -1,0 +1,213 @@
+"""A run as a rosbag2 folder, for ROS 2 tools. Needs ``koord[export]``; no ROS need be installed.
+
+Topics: ``/tf``; ``/robots/<i>/pose`` for each robot; ``/scene``, markers for obstacles, tasks and
+robots; ``/events``, what robots ran, and ``/violations``, as JSON in strings.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from koord.runtime.motion.world import Box, Disc, Obstacle
+from koord.sim.recording import Header, Look, Recorded, Recording, TaskState
+
+_WORLD = "world"
+
+#: Of `visualization_msgs/Marker`.
+_LINE_STRIP, _CUBE, _SPHERE, _CYLINDER = 4, 1, 2, 3
+
+_TASKS = {
+    TaskState.OPEN: (0.83, 0.23, 0.2),
+    TaskState.ASSIGNED: (0.88, 0.59, 0.12),
+    TaskState.DONE: (0.11, 0.54, 0.31),
+}
+_WALL = (0.59, 0.63, 0.69)
+_HUES = ((0.18, 0.44, 0.87), (0.72, 0.26, 0.6), (0.05, 0.56, 0.62), (0.54, 0.39, 0.16))
+
+#: Time in nanoseconds, topic, message.
+_Timed = tuple[int, str, Any]
+
+
+def rosbag_of(recording: Recording, name: str) -> dict[str, bytes]:
+    """The files of a rosbag2 folder of a name."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    messages = sorted(_Messages(recording, store.types).all(), key=lambda one: one[0])
+    with tempfile.TemporaryDirectory() as parent:
+        folder = Path(parent) / name
+        connections: dict[str, Any] = {}
+        with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+            for time_ns, topic, message in messages:
+                kind = message.__msgtype__
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, kind, typestore=store)
+                writer.write(connections[topic], time_ns, store.serialize_cdr(message, kind))
+        return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+class _Messages:
+    """The messages of a run; ``types`` are those of ROS."""
+
+    def __init__(self, recording: Recording, types: Any) -> None:
+        self.recording, self.header = recording, recording.header
+        self._types = types
+
+    def all(self) -> Iterator[_Timed]:
+        yield 0, "/scene", self._markers([*self._world(), *self._robots(), *self._tasks()])
+        for time_s, poses in zip(self.recording.times_s, self.recording.poses, strict=True):
+            yield from self._poses(time_s, poses.tolist())
+        for change in self.recording.tasks:
+            marker = self._task(change.task, change.state, change.time_s)
+            yield _ns(change.time_s), "/scene", self._markers([marker])
+        for done in self.recording.rounds:
+            ran = _ran(self.header, done.deeds.tolist())
+            if ran:
+                text = json.dumps({"round": done.number, "ran": ran})
+                yield _ns(done.time_s), "/events", self._make("std_msgs/msg/String", text)
+        for broken in self.recording.violations:
+            text = json.dumps(
+                {"claim": broken.claim, "words": broken.words, "robots": broken.robots}
+            )
+            yield _ns(broken.time_s), "/violations", self._make("std_msgs/msg/String", text)
+
+    def _poses(self, time_s: float, poses: list[list[float]]) -> Iterator[_Timed]:
+        transforms = []
+        for k, (x, y, z, yaw) in enumerate(poses):
+            stamped = self._stamp(time_s, _WORLD)
+            shift = self._make("geometry_msgs/msg/Vector3", x, y, z)
+            turn = self._turn(yaw)
+            transform = self._make("geometry_msgs/msg/Transform", shift, turn)
+            kind = "geometry_msgs/msg/TransformStamped"
+            transforms.append(self._make(kind, stamped, f"robot_{k}", transform))
+            pose = self._make("geometry_msgs/msg/PoseStamped", stamped, self._pose(x, y, z, yaw))
+            yield _ns(time_s), f"/robots/robot_{k}/pose", pose
+        yield _ns(time_s), "/tf", self._make("tf2_msgs/msg/TFMessage", transforms)
+
+    # --- markers --------------------------------------------------------------------------------
+
+    def _world(self) -> Iterator[Any]:
+        (x0, y0, z), (x1, y1, _) = self.header.world.low, self.header.world.high
+        ring = [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z), (x0, y0, z)]
+        yield self._marker("bounds", 0, _LINE_STRIP, (0, 0, 0), (0.03, 0, 0), _WALL, points=ring)
+        for k, obstacle in enumerate(self.header.world.obstacles):
+            yield self._obstacle(k, obstacle, self.header.world.high[2])
+
+    def _obstacle(self, number: int, obstacle: Obstacle, roof: float) -> Any:
+        low, high = obstacle.low_z, min(obstacle.high_z, roof)
+        name, middle = "obstacles", (low + high) / 2
+        match obstacle:
+            case Box(low=(x0, y0, _), high=(x1, y1, _)):
+                place = ((x0 + x1) / 2, (y0 + y1) / 2, middle)
+                size = (x1 - x0, y1 - y0, high - low)
+                return self._marker(name, number, _CUBE, place, size, _WALL)
+            case Disc(centre=(x, y), radius_m=radius):
+                size = (2 * radius, 2 * radius, high - low)
+                return self._marker(name, number, _CYLINDER, (x, y, middle), size, _WALL)
+            case polygon:
+                ends = [*polygon.corners, polygon.corners[0]]
+                ring = [(x, y, z) for z in (low, high) for x, y in ends]
+                size = (0.03, 0.0, 0.0)
+                return self._marker(name, number, _LINE_STRIP, (0, 0, 0), size, _WALL, points=ring)
+
+    def _robots(self) -> Iterator[Any]:
+        for k, robot in enumerate(self.header.robots):
+            kind, place, size = _body(robot)
+            colour, frame = _HUES[k % len(_HUES)], f"robot_{k}"
+            yield self._marker("robots", k, kind, place, size, colour, frame=frame)
+
+    def _tasks(self) -> Iterator[Any]:
+        for k in range(len(self.header.world.tasks)):
+            yield self._task(k, TaskState.OPEN, 0.0)
+
+    def _task(self, number: int, state: TaskState, time_s: float) -> Any:
+        place, size = self.header.world.tasks[number], (0.2, 0.2, 0.2)
+        return self._marker("tasks", number, _SPHERE, place, size, _TASKS[state], time_s=time_s)
+
+    def _marker(
+        self,
+        name: str,
+        number: int,
+        kind: int,
+        place: tuple[float, float, float],
+        size: tuple[float, float, float],
+        colour: tuple[float, float, float],
+        *,
+        points: list[tuple[float, float, float]] | None = None,
+        frame: str = _WORLD,
+        time_s: float = 0.0,
+    ) -> Any:
+        image = self._make(
+            "sensor_msgs/msg/CompressedImage", self._stamp(0.0, ""), "", np.zeros(0, np.uint8)
+        )
+        return self._make(
+            "visualization_msgs/msg/Marker",
+            header=self._stamp(time_s, frame),
+            ns=name,
+            id=number,
+            type=kind,
+            action=0,
+            pose=self._pose(*place, 0.0),
+            scale=self._make("geometry_msgs/msg/Vector3", *map(float, size)),
+            color=self._make("std_msgs/msg/ColorRGBA", *colour, 1.0),
+            lifetime=self._make("builtin_interfaces/msg/Duration", 0, 0),
+            frame_locked=True,
+            points=[self._make("geometry_msgs/msg/Point", *p) for p in points or []],
+            colors=[],
+            texture_resource="",
+            texture=image,
+            uv_coordinates=[],
+            text="",
+            mesh_resource="",
+            mesh_file=self._make("visualization_msgs/msg/MeshFile", "", np.zeros(0, np.uint8)),
+            mesh_use_embedded_materials=False,
+        )
+
+    def _markers(self, markers: list[Any]) -> Any:
+        return self._make("visualization_msgs/msg/MarkerArray", markers)
+
+    # --- parts ----------------------------------------------------------------------------------
+
+    def _pose(self, x: float, y: float, z: float, yaw: float) -> Any:
+        at = self._make("geometry_msgs/msg/Point", float(x), float(y), float(z))
+        return self._make("geometry_msgs/msg/Pose", at, self._turn(yaw))
+
+    def _turn(self, yaw: float) -> Any:
+        kind = "geometry_msgs/msg/Quaternion"
+        return self._make(kind, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+
+    def _stamp(self, time_s: float, frame: str) -> Any:
+        seconds, rest = divmod(_ns(time_s), 10**9)
+        time = self._make("builtin_interfaces/msg/Time", seconds, rest)
+        return self._make("std_msgs/msg/Header", time, frame)
+
+    def _make(self, kind: str, *values: Any, **named: Any) -> Any:
+        return self._types[kind](*values, **named)
+
+
+def _body(robot: Recorded) -> tuple[int, tuple[float, float, float], tuple[float, float, float]]:
+    """The kind, the place and the size of a robot's marker in its own frame."""
+    if robot.look is Look.CAR:
+        return _CUBE, (robot.middle_m, 0.0, 0.08), (robot.length_m, robot.width_m, 0.16)
+    return _CYLINDER, (0.0, 0.0, 0.0), (2 * robot.radius_m, 2 * robot.radius_m, 0.1)
+
+
+def _ran(header: Header, deeds: list[int]) -> dict[str, str]:
+    """By robot, the events that ran."""
+    return {
+        str(k): header.agents[header.robots[k].agent].events[deed]
+        for k, deed in enumerate(deeds)
+        if deed >= 0
+    }
+
+
+def _ns(time_s: float) -> int:
+    return round(time_s * 1e9)

@@ -1,0 +1,203 @@
+"""A run in three dimensions as one HTML file that loads nothing. Needs ``koord[view]``.
+
+The viewer is viser's own, with the recorded scene put into its page.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+from typing import Any
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.world import Box, Disc, Obstacle, World
+from koord.sim.recording import Header, Look, Recording, TaskState
+
+_HUES = (
+    (47, 111, 222),
+    (184, 66, 154),
+    (14, 143, 158),
+    (138, 100, 40),
+    (108, 75, 216),
+    (90, 113, 130),
+    (47, 147, 216),
+    (160, 60, 98),
+)
+_TASKS = {
+    TaskState.OPEN: (212, 59, 52),
+    TaskState.ASSIGNED: (224, 150, 30),
+    TaskState.DONE: (29, 138, 78),
+}
+_WALL, _EDGE, _BAD = (150, 160, 175), (120, 130, 145), (204, 41, 54)
+
+#: Poses are shown so often; the viewer draws each of them.
+_SHOWN_S = 0.1
+
+#: Of longer trails the file would grow without need: they are thinned to so many points.
+_TRAIL_POINTS = 400
+
+
+def space_of(recording: Recording) -> bytes:
+    """A run in three dimensions, as a page."""
+    import viser
+
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(contextlib.redirect_stdout(io.StringIO()))  # viser likes to talk
+        # The server is there because viser's scenes belong to one; nobody is to connect to it.
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        stack.callback(server.stop)
+        scene: Any = server.scene
+        header = recording.header
+        _draw_world(scene, header.world)
+        for k in range(len(header.world.tasks)):
+            _draw_task(scene, header, k, TaskState.OPEN)
+        robots = [_draw_robot(scene, header, k) for k in range(len(header.robots))]
+        _draw_trails(scene, recording)
+        _look_at(server, header.world)
+        _move(robots, recording, 0)
+        serializer = server.get_scene_serializer()
+        _play(scene, serializer, robots, recording)
+        page: str = serializer.as_html()
+        return page.encode()
+
+
+def _play(scene: Any, serializer: Any, robots: list[Any], recording: Recording) -> None:
+    """Poses, tasks and violations, one after the other in time."""
+    changes = list(recording.tasks)
+    broken = list(recording.violations)
+    shown_s = 0.0
+    for k, time_s in enumerate(recording.times_s):
+        last = k == len(recording.times_s) - 1
+        if time_s - shown_s < _SHOWN_S - 1e-9 and not last:
+            continue
+        serializer.insert_sleep(time_s - shown_s)
+        shown_s = time_s
+        while changes and changes[0].time_s <= time_s + 1e-9:
+            change = changes.pop(0)
+            _draw_task(scene, recording.header, change.task, change.state)
+        while broken and broken[0].time_s <= time_s + 1e-9:
+            violation = broken.pop(0)
+            if violation.place is not None:
+                name = f"/violations/{len(broken)}"
+                scene.add_icosphere(name, 0.15, color=_BAD, position=violation.place, opacity=0.7)
+        _move(robots, recording, k)
+
+
+def _move(robots: list[Any], recording: Recording, sample: int) -> None:
+    if not recording.poses:
+        return
+    for handle, (x, y, z, yaw) in zip(robots, recording.poses[sample].tolist(), strict=True):
+        handle.position = (x, y, z)
+        handle.wxyz = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+
+
+def _look_at(server: Any, world: World) -> None:
+    low, high = np.array(world.low), np.array(world.high)
+    span = float(np.linalg.norm((high - low)[:2]))
+    middle = (low + high) / 2
+    server.scene.set_up_direction("+z")
+    camera = server.initial_camera
+    camera.look_at = tuple(middle.tolist())
+    camera.position = tuple((middle + span * np.array([0.15, -0.6, 0.45])).tolist())
+
+
+def _draw_world(scene: Any, world: World) -> None:
+    low, high = np.array(world.low), np.array(world.high)
+    middle, span = (low + high) / 2, high - low
+    scene.add_grid(
+        "/ground",
+        width=float(span[0]),
+        height=float(span[1]),
+        plane="xy",
+        cell_size=1.0,
+        position=(float(middle[0]), float(middle[1]), float(low[2])),
+    )
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    edges = [(a, b) for a in corners for b in corners if (b - a).sum() == 1 and (b >= a).all()]
+    lines = low + np.array(edges) * span
+    scene.add_line_segments(
+        "/bounds", points=lines, colors=_EDGE, thickness=1.0, thickness_units="screen"
+    )
+    for k, obstacle in enumerate(world.obstacles):
+        vertices, faces = _prism(obstacle, world)
+        scene.add_mesh_simple(
+            f"/obstacles/{k}", vertices, faces, color=_WALL, opacity=0.75, side="double"
+        )
+
+
+def _prism(obstacle: Obstacle, world: World) -> tuple[Floats, Any]:
+    """The surface of an upright prism: vertices ``(2k + 2, 3)`` and triangles."""
+    match obstacle:
+        case Disc(centre=(x, y), radius_m=radius):
+            turn = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+            ring = np.column_stack([x + radius * np.cos(turn), y + radius * np.sin(turn)])
+        case Box(corners=corners):
+            ring = np.array(corners)
+        case polygon:
+            ring = np.array(polygon.corners)
+    k, heights = len(ring), (obstacle.low_z, min(obstacle.high_z, world.high[2]))
+    rings = [np.column_stack([ring, np.full(k, z)]) for z in heights]
+    ends = [np.append(ring.mean(0), z)[None] for z in heights]
+    following = np.roll(np.arange(k), -1)
+    walls = [[a, b, b + k] for a, b in enumerate(following)]
+    walls += [[a, b + k, a + k] for a, b in enumerate(following)]
+    caps = [[a + s * k, b + s * k, 2 * k + s] for s in (0, 1) for a, b in enumerate(following)]
+    return np.concatenate([*rings, *ends]), np.array(walls + caps)
+
+
+def _draw_task(scene: Any, header: Header, number: int, state: TaskState) -> None:
+    """A ball; drawn again it replaces what was there. States differ in size too."""
+    radius = {TaskState.OPEN: 0.1, TaskState.ASSIGNED: 0.14, TaskState.DONE: 0.06}[state]
+    place = header.world.tasks[number]
+    scene.add_icosphere(f"/tasks/{number}", radius, color=_TASKS[state], position=place)
+
+
+def _draw_robot(scene: Any, header: Header, number: int) -> Any:
+    """A robot about its frame, which is moved later."""
+    robot, colour = header.robots[number], _HUES[number % len(_HUES)]
+    name = f"/robots/{number}"
+    frame = scene.add_frame(name, show_axes=False)
+    dark = tuple(part // 2 for part in colour)
+    if robot.look is Look.CAR:
+        size = (robot.length_m, robot.width_m, 0.12)
+        scene.add_box(
+            f"{name}/body", dimensions=size, color=colour, position=(robot.middle_m, 0, 0.1)
+        )
+        cabin = (robot.length_m * 0.4, robot.width_m * 0.8, 0.1)
+        behind = robot.middle_m - robot.length_m * 0.05
+        scene.add_box(f"{name}/cabin", dimensions=cabin, color=dark, position=(behind, 0, 0.2))
+    elif robot.look is Look.DRONE:
+        arm = robot.radius_m * 0.62
+        for k, (sx, sy) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
+            at = (sx * arm, sy * arm, 0.03)
+            tint = dark if sx > 0 else colour  # the front is dark
+            scene.add_cylinder(
+                f"{name}/rotor {k}",
+                radius=robot.radius_m * 0.36,
+                height=0.02,
+                color=tint,
+                position=at,
+            )
+        size = (robot.radius_m * 0.7, robot.radius_m * 0.5, 0.08)
+        scene.add_box(f"{name}/body", dimensions=size, color=colour)
+    else:
+        scene.add_icosphere(f"{name}/body", robot.radius_m * 0.6, color=colour)
+    scene.add_label(f"{name}/label", str(number), position=(0.0, 0.0, 0.3))
+    return frame
+
+
+def _draw_trails(scene: Any, recording: Recording) -> None:
+    poses = recording.stacked()
+    if len(poses) < 2:
+        return
+    stride = max(1, len(poses) // _TRAIL_POINTS)
+    for k in range(poses.shape[1]):
+        line = poses[::stride, k, :3]
+        points = np.stack([line[:-1], line[1:]], axis=1)
+        colour = _HUES[k % len(_HUES)]
+        scene.add_line_segments(
+            f"/trails/{k}", points=points, colors=colour, thickness=1.5, thickness_units="screen"
+        )

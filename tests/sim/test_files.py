@@ -1,0 +1,180 @@
+"""A run in the forms of other tools: what is in them is what was recorded."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from koord.runtime.motion.world import Box, World
+from koord.runtime.shapes import Array, Enumeration
+from koord.sim.files import plots, rosbag, space
+from koord.sim.recording import (
+    SHARED,
+    WHOLE,
+    Agent,
+    Change,
+    Header,
+    Home,
+    Recorder,
+    Recording,
+    Variable,
+    map_variable,
+)
+from tests.sim.recorded import task
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    recording = task().recording
+    again = Recorder(recording.header).recording
+    for name in ("times_s", "poses", "separations_m", "rounds", "paths", "tasks", "ending"):
+        setattr(again, name, getattr(recording, name))
+    recorder = Recorder(again.header)
+    recorder.recording = again
+    recorder.violation(3.0, "separation", "too near", (0, 1), (1.0, 2.0, 0.5))
+    return again
+
+
+# --- rosbag2 --------------------------------------------------------------------------------------
+
+
+def test_a_rosbag_has_poses_events_and_violations(recording: Recording, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    folder = tmp_path / "run.rosbag2"
+    folder.mkdir()
+    for name, data in rosbag.rosbag_of(recording, folder.name).items():
+        (folder / name).write_bytes(data)
+    read: dict[str, list[tuple[int, Any]]] = {}
+    with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        for connection, time_ns, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            read.setdefault(connection.topic, []).append((time_ns, message))
+    assert set(read) == {
+        "/tf",
+        "/scene",
+        "/events",
+        "/violations",
+        *(f"/robots/robot_{k}/pose" for k in range(3)),
+    }
+    for (time_ns, message), time_s, poses in zip(
+        read["/robots/robot_1/pose"], recording.times_s, recording.poses, strict=True
+    ):
+        assert time_ns == pytest.approx(time_s * 1e9)
+        here = message.pose.position
+        assert (here.x, here.y, here.z) == pytest.approx(poses[1, :3].tolist())
+        turn = message.pose.orientation
+        assert np.hypot(turn.z, turn.w) == pytest.approx(1)
+    ran = [json.loads(message.data) for _, message in read["/events"]]
+    events = sum((done.deeds >= 0).sum() for done in recording.rounds)
+    assert sum(len(one["ran"]) for one in ran) == events
+    assert json.loads(read["/violations"][0][1].data)["robots"] == [0, 1]
+    kinds = {marker.ns for marker in read["/scene"][0][1].markers}
+    assert kinds == {"bounds", "robots", "tasks"}
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("form", "begins"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")]
+)
+def test_a_picture_is_of_its_form_and_repeats(
+    recording: Recording, form: str, begins: bytes
+) -> None:
+    pytest.importorskip("matplotlib")
+    picture = plots.plot_of(recording, form)
+    assert picture.startswith(begins)
+    if form == ".png":
+        assert picture == plots.plot_of(recording, form)
+
+
+def test_maps_are_those_of_their_times() -> None:
+    pytest.importorskip("matplotlib")
+    recorder = Recorder(mapped(3))
+    for k in range(10):
+        changes = [Change(SHARED, 0, WHOLE, (0,) * 12)] if k == 0 else []
+        changes += [Change(SHARED, 0, k, 2 if k == 5 else 1)] if k else []
+        recorder.round(k, 0.1 * k, np.full(0, -1, np.int16), changes)
+    recording = recorder.recording
+    number = map_variable(recording.header)
+    assert number == 0
+    maps = plots.maps_of(recording, number)
+    assert [time_s for time_s, _ in maps] == pytest.approx([0.0, 0.3, 0.6, 0.9])
+    assert [int((cells > 0).sum()) for _, cells in maps] == [0, 3, 6, 9]
+    last = maps[-1][1]
+    assert last.shape == (3, 4)
+    assert last[1, 1] == 2  # cell 5 is in the second row
+    assert plots.plot_of(recording, ".png")
+
+
+def test_a_variable_of_another_size_is_no_map() -> None:
+    assert map_variable(mapped(2)) is None
+
+
+def mapped(rows: int) -> Header:
+    """A program that maps a world of four by three cells, with room for four times ``rows``."""
+    world = World((0, 0, 0), (4, 3, 2), (Box((1, 1, 0), (2, 2, 1)),), cell_m=1.0)
+    cells = Array(Enumeration("Cell", ("unknown", "free", "wall")), 4 * rows)
+    shared = (Variable("map", Home.ALLWRITE, cells),)
+    return Header("m.krd", "", 0.1, 0, world, (Agent("M", (), ()),), (), shared)
+
+
+# --- in space -------------------------------------------------------------------------------------
+
+
+def test_the_page_in_space_is_one_file(
+    recording: Recording, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("viser")
+    page = space.space_of(recording)
+    assert page.startswith(b"<!doctype html>".upper()) or b"<html" in page[:200].lower()
+    assert b"__VISER_EMBED_DATA__=" in page
+    assert b'src="http' not in page
+    assert len(page) < 2_000_000
+    assert capfd.readouterr().out == ""
+
+
+def test_prisms_are_closed_surfaces() -> None:
+    vertices, faces = space._prism(Box((1, 1, 0), (2, 3, 1)), World())
+    edges: dict[tuple[int, int], int] = {}
+    for a, b, c in faces.tolist():
+        for edge in ((a, b), (b, c), (c, a)):
+            key = (min(edge), max(edge))
+            edges[key] = edges.get(key, 0) + 1
+    assert set(edges.values()) == {2}
+    assert vertices.min(0).tolist() == [1, 1, 0]
+    assert vertices.max(0).tolist() == [2, 3, 1]
+
+
+# --- rerun ----------------------------------------------------------------------------------------
+
+
+def test_rerun_finds_nothing_wrong(recording: Recording, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    from koord.sim.files.rerun import rrd_of
+
+    path = tmp_path / "run.rrd"
+    path.write_bytes(rrd_of(recording))
+    tool = shutil.which("rerun", path=Path(sys.executable).parent)
+    assert tool is not None
+    environment = {**os.environ, "HOME": str(tmp_path)}
+    checked = subprocess.run(
+        [tool, "rrd", "verify", str(path)], capture_output=True, text=True, env=environment
+    )
+    assert checked.returncode == 0, checked.stderr
+    told = subprocess.run(
+        [tool, "rrd", "print", "-v", str(path)], capture_output=True, text=True, env=environment
+    )
+    for name in ("/world/robots/2", "/world/tasks", "/world/paths/0", "/log"):
+        assert name in told.stdout
