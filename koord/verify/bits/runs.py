@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -131,13 +131,23 @@ class Names:
         return f"{sort}!val!{self._count}"
 
 
-def recording(circuit: Circuit, system: System, run: Witnessed, phase: Phase) -> Recording:
-    """A run of a circuit as one of the system, up to a phase of its last round."""
+def recording(
+    circuit: Circuit,
+    system: System,
+    run: Witnessed,
+    phase: Phase,
+    seen: Callable[[dict[int, str]], None] = lambda standing: None,
+) -> Recording:
+    """A run of a circuit as one of the system, up to a phase of its last round.
+
+    ``seen`` is told after INIT and after each round what opaque variables hold, by name.
+    """
     d = circuit.d
     names = Names(d.opaques)
     first = Assignment(d, run.opening, names, 0)
     opening = opening_of(_reader(first, system), circuit.opening)
     names.next({token: first.name(starts) for token, (starts, _) in circuit.tokens.items()})
+    seen(names.standing)
     rounds = []
     for number, given in enumerate(run.rounds):
         step = Assignment(d, given, names, 1)
@@ -145,6 +155,7 @@ def recording(circuit: Circuit, system: System, run: Witnessed, phase: Phase) ->
         d.opaques.part = 1
         rounds.append(round_of(_reader(step, system), circuit.round, phase if last else None))
         names.next({token: step.name(then) for token, (_, then) in circuit.tokens.items()})
+        seen(names.standing)
     return Recording(opening, tuple(rounds))
 
 

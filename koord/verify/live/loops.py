@@ -12,6 +12,7 @@ from koord.verify.bits.runs import recording
 from koord.verify.bits.unrolling import Unrolled
 from koord.verify.claims import Phase
 from koord.verify.live.monitors import Watched
+from koord.verify.live.tying import tied
 from koord.verify.solving import Answer, Deadline
 
 
@@ -49,8 +50,9 @@ class Loops:
         model = unrolled.clauses.model()
         numbers = [unrolled.clauses.of(choice, TRUE_SIDE) for choice in choices]
         loop = next(k for k, number in enumerate(numbers) if model[number] > 0)
-        found = recording(circuit, system, run, Phase.END)
-        return answer, replace(found, loop=loop)
+        standing: list[dict[int, str]] = []
+        found = recording(circuit, system, run, Phase.END, standing.append)
+        return answer, tied(replace(found, loop=loop), standing)
 
     def _closes(self, k: int) -> int:
         """Whether the state after the last round is the one before round k."""

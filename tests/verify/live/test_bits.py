@@ -140,9 +140,12 @@ def test_opaque_values_do_not_matter_where_they_are_not_looked_at() -> None:
         "assume Finds: ran(Take) leadsto busy or left == 0",
     ],
 )
-def test_without_what_is_expected_nothing_is_proved(expected: str) -> None:
+def test_without_what_is_expected_nobody_need_arrive(expected: str) -> None:
+    """The run goes on with new positions for ever; a loop calls them what they were before."""
     verdict = only(f"{DRIVING}\n    {expected}\n", rounds=4)
-    assert verdict.outcome is not Outcome.HOLDS
+    assert verdict.outcome is Outcome.VIOLATED
+    assert verdict.counterexample is not None
+    assert verdict.counterexample.recording.loop is not None
 
 
 def test_each_robot_by_itself() -> None:
