@@ -24,6 +24,7 @@ MOST_ROBOTS = 10_000
 MOST_ROUNDS = 1_000_000_000
 MOST_VIOLATIONS = 1_000
 DEEPEST_LIST = 20
+MOST_SWEPT = 1_000
 
 _NAME = re.compile(r"[^\W\d]\w*\Z")
 _INT = re.compile(r"[+-]?[0-9]{1,100}\Z")
@@ -190,6 +191,24 @@ def _scalar(token: str) -> ParamValue:
     if _DECIMAL.match(token):
         return Fraction(token)
     raise ArgumentTypeError(f"{token!r} is not a value: write an int, a float, true, false, [1, 2]")
+
+
+def sweep(text: str) -> tuple[str, tuple[ParamValue, ...]]:
+    """``robots=2..8`` or ``speed=0.5,1``: a name and the values that it is to have in turn."""
+    left, equals, right = text.partition("=")
+    if not equals or not _NAME.match(left):
+        raise ArgumentTypeError(f"{text!r} is no sweep; write robots=2..8")
+    low, dots, high = right.partition("..")
+    if dots:
+        least, most = _whole(low, left, 0, MOST_ROUNDS), _whole(high, left, 0, MOST_ROUNDS)
+        if not least <= most < least + MOST_SWEPT:
+            raise ArgumentTypeError(f"{right!r} is not from 1 to {MOST_SWEPT} values")
+        return left, tuple(range(least, most + 1))
+    values = value(f"[{right}]")
+    assert isinstance(values, tuple)
+    if not values:
+        raise ArgumentTypeError(f"{text!r} has no values")
+    return left, values
 
 
 def settings(pairs: Iterable[tuple[str, ParamValue]]) -> Mapping[str, ParamValue]:

@@ -17,17 +17,15 @@ from koord.cli.arguments import (
     rounds,
     seconds,
     seed,
+    sweep,
 )
 from koord.cli.exits import Exit
-from koord.cli.keeping import add_outputs, check_outputs, keep
+from koord.cli.keeping import add_outputs, check_outputs, keep, watched
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
     from koord.cli.simulating import Job
     from koord.sim.running import Simulation
-
-#: A run ends after so long: of a program that can stop, and of one that cannot.
-_LONG_S, _ENDLESS_S = 600.0, 120.0
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -53,8 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--time",
         metavar="SECONDS",
         type=seconds,
-        help=f"end after so much simulated time ({_LONG_S:g}; {_ENDLESS_S:g} if the program "
-        "cannot stop)",
+        help="end after so much simulated time (600; 120 if the program cannot stop)",
     )
     parser.add_argument(
         "--delta", metavar="SECONDS", type=delta, help="of a round, instead of the configuration's"
@@ -69,6 +66,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_trace(parser, "the run")
     add_outputs(parser)
+    parser.add_argument(
+        "--runs", metavar="K", type=_count, help="a campaign: so many runs, each with its own seed"
+    )
+    parser.add_argument(
+        "--jobs", metavar="J", type=_count, default=1, help="so many of them at a time (1)"
+    )
+    parser.add_argument(
+        "--sweep",
+        metavar="NAME=VALUES",
+        type=sweep,
+        help="so many runs for each value of a param or of `robots`: robots=2..8, speed=0.5,1",
+    )
+    parser.add_argument("--csv", metavar="FILE", help="a line of figures for each of several runs")
     add_settings(parser)
     add_json(parser, "what the run came to")
     parser.epilog = (
@@ -83,16 +93,30 @@ def _robots(text: str) -> int:
     return int(text)
 
 
+def _count(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text[:9]) <= 1_000_000:
+        raise argparse.ArgumentTypeError(f"a number from 1 on is wanted, not {text!r}")
+    return int(text)
+
+
 def main(arguments: argparse.Namespace) -> int:
     # What simulating needs is loaded here: `koord sim --help` is as light as any other.
+    from koord.runtime.motion.libraries import SIM, require
+
+    require(SIM, "sim")
+    from koord.cli.campaigns import campaign, check_campaign
     from koord.cli.diagnostics import Report
     from koord.cli.simulating import asked
-    from koord.runtime.motion.libraries import SIM, require
 
     config = [arguments.config] if arguments.config is not None else []
     check_files([arguments.file, *config, *arguments.properties])
-    require(SIM, "sim")
-    check_outputs(arguments)
+    is_campaign = arguments.runs is not None or arguments.sweep is not None
+    if is_campaign:
+        check_campaign(arguments)
+    elif arguments.csv is not None:
+        raise argparse.ArgumentTypeError("--csv is of campaigns: say --runs K")
+    else:
+        check_outputs(arguments)
     report = Report()
     wanted = asked(arguments, report)
     job = None
@@ -105,6 +129,9 @@ def main(arguments: argparse.Namespace) -> int:
     report.print(out, as_json=arguments.json and out is sys.stdout)
     if job is None or report.errors:
         return Exit.BAD_INPUT
+    if is_campaign:
+        assert wanted is not None
+        return campaign(arguments, wanted, job.scene.seed)
     return _run(arguments, job)
 
 
@@ -118,7 +145,7 @@ def _run(arguments: argparse.Namespace, job: Job) -> int:
     from koord.cli.traces import write_trace
     from koord.sim.running import Ending, run
 
-    limit_s = _limit(arguments, job)
+    limit_s = job.limit_s(arguments.rounds, arguments.time)
     tracing = Tracing(job) if arguments.trace is not None else None
     simulation = job.simulation(
         keep_going=arguments.keep_going, summaries=arguments.check_summaries, tracing=tracing
@@ -130,9 +157,14 @@ def _run(arguments: argparse.Namespace, job: Job) -> int:
     job.check_start(simulation)
     if not arguments.json:
         print(heading(job))
-    with Interruption() as interruption, LiveLine(sys.stderr) as line:
+    with (
+        watched(arguments, simulation.recording) as pace,
+        Interruption() as interruption,
+        LiveLine(sys.stderr) as line,
+    ):
         for decision in run(simulation, limit_s):
             line.show(_progress(simulation))
+            pace(simulation.time_s)
             if tracing is not None:
                 tracing.round(decision, simulation)
             if interruption.requested:
@@ -158,23 +190,6 @@ def _run(arguments: argparse.Namespace, job: Job) -> int:
         )
         return Exit.VIOLATED
     return _code(simulation)
-
-
-def _limit(arguments: argparse.Namespace, job: Job) -> float:
-    """How long the run may take, in simulated time."""
-    from koord.syntax import core
-    from koord.syntax.walk import nodes
-
-    given = []
-    if arguments.rounds is not None:
-        given.append(arguments.rounds * job.scene.delta_s)
-    if arguments.time is not None:
-        given.append(arguments.time)
-    if given:
-        return float(min(given))
-    events = [event.effect for agent in job.loaded.program.agents for event in agent.events]
-    stops = any(isinstance(node, core.Stop | core.TryStop) for node in nodes(tuple(events)))
-    return _LONG_S if stops else _ENDLESS_S
 
 
 def _progress(simulation: Simulation) -> str:

@@ -28,6 +28,7 @@ from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source, whole_file
 from koord.syntax.types import POS, ArrayType, ListType, RecordType, Type
+from koord.syntax.walk import nodes
 
 if TYPE_CHECKING:
     from koord.cli.simulated_traces import Tracing
@@ -35,6 +36,9 @@ if TYPE_CHECKING:
 
 #: So many robots and tasks there are where nobody says how many.
 _ROBOTS, _TASKS = 3, 20
+
+#: A run ends after so long: of a program that can stop, and of one that cannot.
+_LONG_S, _ENDLESS_S = 600.0, 120.0
 
 #: What stands for the file of a configuration where there is none.
 NO_FILE = "(none)"
@@ -89,6 +93,16 @@ class Job:
             one.hold(claims, made)
             made.claims.append(one)
         return made
+
+    def limit_s(self, rounds: int | None, time_s: float | None) -> float:
+        """How long a run may take in simulated time: as asked for, or as suits the program."""
+        given = [] if rounds is None else [rounds * self.scene.delta_s]
+        given += [] if time_s is None else [time_s]
+        if given:
+            return min(given)
+        events = tuple(e.effect for agent in self.loaded.program.agents for e in agent.events)
+        stops = any(isinstance(node, core.Stop | core.TryStop) for node in nodes(events))
+        return _LONG_S if stops else _ENDLESS_S
 
     def check_start(self, simulation: Simulation) -> None:
         """Raises KoordError if the run does not begin as the program assumes. (K934)"""

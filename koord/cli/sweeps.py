@@ -7,12 +7,16 @@ from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from koord.cli.files import write_atomically
 from koord.cli.terminal import Paint, Style
 from koord.cli.verdicts import PAINT, outcome_of
 from koord.semantics.configurations import System
 from koord.verify.verdicts import Engine, Outcome, Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _MARKERS = {Outcome.HOLDS: "o", Outcome.VIOLATED: "X", Outcome.UNKNOWN: "s"}
 
@@ -74,10 +78,14 @@ def draw(path: str, name: str, points: Sequence[Point]) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(visible=True, alpha=0.3)
     axes.legend()
+    keep_figure(path, figure)
+
+
+def keep_figure(path: str, figure: Figure) -> None:
+    """Write a picture, in the form that the file's name ends in. Raises KoordError."""
+    form = Path(path).suffix.removeprefix(".").lower()
+    # Without a date, so that equal results give equal files.
+    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form)
     picture = io.BytesIO()
-    figure.savefig(picture, format=Path(path).suffix.removeprefix("."), metadata=_UNDATED)
+    figure.savefig(picture, format=form, metadata=undated)
     write_atomically(path, picture.getvalue())
-
-
-#: So that equal results give equal files.
-_UNDATED = {"Date": None}

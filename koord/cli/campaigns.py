@@ -1,0 +1,341 @@
+"""``koord sim --runs K``: many runs with seeds of their own, as a table, as CSV, as a picture."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import json
+import math
+import signal
+import sys
+import time
+from argparse import ArgumentTypeError
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import asdict, dataclass, fields, replace
+from fractions import Fraction
+from multiprocessing import get_context
+from statistics import fmean, stdev
+from typing import TypeAlias
+
+from koord.cli.diagnostics import Report
+from koord.cli.exits import Exit
+from koord.cli.files import check_writable, write_atomically
+from koord.cli.progress import Interruption, LiveLine
+from koord.cli.simulating import Asked
+from koord.cli.sweeps import check_drawable, keep_figure
+from koord.cli.terminal import Paint, style_of, visible
+from koord.sim.running import Ending, run
+from koord.syntax.diagnostics import Diagnostic, KoordError
+from koord.syntax.elaborate.settings import ParamValue
+
+#: What is wrong with an order.
+Refusal: TypeAlias = tuple[Diagnostic, ...]
+
+#: How sure an interval is to have the mean in it.
+_CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A run that is to be made. ``swept`` is the value of what is swept."""
+
+    asked: Asked
+    robots: int | None
+    seed: int
+    rounds: int | None
+    time_s: float | None
+    summaries: bool
+    swept: str
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What a run came to: a line of the CSV file."""
+
+    swept: str
+    robots: int
+    seed: int
+    ending: str
+    time_s: float
+    tasks: int
+    tasks_done: int
+    tasks_s: float | None
+    distance_m: float
+    separation_m: float | None
+    safety_m: float
+    waited_s: float
+    events: int
+    skips: int
+    blocked: int
+    messages: int
+    broken: int
+    digest: str
+    wall_s: float
+
+
+def check_campaign(arguments: argparse.Namespace) -> None:
+    """Raises ArgumentTypeError and KoordError before long work is done."""
+    if arguments.trace is not None or arguments.record:
+        raise ArgumentTypeError("--trace and --record are of one run: leave out --runs and --sweep")
+    if arguments.csv is not None:
+        check_writable(arguments.csv)
+    if arguments.plot is not None:
+        check_drawable(arguments.plot)
+        check_writable(arguments.plot)
+
+
+def campaign(arguments: argparse.Namespace, asked: Asked, first_seed: int) -> int:
+    """Make the runs, tell of them, and return the exit code. Raises KoordError."""
+    orders = list(_orders(arguments, asked, first_seed))
+    rows: list[Row] = []
+    with Interruption() as interruption, LiveLine(sys.stderr) as line:
+        line.show(f"0 of {len(orders)} runs")
+        for row in _rows(orders, arguments.jobs, lambda: interruption.requested):
+            rows.append(row)
+            line.show(f"{len(rows)} of {len(orders)} runs")
+    rows.sort(key=lambda row: [order.swept for order in orders].index(row.swept))
+    if arguments.csv is not None:
+        write_atomically(arguments.csv, _as_csv(rows))
+    name = "robots" if arguments.sweep is None else arguments.sweep[0]
+    if arguments.plot is not None and rows:
+        _draw(arguments.plot, asked.source.name, name, rows)
+    if arguments.json:
+        document = {"format": "koord-campaign", "version": 1, "runs": [asdict(row) for row in rows]}
+        sys.stdout.write(json.dumps(document, indent=2) + "\n")
+    else:
+        for text in _table(asked.source.name, name, rows):
+            print(text)
+    if interruption.requested:
+        return Exit.INTERRUPTED
+    return Exit.VIOLATED if any(_is_bad(row) for row in rows) else Exit.OK
+
+
+# --- runs -----------------------------------------------------------------------------------------
+
+
+def _orders(arguments: argparse.Namespace, asked: Asked, first_seed: int) -> Iterator[Order]:
+    name: str = "robots"
+    values: tuple[ParamValue | None, ...] = (None,)
+    if arguments.sweep is not None:
+        name, values = arguments.sweep
+    for value in values:
+        robots, given = arguments.robots, asked
+        if value is None:
+            pass
+        elif name == "robots":
+            robots = _robots(value)
+        else:
+            given = replace(asked, params={**asked.params, name: value})
+        for number in range(arguments.runs if arguments.runs is not None else 1):
+            seed, swept = first_seed + number, "" if value is None else _shown(value)
+            yield Order(
+                given,
+                robots,
+                seed,
+                arguments.rounds,
+                arguments.time,
+                arguments.check_summaries,
+                swept,
+            )
+
+
+def _robots(value: ParamValue) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise ArgumentTypeError(f"--sweep: {_shown(value)} is no number of robots")
+    return value
+
+
+def _shown(value: ParamValue) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_shown, value))}]"
+    if isinstance(value, Fraction):
+        return f"{float(value):g}"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _rows(orders: Sequence[Order], jobs: int, is_enough: Callable[[], bool]) -> Iterator[Row]:
+    """The rows of runs as they come, ``jobs`` at a time. Raises KoordError."""
+    if jobs == 1 or len(orders) == 1:
+        for order in orders:
+            if is_enough():
+                return
+            yield row_of(order)
+        return
+    # A fresh interpreter for each worker: libraries with threads do not survive a fork.
+    context, ignored = get_context("spawn"), (signal.SIGINT, signal.SIG_IGN)
+    with ProcessPoolExecutor(
+        min(jobs, len(orders)), context, initializer=signal.signal, initargs=ignored
+    ) as pool:
+        waiting: set[Future[Row | Refusal]] = {pool.submit(_tried, order) for order in orders}
+        while waiting:
+            done, waiting = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
+            for future in done:
+                outcome = future.result()
+                if not isinstance(outcome, Row):
+                    raise KoordError(outcome)
+                yield outcome
+            if is_enough():
+                pool.shutdown(cancel_futures=True)
+                return
+
+
+def _tried(order: Order) -> Row | Refusal:
+    """As :func:`row_of`; what is wrong is told as data, which comes back from other processes."""
+    try:
+        return row_of(order)
+    except KoordError as error:
+        return error.diagnostics
+
+
+def row_of(order: Order) -> Row:
+    """Make a run. Raises KoordError."""
+    report = Report()
+    job = order.asked.job(report, order.robots, order.seed)
+    if job is None:
+        raise KoordError(tuple(report.diagnostics))
+    simulation = job.simulation(keep_going=True, summaries=order.summaries)
+    began = time.perf_counter()
+    simulation.begin()
+    job.check_start(simulation)
+    for _ in run(simulation, job.limit_s(order.rounds, order.time_s)):
+        pass
+    wall_s = time.perf_counter() - began
+    figures, robots = simulation.figures(), simulation.figures().robots
+    assert simulation.ending is not None
+    return Row(
+        order.swept,
+        len(robots),
+        order.seed,
+        simulation.ending.name.lower(),
+        figures.time_s,
+        len(figures.tasks),
+        figures.tasks_done,
+        figures.tasks_s,
+        figures.distance_m,
+        None if figures.nearest is None else figures.nearest.distance_m,
+        job.scene.safety_m,
+        sum(robot.waited_s for robot in robots),
+        sum(robot.events for robot in robots),
+        sum(robot.skips for robot in robots),
+        sum(robot.blocked for robot in robots),
+        figures.messages,
+        len(simulation.broken),
+        figures.digest,
+        wall_s,
+    )
+
+
+def _is_bad(row: Row) -> bool:
+    return row.broken > 0 or row.ending == Ending.FAULT.name.lower()
+
+
+# --- what is told ---------------------------------------------------------------------------------
+
+
+def mean_and_reach(values: Sequence[float]) -> tuple[float, float]:
+    """The mean, and how far the interval of confidence reaches to either side (Student's t)."""
+    n = len(values)
+    if n < 2:
+        return fmean(values), math.nan
+    from scipy.special import stdtrit
+
+    quantile = float(stdtrit(n - 1, (1 + _CONFIDENCE) / 2))
+    return fmean(values), quantile * stdev(values) / math.sqrt(n)
+
+
+def _told(values: Sequence[float]) -> str:
+    if not values:
+        return "-"
+    mean, reach = mean_and_reach(values)
+    return f"{mean:.1f}" if math.isnan(reach) else f"{mean:.1f} ± {reach:.1f}"
+
+
+def _groups(rows: Sequence[Row]) -> dict[tuple[str, int], list[Row]]:
+    found: dict[tuple[str, int], list[Row]] = {}
+    for row in rows:
+        found.setdefault((row.swept, row.robots), []).append(row)
+    return found
+
+
+def _table(program: str, name: str, rows: Sequence[Row]) -> Iterator[str]:
+    """A line for each value that was swept: means, with intervals of 95 %."""
+    style = style_of(sys.stdout)
+    if not rows:
+        yield "no run was done"
+        return
+    heads = [name, "runs", "done", "time s", "distance m", "waited s", "nearest m", "broken", "×"]
+    lines = [heads]
+    for (swept, robots), group in _groups(rows).items():
+        # A run is as long as its tasks take, where it has any.
+        times = [row.tasks_s if row.tasks else row.time_s for row in group]
+        near = [row.separation_m for row in group if row.separation_m is not None]
+        done = sum(row.tasks_done == row.tasks and row.ending != "fault" for row in group)
+        speed = sum(row.time_s for row in group) / max(sum(row.wall_s for row in group), 1e-9)
+        lines.append(
+            [
+                swept or str(robots),
+                str(len(group)),
+                str(done),
+                _told([time for time in times if time is not None]),
+                _told([row.distance_m for row in group]),
+                _told([row.waited_s for row in group]),
+                f"{min(near):.2f}" if near else "-",
+                str(sum(map(_is_bad, group))),
+                f"{speed:.0f}",
+            ]
+        )
+    widths = [max(len(line[k]) for line in lines) for k in range(len(heads))]
+    yield style.paint(
+        f"{visible(program)}: {len(rows)} runs, means with 95 % intervals", Paint.BOLD
+    )
+    for line in lines:
+        yield "  " + "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
+    bad = [row for row in rows if _is_bad(row)]
+    for row in bad[:10]:
+        what = f"{row.broken} claims broken" if row.broken else row.ending
+        yield f"{style.paint('broken', Paint.ERROR)}: {row.robots} robots, seed {row.seed}: {what}"
+
+
+def _as_csv(rows: Iterable[Row]) -> bytes:
+    text = io.StringIO()
+    names = [one.name for one in fields(Row)]
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(asdict(row) for row in rows)
+    return text.getvalue().encode("utf-8")
+
+
+def _draw(path: str, program: str, name: str, rows: Sequence[Row]) -> None:
+    """Means and intervals of times, distances and separations. Raises KoordError."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.2), layout="constrained")
+    axes = figure.subplots(1, 3)
+    groups = _groups(rows)
+    labels = [swept or str(robots) for swept, robots in groups]
+    places = list(range(len(labels)))
+    shown: list[tuple[str, Callable[[Row], float | None]]] = [
+        ("time in s", lambda row: row.tasks_s if row.tasks else row.time_s),
+        ("distance in m", lambda row: row.distance_m),
+        ("least separation in m", lambda row: row.separation_m),
+    ]
+    for axis, (label, value) in zip(axes, shown, strict=True):
+        for place, group in zip(places, groups.values(), strict=True):
+            values = [number for row in group if (number := value(row)) is not None]
+            if not values:
+                continue
+            mean, reach = mean_and_reach(values)
+            axis.plot([place] * len(values), values, ".", color="0.75", zorder=1)
+            yerr = None if math.isnan(reach) else reach
+            axis.errorbar(place, mean, yerr=yerr, fmt="o", color="C0", capsize=4, zorder=2)
+        axis.set(xlabel=name, ylabel=label, xticks=places)
+        axis.set_xticklabels(labels)
+        axis.grid(visible=True, alpha=0.3)
+    safety = {row.safety_m for row in rows}
+    if len(safety) == 1:
+        axes[2].axhline(*safety, color="C3", linestyle="--", label="safe")
+        axes[2].legend()
+    figure.suptitle(program)
+    keep_figure(path, figure)
