@@ -7,7 +7,8 @@ What has changed is found by identity: values of compiled programs never change 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, assert_never
 
 import numpy as np
@@ -16,9 +17,9 @@ from koord.runtime.engine.fleet import Fleet as Engine
 from koord.runtime.engine.fleet import Shown
 from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
 from koord.runtime.motion.world import World
-from koord.runtime.proposals import INIT_ROUND, Decision
+from koord.runtime.proposals import INIT_ROUND, Decision, Plain
 from koord.runtime.robot import Robot, Status
-from koord.runtime.shapes import Array, Kind, PerRobot, Record, Scalar, Shape, to_plain
+from koord.runtime.shapes import Array, Enumeration, Kind, PerRobot, Record, Scalar, Shape, to_plain
 from koord.runtime.shapes import Sequence as ListOf
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.recording import (
@@ -79,10 +80,11 @@ class Observer:
     def __init__(self, recorder: Recorder, engine: Engine, fleet: Fleet) -> None:
         self.recorder, self.engine, self.fleet = recorder, engine, fleet
         header = recorder.recording.header
-        self._shared = header.shared
-        self._own = [header.agents[robot.agent].variables for robot in header.robots]
-        self._were: list[dict[str, Any]] = [{} for _ in header.robots]
-        self._were_shared: dict[str, Any] = {}
+        self._shared = [(v, _plain_element(v.shape)) for v in header.shared]
+        own = [[(v.name, _plain_of(v.shape)) for v in agent.variables] for agent in header.agents]
+        self._own = [own[robot.agent] for robot in header.robots]
+        self._were: list[list[Any]] = [[None] * len(of_robot) for of_robot in self._own]
+        self._were_shared: list[Any] = [None] * len(header.shared)
         self._given = np.zeros(len(header.robots), np.int64)
         self._paths_s = _PATHS_S if len(header.robots) <= _MANY else _PATHS_OF_MANY_S
         self._paths_due_s = -math.inf
@@ -110,9 +112,7 @@ class Observer:
         """A decision was acted on; the environment has not had its turn yet."""
         number = decision.round
         time_s = max(number, 0) * self.recorder.recording.header.delta_s
-        changes = [*self._shared_changes()]
-        for robot in self.engine.robots:
-            changes += self._own_changes(robot)
+        changes = [*self._shared_changes(), *self._own_changes()]
         shown = self.engine.shown[self._shown :]
         self._shown += len(shown)
         self.recorder.round(number, time_s, self._deeds(decision), changes, [*_said(shown)])
@@ -131,33 +131,61 @@ class Observer:
                 deeds[taken.robot] = taken.event
         return deeds
 
-    def _own_changes(self, robot: Robot) -> Iterator[Change]:
-        values, were = vars(robot), self._were[robot.pid]
-        for number, variable in enumerate(self._own[robot.pid]):
-            value = values[variable.name]
-            if value is not were.get(variable.name) and value != were.get(variable.name):
-                were[variable.name] = value
-                yield Change(robot.pid, number, WHOLE, to_plain(variable.shape, value))
+    def _own_changes(self) -> list[Change]:
+        """Asked for in every round, of every variable of every robot: it has to be quick."""
+        changes = []
+        for robot, own, were in zip(self.engine.robots, self._own, self._were, strict=True):
+            values = vars(robot)
+            for number, (name, plain) in enumerate(own):
+                value = values[name]
+                if value is not were[number]:
+                    if value != were[number]:
+                        changes.append(Change(robot.pid, number, WHOLE, plain(value)))
+                    were[number] = value
+        return changes
 
-    def _shared_changes(self) -> Iterator[Change]:
+    def _shared_changes(self) -> list[Change]:
+        changes = []
         values, were = self.engine.store.values, self._were_shared
-        for number, variable in enumerate(self._shared):
-            name, shape = variable.name, variable.shape
-            value, before = values[name], were.get(name)
+        for number, (variable, plain) in enumerate(self._shared):
+            value, before = values[variable.name], were[number]
             if value is before:
                 continue
-            were[name] = value
-            if (
-                isinstance(shape, Array | PerRobot | ListOf)
-                and before is not None
-                and value is not None
-                and len(before) == len(value)
-            ):
-                for index, (old, new) in enumerate(zip(before, value, strict=True)):
+            were[number] = value
+            if plain is not None and before is not None and len(before) == len(value or ()):
+                for part, (old, new) in enumerate(zip(before, value, strict=True)):
                     if old is not new and old != new:
-                        yield Change(SHARED, number, index, to_plain(shape.element, new))
+                        changes.append(Change(SHARED, number, part, plain(new)))
             elif value != before:
-                yield Change(SHARED, number, WHOLE, to_plain(shape, value))
+                whole = to_plain(variable.shape, value)
+                changes.append(Change(SHARED, number, WHOLE, whole))
+        return changes
+
+
+def _plain_of(shape: Shape) -> Callable[[Any], Plain]:
+    """:func:`to_plain` for one shape, with nothing left to find out each time."""
+    match shape:
+        case Scalar() | Enumeration():
+            return _as_it_is
+        case Record(fields=fields) if all(isinstance(field, Scalar) for field in fields):
+            return _flat
+        case _:
+            return partial(to_plain, shape)
+
+
+def _as_it_is(value: Any) -> Plain:
+    return value  # type: ignore[no-any-return]
+
+
+def _flat(value: Any) -> Plain:
+    return None if value is None else tuple(value)
+
+
+def _plain_element(shape: Shape) -> Callable[[Any], Plain] | None:
+    """The same for an element of a list or array; None for what has no elements."""
+    if isinstance(shape, Array | PerRobot | ListOf):
+        return _plain_of(shape.element)
+    return None
 
 
 def _own(one: type[Robot]) -> Iterator[Variable]:
