@@ -132,3 +132,20 @@ def test_an_answer_that_does_not_meet_its_summary_is_told(
     out, err = capsys.readouterr()
     assert code in (Exit.VIOLATED, Exit.BAD_INPUT), err
     assert "summary pathsClear" in out + err or "K934" in err
+
+
+def test_the_command_judges_runs_in_a_world(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = [str(EXAMPLES / "follow_path.krd"), str(EXAMPLES / "task.krd")]
+    flags = ["--target", "simulator", "--save", str(tmp_path)]
+    assert main(["check-refinement", *lines, *flags]) == Exit.OK
+    out, _ = capsys.readouterr()
+    assert out.count("2 runs, 16 rounds") == 2
+    assert "no violation" in out
+    real = Library.find_path
+    monkeypatch.setattr(Library, "find_path", lambda *given: real(*given)[1:])
+    assert main(["check-refinement", lines[1], *flags]) == Exit.VIOLATED
+    assert "refused" in capsys.readouterr().out
+    assert (tmp_path / "refinement-simulated-0.json").exists()
+    assert main(["check-refinement", *flags]) == Exit.BAD_INPUT
