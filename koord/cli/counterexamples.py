@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from koord.cli.excerpt import place
 from koord.cli.inputs import LoadedProgram
-from koord.cli.run import place
 from koord.cli.tables import Shown, Table, repeats
 from koord.cli.terminal import Paint, Style
 from koord.cli.traces import sources_of
@@ -50,7 +50,7 @@ def _lines(
     yield ""
     yield f"  {found.detail} [{rule_of(verdict.claim)}]"
     if found.span is not None:
-        yield from place(loaded, found.span, style)
+        yield from place(loaded.sources, found.span, style)
 
 
 def _headline(found: Counterexample) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from koord.cli.terminal import Paint, Style, cells, visible
@@ -19,6 +19,14 @@ class Stretch:
     line: int
     column: int
     end_column: int
+
+
+def place(sources: Iterable[Source], span: Span, style: Style) -> Iterator[str]:
+    """A place in the text of one of the sources, with the line."""
+    yield f"  {visible(span.file)}:{span.line}:{span.column}"
+    for source in sources:
+        if source.name == span.file:
+            yield from excerpt(source, span, style, Paint.ERROR)
 
 
 def excerpt(source: Source, span: Span, style: Style, paint: Paint) -> Iterator[str]:

@@ -40,6 +40,11 @@ class LoadedProgram:
     program: core.Program
     reading: Reading
 
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """All text that it was made of."""
+        return (self.source, *self.reading.properties)
+
 
 def load_programs(
     paths: Iterable[str], reading: Reading, report: Report

@@ -20,7 +20,7 @@ from koord.cli.arguments import (
     check_files,
 )
 from koord.cli.diagnostics import Report, report_error
-from koord.cli.excerpt import excerpt
+from koord.cli.excerpt import place
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
@@ -28,7 +28,7 @@ from koord.cli.interactive import Interactive
 from koord.cli.progress import Interruption
 from koord.cli.systems import system_of
 from koord.cli.tables import Rounds, Table
-from koord.cli.terminal import Paint, Style, style_of, visible
+from koord.cli.terminal import Paint, Style, style_of
 from koord.cli.traces import sources_of, write_trace
 from koord.semantics.configurations import NO_EVENT, System
 from koord.semantics.patience import OutOfPatienceError, Patience
@@ -237,11 +237,11 @@ def conclusion(
         whose = "" if fault.robot is None else f" of robot {fault.robot}"
         said = style.paint("fault", Paint.ERROR)
         yield f"{said}: {fault.kind.value}{whose}, {_when(run.configuration.round, run)}"
-        yield from place(loaded, fault.span, style)
+        yield from place(loaded.sources, fault.span, style)
     elif violation is not None:
         said = style.paint("violated", Paint.ERROR)
         yield f"{said}: {violation.name} does not hold, {_after(violation, run)}"
-        yield from place(loaded, _span_of(violation, run), style)
+        yield from place(loaded.sources, _span_of(violation, run), style)
     else:
         ended = ", and then every robot has stopped" if run.all_stopped else ""
         invariants = sum(p.kind in _SAFETY for p in run.system.program.properties)
@@ -283,11 +283,3 @@ def _span_of(violation: Violation, run: Run) -> Span:
         return next(p.span for p in program.properties if p.name == violation.name)
     contracts = (c for a in program.agents for m in a.modules for c in m.contracts)
     return next(c.span for c in contracts if c.name == violation.name)
-
-
-def place(loaded: LoadedProgram, span: Span, style: Style) -> Iterator[str]:
-    """A place in the text of a program, with the line."""
-    yield f"  {visible(span.file)}:{span.line}:{span.column}"
-    for source in (loaded.source, *loaded.reading.properties):
-        if source.name == span.file:
-            yield from excerpt(source, span, style, Paint.ERROR)

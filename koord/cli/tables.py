@@ -12,17 +12,20 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from koord.cli.terminal import Paint, Style, visible
 from koord.semantics.configurations import Configuration, System, Written
 from koord.semantics.domain import Constant
 from koord.semantics.execution import Step
-from koord.semantics.runs.policies import Taken
 from koord.semantics.storage import Storage
 from koord.semantics.traces.changes import Change, changes
 from koord.semantics.traces.names import Named, Names
 from koord.semantics.traces.recording import Recording
 from koord.semantics.traces.rendering import UNSET, show_fraction, show_output, show_storage
+
+if TYPE_CHECKING:
+    from koord.semantics.runs.policies import Taken
 
 #: Of what one step changed, so many lines are shown.
 _MOST_LINES = 12

@@ -221,7 +221,7 @@ def _check_plot(files: Sequence[str], request: Request) -> None:
 
 def _verify(program: LoadedProgram, request: Request, told: list[dict[str, object]]) -> Exit:
     # Z3 is loaded here and not before, so that the other commands start without it.
-    from koord.cli import counterexamples, steps, verdicts
+    from koord.cli import verdicts
 
     (fleet,) = request.fleets
     system = system_of(program.program, fleet, request.delta_s)
@@ -234,10 +234,14 @@ def _verify(program: LoadedProgram, request: Request, told: list[dict[str, objec
             print(text)
         for verdict in report.verdicts:
             if verdict.counterexample is not None:
+                from koord.cli import counterexamples
+
                 print()
                 for text in counterexamples.lines(program, system, verdict, style):
                     print(text)
             elif request.explain and verdict.step is not None:
+                from koord.cli import steps
+
                 print()
                 for text in steps.lines(system, verdict, style):
                     print(text)

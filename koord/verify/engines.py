@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from koord.semantics.search.limits import Limits
 from koord.verify.bmc import Bounded
 from koord.verify.claims import Claim
-from koord.verify.exhaustive import exhaust
 from koord.verify.induction import prove
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.solving import Effort
@@ -147,6 +146,8 @@ class BySearch:
     limits: Limits
 
     def work(self, ledger: Ledger) -> None:
+        from koord.verify.exhaustive import exhaust  # seldom needed, and takes a while to load
+
         claims = ledger.open()
         if ledger.subject.is_abstract:
             reason = "search: positions or paths have infinitely many values"

@@ -26,9 +26,6 @@ _SUBJECTS = {
     ClaimKind.CONTRACT: Subject.CONTRACT,
 }
 
-#: So many states are searched before another engine gets its turn; ``--engine search`` goes on.
-FEW_STATES = 20_000
-
 
 @dataclass(frozen=True, slots=True)
 class Searching:

@@ -3,34 +3,34 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from itertools import islice
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import NumberTooLongError
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.patience import OutOfPatienceError, Patience
-from koord.semantics.search.limits import Limits
+from koord.semantics.search.limits import FEW_STATES, Limits
 from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
-from koord.verify.bits.engine import ByBits
-from koord.verify.claims import Claim, Phase, claims_of
+from koord.verify.claims import Claim, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
 from koord.verify.engines import ByGlance, ByInduction, BySearch, ByUnrolling
 from koord.verify.every_n.engine import ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
-from koord.verify.exhaustive import FEW_STATES
 from koord.verify.ledger import Ledger, Subject, Works
-from koord.verify.live.settling import Ways, settled
 from koord.verify.solving import Deadline
 from koord.verify.vacuity import vacuities
 from koord.verify.varieties import others
 from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Vacuity, Verdict
 from koord.verify.witness import replayed, simplified
+
+if TYPE_CHECKING:
+    from koord.verify.live.settling import Settled
 
 
 class Choice(Enum):
@@ -81,10 +81,11 @@ def verify(
         for claim, verdict in zip(claims_of(system), given, strict=True)
         if not names or claim.name in names
     )
-    ways = Ways.NONE if cut else _WAYS.get(choice, Ways.NONE)
-    live = settled(system, bounds, ways, deadline, seed=seed, progress=progress)
-    verdicts += tuple(v for v in live.verdicts if not names or v.claim.name in names)
-    vacuities, cut = asked.vacuities + live.vacuities, cut or live.interrupted
+    vacuities = asked.vacuities
+    if liveness_of(system):
+        live = _of_whole_runs(system, bounds, None if cut else choice, deadline, seed, progress)
+        verdicts += tuple(v for v in live.verdicts if not names or v.claim.name in names)
+        vacuities, cut = vacuities + live.vacuities, cut or live.interrupted
     seconds = time.monotonic() - started
     every_n = choice is Choice.EVERY_N
     return Report(verdicts, vacuities, seconds, cut, every_n=every_n)
@@ -153,9 +154,9 @@ def _ask(
     try:
         if known is not None and known.suspected is not None:
             unrolling.through(ledger, min(known.suspected, bounds.rounds))
-        for engine in engines(choice, unrolling):
-            if ledger.open():
-                engine.work(ledger)
+        in_turn = engines(choice, unrolling)
+        while ledger.open() and (engine := next(in_turn, None)) is not None:
+            engine.work(ledger)
         _find_others(ledger)
         if known is None:
             empty = vacuities(ledger)
@@ -182,29 +183,53 @@ def _find_others(ledger: Ledger) -> None:
             ledger.settle({claim: replace(verdict, others=found)})
 
 
-def engines(choice: Choice, unrolling: ByUnrolling) -> list[Works]:
-    """The engines that a choice asks, in turn, cheapest first."""
-    induction = ByInduction(unrolling)
+def engines(choice: Choice, unrolling: ByUnrolling) -> Iterator[Works]:
+    """The engines that a choice asks, in turn, cheapest first.
+
+    Each is loaded when its turn comes: most questions are answered before.
+    """
     match choice:
         case Choice.AUTO:
             # A proof for every number of robots is one for this number.
-            every_n = ByEveryN(SPARING)
-            few = BySearch(Limits(states=FEW_STATES))
-            inference = ByInference(SPARING)
-            bits, glance = ByBits(sparing=True), ByGlance(unrolling)
-            return [every_n, induction, few, bits, glance, inference, unrolling]
+            yield ByEveryN(SPARING)
+            yield ByInduction(unrolling)
+            yield BySearch(Limits(states=FEW_STATES))
+            yield _by_bits(sparing=True)
+            yield ByGlance(unrolling)
+            yield ByInference(SPARING)
+            yield unrolling
         case Choice.EVERY_N:
-            return [ByEveryN(), ByInference()]
+            yield ByEveryN()
+            yield ByInference()
         case Choice.INDUCTION:
-            return [induction]
+            yield ByInduction(unrolling)
         case Choice.SEARCH:
-            return [BySearch(Limits())]
+            yield BySearch(Limits())
         case Choice.BITS:
-            return [ByBits()]
+            yield _by_bits()
         case Choice.BMC:
-            return [unrolling]
-    assert_never(choice)
+            yield unrolling
+        case _:
+            assert_never(choice)
 
 
-#: Which engines are asked about whole runs.
-_WAYS = {Choice.AUTO: Ways.ALL, Choice.SEARCH: Ways.SEARCH, Choice.BITS: Ways.BITS}
+def _by_bits(*, sparing: bool = False) -> Works:
+    from koord.verify.bits.engine import ByBits
+
+    return ByBits(sparing=sparing)
+
+
+def _of_whole_runs(
+    system: System,
+    bounds: Bounds,
+    choice: Choice | None,
+    deadline: Deadline,
+    seed: int,
+    progress: Callable[[str], None],
+) -> Settled:
+    """Verdicts on what is claimed of whole runs, by the engines that can tell."""
+    from koord.verify.live.settling import Ways, settled
+
+    ways = {Choice.AUTO: Ways.ALL, Choice.SEARCH: Ways.SEARCH, Choice.BITS: Ways.BITS}
+    asked = ways.get(choice, Ways.NONE) if choice is not None else Ways.NONE
+    return settled(system, bounds, asked, deadline, seed=seed, progress=progress)

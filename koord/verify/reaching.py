@@ -11,13 +11,12 @@ from koord.semantics.domain import disjunction
 from koord.semantics.runs.policies import AtRandom, First, Play, Policy
 from koord.semantics.runs.running import new_run
 from koord.semantics.runs.watching import Watch
-from koord.semantics.search.limits import Limits
+from koord.semantics.search.limits import FEW_STATES, Limits
 from koord.semantics.traces.trace import Numbers
 from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import KoordError
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import Claim, Phase
-from koord.verify.exhaustive import FEW_STATES, exhaust
 from koord.verify.induction import prove
 from koord.verify.ledger import Ledger
 from koord.verify.moments import Moment
@@ -168,6 +167,8 @@ def never_broken(
             found |= set(result.proved)
             pending = [claim for claim in pending if claim not in found]
     if pending and not ledger.subject.is_abstract:
+        from koord.verify.exhaustive import exhaust  # seldom needed, and takes a while to load
+
         judge = ledger.subject.judge
         few = Limits(states=FEW_STATES)
         searched = exhaust(ledger.system, pending, few, deadline, judge, lambda text: None)

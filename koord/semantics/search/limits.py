@@ -19,6 +19,10 @@ OUT_OF_TIME = "out of time"
 TELL_EVERY_S = 0.1
 
 
+#: So many states are few: other ways to an answer get their turn after them.
+FEW_STATES = 20_000
+
+
 @dataclass(frozen=True, slots=True)
 class Limits:
     """Bounds of a search. ``deadline_s`` is a time on the search's clock; None means no bound."""
