@@ -287,6 +287,13 @@ def test_every_tab_and_layer_can_be_shown_light_and_dark(opened: Tab) -> None:
         opened.ask(f"page.panels.show('{name}')")
         assert shown_text(opened, "pane")
     opened.ask("[...byId('layers').children].forEach((button) => button.click())")
+    opened.ask("page.choose(0), page.panels.show('Program')")
+    opened.ask("page.seek(1)")  # robot 0 runs Go in every fifth round
+    shown_text(opened, "pane")
+    assert opened.ask("document.querySelectorAll('.runs').length") == 2
+    opened.ask("page.seek(1.1)")
+    shown_text(opened, "pane")
+    assert opened.ask("document.querySelectorAll('.runs').length") == 0
     light = opened.ask("theme('--panel')")
     opened.press("d")
     assert opened.ask("theme('--panel')") != light

@@ -233,7 +233,7 @@ class WorldMap {
     pen.lineWidth = 1.5;
     pen.stroke();
     const { low, high } = this.run.header.world;
-    if (this.shown.side && room > 60 && (obstacle.high < high[2] || obstacle.low > low[2])) {
+    if (this.shown.side && room > 34 && (obstacle.high < high[2] || obstacle.low > low[2])) {
       const text = `${obstacle.low}–${obstacle.high} m`;
       pen.font = "11px system-ui, sans-serif";
       pen.textAlign = "center";
