@@ -17,7 +17,7 @@ _SCRIPTS = ("decode", "run", "words", "glyphs", "map", "timeline", "panels", "ma
 
 def page_of(recording: Recording) -> bytes:
     """A run as one HTML file."""
-    packed = zlib.compress(pack(recording, Cursor(), cursor_of(recording)), 9)
+    packed = zlib.compress(pack(recording, Cursor(), cursor_of(recording)))
     return _page(recording.header.program, base64.b64encode(packed).decode())
 
 

@@ -1,0 +1,144 @@
+"""Recordings: what keeping a run costs, how large its files are, how smoothly its page plays.
+
+Runs are LineForm with 16 drones, where every robot changes its variables in every round: nothing is
+dearer to record. Times are CPU seconds in a child process. Frames are those that a headless
+Chromium draws without a graphics card while the page plays.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from harness import Column, Report, in_child, limited, main, note
+
+ROBOTS = (3, 100, 1_000)
+
+#: Of what a run takes without being recorded.
+MOST_SHARE = 0.10
+MOST_MIB = {"run.mcap": 1.0, "run.html": 2.0}
+LEAST_FRAMES = 20.0
+
+
+def cost(rounds: int) -> dict[str, Any]:
+    """CPU seconds of a run that is recorded and of one that is not: the least of a few."""
+    from koord.sim.observing import Observer
+    from tests.sim.recorded import lineform
+
+    def nothing(*arguments: object) -> None:
+        pass
+
+    watching = Observer.tick, Observer.round
+    took = {True: float("inf"), False: float("inf")}
+    for _ in range(4):
+        for recorded in (True, False):
+            Observer.tick, Observer.round = watching if recorded else (nothing, nothing)  # type: ignore[assignment]
+            begun = time.process_time()
+            lineform(16, rounds)
+            took[recorded] = min(took[recorded], time.process_time() - begun)
+    return {"recorded_s": took[True], "plain_s": took[False]}
+
+
+def sizes(rounds: int) -> dict[str, Any]:
+    """Of each file of a run: its bytes, and the CPU seconds that it takes to make."""
+    from koord.sim.files.mcap import mcap_of
+    from koord.sim.viewing import page_of
+    from tests.sim.recorded import lineform
+
+    recording = lineform(16, rounds).recording
+    found = {}
+    for name, make in (("run.mcap", mcap_of), ("run.html", page_of)):
+        begun = time.process_time()
+        found[name] = {"bytes": len(make(recording)), "cpu_s": time.process_time() - begun}
+    return found
+
+
+def frames(robots: int, seconds: float) -> dict[str, Any]:
+    """Frames a second, and milliseconds of script for each."""
+    import tempfile
+
+    from koord.sim.viewing import page_of
+    from tests.sim.browser import browser, installed
+    from tests.sim.test_page import circling
+
+    path = installed()
+    if path is None:
+        return {}
+    page = page_of(circling(robots, 60.0))
+    with tempfile.TemporaryDirectory() as folder, browser(path) as tab:
+        file = Path(folder) / "run.html"
+        file.write_bytes(page)
+        tab.open(file.as_uri())
+        tab.ask("page.play(true)")
+        tab.ask("new Promise((done) => setTimeout(done, 1000))")
+        counted = "[page.drawn, performance.now()]"
+        first = tab.ask(counted)
+        tab.ask(f"new Promise((done) => setTimeout(done, {1000 * seconds}))")
+        last = tab.ask(counted)
+        drawing = tab.ask(
+            "(() => { const begun = performance.now();"
+            "for (let k = 0; k < 30; k++) page.map.draw(1 + 0.1 * k, page.chosen);"
+            "return (performance.now() - begun) / 30; })()"
+        )
+    return {
+        "mib": len(page) / 2**20,
+        "frames": 1000 * (last[0] - first[0]) / (last[1] - first[1]),
+        "script_ms": drawing,
+    }
+
+
+def recordings(report: Report) -> None:
+    """A table for the run, one for its files, one for the page."""
+    rounds = 200 if report.quick else 1_200
+    note("a run, recorded and not")
+    costs = report.table(
+        "LineForm, 16 drones",
+        Column("rounds", "rounds", 0),
+        Column("plain_s", "not recorded, CPU s"),
+        Column("recorded_s", "recorded, CPU s"),
+        Column("share", "more by"),
+        Column("limit", "limit"),
+        Column("met", "met"),
+    )
+    found = in_child(cost, rounds, timeout_s=600.0)
+    share = found["recorded_s"] / found["plain_s"] - 1
+    costs.rows.append(
+        {"rounds": rounds, **found, "share": share, **limited(share, MOST_SHARE, "of the run")}
+    )
+    note("files")
+    files = report.table(
+        f"Its files after {rounds / 10:g} s",
+        Column("file", "file"),
+        Column("mib", "MiB"),
+        Column("cpu_s", "CPU s to make"),
+        Column("limit", "limit"),
+        Column("met", "met"),
+    )
+    for name, of in in_child(sizes, rounds, timeout_s=300.0).items():
+        mib = of["bytes"] / 2**20
+        row = {"file": name, "mib": mib, "cpu_s": of["cpu_s"]}
+        files.rows.append(row | limited(mib, MOST_MIB[name], "MiB"))
+    pages = report.table(
+        "Its page in a browser, 60 s of robots on circles",
+        Column("robots", "robots", 0),
+        Column("mib", "MiB"),
+        Column("frames", "frames/s", 0),
+        Column("script_ms", "ms of script each", 1),
+        Column("limit", "limit"),
+        Column("met", "met"),
+    )
+    for robots in ROBOTS[:2] if report.quick else ROBOTS:
+        note(f"frames of {robots} robots")
+        shown = in_child(frames, robots, 1.0 if report.quick else 4.0, timeout_s=120.0)
+        if not shown:
+            note("no browser is installed")
+            continue
+        slow = limited(1 / shown["frames"], 1 / LEAST_FRAMES)
+        least = {"limit": f"{LEAST_FRAMES:g} frames/s", "met": slow["met"]}
+        pages.rows.append({"robots": robots, **shown, **least})
+
+
+if __name__ == "__main__":
+    sys.exit(main("recordings", __doc__, recordings))
