@@ -123,7 +123,7 @@ def number(text: str) -> Fraction:
 
 
 def setting(text: str) -> tuple[str, ParamValue]:
-    """``name=value``: an int, a float, true or false, or a list of them in brackets.
+    """``name=value``: an int, a float, true or false, a word, or a list of them in brackets.
 
     Floats become exact fractions, as everywhere in the semantics.
     """
@@ -136,7 +136,7 @@ def setting(text: str) -> tuple[str, ParamValue]:
 
 
 def value(text: str) -> ParamValue:
-    """A literal: ``4``, ``0.5``, ``true``, ``"text"``, ``[1, 2, [3]]``."""
+    """A literal: ``4``, ``0.5``, ``true``, ``"text"``, ``pick``, ``[1, 2, [3]]``."""
     tokens: list[str] = []
     position = 0
     while position < len(text):
@@ -190,7 +190,11 @@ def _scalar(token: str) -> ParamValue:
         return int(token)
     if _DECIMAL.match(token):
         return Fraction(token)
-    raise ArgumentTypeError(f"{token!r} is not a value: write an int, a float, true, false, [1, 2]")
+    if _NAME.match(token):
+        return token
+    raise ArgumentTypeError(
+        f'{token!r} is not a value: write an int, a float, true, false, a word, "text", [1, 2]'
+    )
 
 
 def sweep(text: str) -> tuple[str, tuple[ParamValue, ...]]:

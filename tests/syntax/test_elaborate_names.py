@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from textwrap import dedent
 
 import pytest
@@ -73,6 +74,12 @@ def test_settings_that_do_not_fit_are_told() -> None:
     """
     assert errors(text, tasks="many") == ["K237"]
     assert errors(text, tasks=True) == ["K237"]
+    for given, told in ((Fraction(2), "2.0"), (Fraction(10) ** 400, "1.00000e+400")):
+        assert only(text, tasks=given).message == f"`tasks` is an `int`, but it is set to `{told}`"
+    mode = only(
+        "enum Mode: idle, pick\nparam Mode m = idle\nGo: eff: if m == pick: stop\n", m="pock"
+    )
+    assert (mode.code, mode.hint) == ("K237", "it is one of idle, pick")
     unknown = only(text, task=3)
     assert (unknown.code, unknown.hint) == ("K236", "did you mean `tasks`?")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
 from fractions import Fraction
 
 from koord.syntax import ast, core
@@ -23,6 +24,9 @@ from koord.syntax.types import (
     ListType,
     Type,
 )
+
+#: Larger numbers are told with an exponent, and need not be a double.
+_LARGE = 10**16
 
 
 def param_value(session: Session, decl: ast.VarDecl) -> core.Expr | None:
@@ -48,6 +52,7 @@ def param_value(session: Session, decl: ast.VarDecl) -> core.Expr | None:
                 "K237",
                 decl.span,
                 f"`{decl.name.name}` is {a(type_)}, but it is set to `{_written(given)}`",
+                f"it is one of {', '.join(type_.members)}" if isinstance(type_, EnumType) else None,
             )
         return value
     if decl.initial is None:
@@ -140,7 +145,9 @@ def _written(given: ParamValue) -> str:
         case bool():
             return "true" if given else "false"
         case Fraction():
-            return str(float(given))
+            if abs(given) < _LARGE:
+                return str(float(given))
+            return f"{Decimal(given.numerator) / given.denominator:.6g}"
         case tuple():
             return f"[{', '.join(_written(item) for item in given)}]"
         case _:
