@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping as MappingOf
 from collections.abc import Sequence as SequenceOf
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, assert_never
 
@@ -31,6 +31,10 @@ class Kind(Enum):
     FLOAT = "float"
     BOOL = "bool"
     STRING = "string"
+
+
+#: What a scalar is in Python. A ``bool`` is no ``int`` here.
+_PYTHON = {Kind.INT: int, Kind.FLOAT: float, Kind.BOOL: bool, Kind.STRING: str}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +58,13 @@ class Record:
 
     make: type[tuple[Any, ...]]
     fields: tuple[Shape, ...]
+    #: The Python types of the fields, where all are scalars: most records are positions.
+    types: tuple[type, ...] | None = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        kinds = [one.kind for one in self.fields if isinstance(one, Scalar)]
+        types = tuple(_PYTHON[kind] for kind in kinds) if len(kinds) == len(self.fields) else None
+        object.__setattr__(self, "types", types)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +103,6 @@ INT = Scalar(Kind.INT)
 FLOAT = Scalar(Kind.FLOAT)
 BOOL = Scalar(Kind.BOOL)
 STRING = Scalar(Kind.STRING)
-
-#: What a scalar is in Python. A ``bool`` is no ``int`` here.
-_PYTHON = {Kind.INT: int, Kind.FLOAT: float, Kind.BOOL: bool, Kind.STRING: str}
 
 
 def blank(shape: Shape, robots: int) -> Any:
@@ -143,7 +151,7 @@ def to_plain(shape: Shape, value: Any) -> Plain:
         case Scalar() | Enumeration():
             return value  # type: ignore[no-any-return]
         case Record(fields=fields):
-            if all(type(field) is Scalar for field in fields):
+            if shape.types is not None:
                 return tuple(value)
             return tuple(map(to_plain, fields, value))
         case Array(element=element) | PerRobot(element=element) | Sequence(element=element):
@@ -174,6 +182,8 @@ def from_plain(shape: Shape, plain: Any, robots: int, *, unset: bool = False) ->
             raise ShapeError(f"{_named(plain)} is no member of {name}")
         case Record(make=make, fields=fields):
             parts = _items(plain, len(fields))
+            if shape.types is not None and tuple(map(type, parts)) == shape.types:
+                return tuple.__new__(make, parts)
             made = [
                 from_plain(f, p, robots, unset=unset) for f, p in zip(fields, parts, strict=True)
             ]

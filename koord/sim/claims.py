@@ -7,16 +7,18 @@ claims have the slack of the scene (:mod:`koord.runtime.compile.slack`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from typing import Any
 
 from koord.runtime.compile.loading import loaded
-from koord.runtime.compile.watching import Claim, Sort, Watched
+from koord.runtime.compile.watching import Claim, Looks, Sort, Watched
 from koord.runtime.motion.world import Point
+from koord.runtime.operations import FaultError
 from koord.runtime.robot import Host, Key, Robot, Turn
-from koord.runtime.shapes import from_plain
+from koord.runtime.shapes import Shape, from_plain
 from koord.runtime.watch import Watch
 from koord.sim.hosting import placed
 from koord.sim.running import Broken, Moment, Simulation
@@ -29,22 +31,75 @@ _SORTS = {
 }
 
 
+#: So many looks back it is known what has changed; a claim is looked at at least every other time.
+_LOOKS = 4
+
+#: Of more robots than this, so many at each tick, in turn, are held against their contracts.
+_MOST_AT_A_TICK = 200
+
+
 @dataclass
 class _Stated:
-    """A claim about robots, and for which of them it is known to hold still."""
+    """A claim about robots, and for which of them it is known not to hold."""
 
     claim: Claim
     robots: tuple[Sequence[int], ...]
     broken: set[tuple[int, ...]] = field(default_factory=set)
-    seen: _Seen | None = None
+    looked: int = -1  #: when it was looked at last
 
 
-@dataclass(slots=True)
-class _Seen:
-    """What a claim has looked at last: of each robot what it holds, and what is shared."""
+class _Changes:
+    """What has changed of robots and of what they share, from look to look.
 
-    own: list[tuple[Any, ...]]
-    shared: tuple[Any, ...]
+    Values of compiled programs never change (decision record 0012), so what is the same object as
+    before is the same value.
+    """
+
+    def __init__(self, claims: Iterable[Claim]) -> None:
+        looks = [claim.looks for claim in claims if claim.looks is not None]
+        self.own = sorted(frozenset().union(*(o for one in looks for o in one.own)))
+        self.entries = sorted(frozenset().union(*(e for one in looks for e in one.entries)))
+        self.shared = sorted(frozenset().union(*(one.shared for one in looks)))
+        self.look = 0
+        self._last: dict[str, Sequence[Any]] = {}
+        self._changed: dict[str, deque[set[int]]] = {}
+
+    def note(self, robots: Sequence[Robot], values: Mapping[str, Any]) -> None:
+        """Look at robots, and at what they share."""
+        self.look += 1
+        for name in self.own:
+            self._note(name, [vars(robot).get(name) for robot in robots])
+        for name in self.entries:
+            self._note(f"{name}[]", values[name])
+        for name in self.shared:
+            self._note(f"{name}.", (values[name],))
+
+    def _note(self, name: str, now: Sequence[Any]) -> None:
+        last = self._last.get(name)
+        if last is None:
+            changed = set(range(len(now)))
+        elif last is now:
+            changed = set()
+        else:
+            pairs = enumerate(zip(now, last, strict=True))
+            changed = {number for number, (a, b) in pairs if a is not b}
+        self._last[name] = now
+        self._changed.setdefault(name, deque(maxlen=_LOOKS)).append(changed)
+
+    def since(self, look: int, looks: Looks) -> set[int] | None:
+        """The robots of which a claim sees something else than at a look; None: it may be any."""
+        count = self.look - look
+        if count > _LOOKS:
+            return None
+        for name in looks.shared:
+            if any([*self._changed[f"{name}."]][-count:]):
+                return None
+        found = set[int]()
+        own = frozenset().union(*looks.own)
+        entries = frozenset().union(*looks.entries)
+        for name in (*own, *(f"{entry}[]" for entry in entries)):
+            found.update(*[*self._changed[name]][-count:])
+        return found
 
 
 class Watching:
@@ -54,6 +109,9 @@ class Watching:
         kinds = run.cast.kinds
         self.watch = watch_of(watched, run)
         self.looked: dict[str, int] = {}
+        self._changes = _Changes(watched.claims)
+        self._measured = [list(_measured(one)) for one in run.cast.classes]
+        self._next = 0
         self._stated: dict[Sort, list[_Stated]] = {sort: [] for sort in Sort}
         self._contracts: list[list[Claim]] = [[] for _ in run.cast.classes]
         for claim in watched.claims:
@@ -71,6 +129,7 @@ class Watching:
         if engine.ended is not None:
             return
         self.watch.look(engine.robots, engine.store.values)
+        self._changes.note(engine.robots, engine.store.values)
         time_s = run.fleet.now_s
         for sort in _SORTS[moment]:
             for stated in self._stated[sort]:
@@ -88,21 +147,18 @@ class Watching:
             return
         fleet = run.fleet
         positions, reached = fleet.positions().tolist(), fleet.reached().tolist()
-        for robot in run.engine.robots:
+        for robot in self._in_turn(run.engine.robots):
             contracts = self._contracts[robot.KIND]
             if not contracts:
                 continue
             x, y, z = positions[robot.pid]
-            after = dict(vars(robot))
-            for name in robot.SENSORS:
-                match name.rpartition("_")[2]:
-                    case "psn" | "position":
-                        shape = robot.PORTS[name]
-                        after[name] = from_plain(shape, placed(shape, (x, y, z)), robot.numAgents)
-                    case "reached" | "done":
-                        after[name] = reached[robot.pid]
-                    case _:
-                        pass
+            held = vars(robot)
+            after = {name: held[name] for name in robot.PORTS}
+            for name, shape in self._measured[robot.KIND]:
+                if shape is None:
+                    after[name] = reached[robot.pid]
+                else:
+                    after[name] = from_plain(shape, placed(shape, (x, y, z)), robot.numAgents)
             self.watch.look_at(robot, after)
             for claim in contracts:
                 self._count(claim)
@@ -113,6 +169,15 @@ class Watching:
 
     # --- inside ---------------------------------------------------------------------------------
 
+    def _in_turn(self, robots: Sequence[Robot]) -> Sequence[Robot]:
+        """The robots whose contracts are looked at now."""
+        count = len(robots)
+        if count <= _MOST_AT_A_TICK:
+            return robots
+        first = self._next
+        self._next = (first + _MOST_AT_A_TICK) % count
+        return [robots[(first + k) % count] for k in range(_MOST_AT_A_TICK)]
+
     def _count(self, claim: Claim) -> None:
         name = _named(claim)
         self.looked[name] = self.looked.get(name, 0) + 1
@@ -122,38 +187,21 @@ class Watching:
 
         What nothing has changed of since it was last looked at is as it was.
         """
-        changed = self._changed(stated)
         claim, broken = stated.claim, stated.broken
+        looks, changes = claim.looks, self._changes
+        changed = None if looks is None else changes.since(stated.looked, looks)
+        stated.looked = changes.look
+        holds = getattr(self.watch, claim.method)
         for robots in _tuples(stated.robots, changed):
-            if self.watch.holds(claim.method, *robots):
-                broken.discard(robots)
-            else:
+            try:
+                is_so = holds(*robots)
+            except FaultError:  # [PROP-FAULT]
+                is_so = False
+            if not is_so:
                 broken.add(robots)
-        return sorted(broken)
-
-    def _changed(self, stated: _Stated) -> set[int] | None:
-        """The robots of which a claim sees something else than before; None: it may be any."""
-        looks = stated.claim.looks
-        if looks is None:
-            return None
-        values = vars(self.watch)
-        names = sorted(frozenset().union(*looks.own))
-        entries = sorted(frozenset().union(*looks.entries))
-        own = []
-        for robot in self.watch.robots:
-            held, pid = vars(robot), robot.pid
-            own.append(
-                (*(held.get(name) for name in names), *(values[name][pid] for name in entries))
-            )
-        shared = tuple(values[name] for name in sorted(looks.shared))
-        before, stated.seen = stated.seen, _Seen(own, shared)
-        if before is None or any(a is not b for a, b in zip(shared, before.shared, strict=True)):
-            return None
-        return {
-            pid
-            for pid, (now, then) in enumerate(zip(own, before.own, strict=True))
-            if any(a is not b for a, b in zip(now, then, strict=True))
-        }
+            elif broken:
+                broken.discard(robots)
+        return sorted(broken) if broken else []
 
 
 class Checked:
@@ -226,6 +274,16 @@ def _shown(value: object) -> str:
     return text if len(text) <= 120 else f"{text[:117]}..."
 
 
+def _measured(one: type[Robot]) -> Iterator[tuple[str, Shape | None]]:
+    """The sensors of a robot that say where it is, each with its shape, or whether it is there."""
+    for name in one.SENSORS:
+        port = name.rpartition("_")[2]
+        if port in ("psn", "position"):
+            yield name, one.PORTS[name]
+        elif port in ("reached", "done"):
+            yield name, None
+
+
 def _robots(kinds: Sequence[int], agent: int | None) -> Sequence[int]:
     if agent is None:
         return range(len(kinds))
@@ -238,6 +296,8 @@ def _tuples(
     """The tuples of robots; only those with one in them that has changed, if that is known."""
     if changed is None or not robots:
         yield from product(*robots)
+    elif len(robots) == 1:
+        yield from ((one,) for one in robots[0] if one in changed)
     elif len(robots) == 2:
         first, second = robots
         for one in first:

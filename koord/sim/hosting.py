@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from random import Random
 from typing import Any
 
@@ -61,6 +61,7 @@ class Hosted:
             robot: np.random.default_rng(np.random.SeedSequence((seed, robot, 2)))
             for robot in self.scanners
         }
+        self._goals = [list(_goals(one)) for one in self.classes]
         self._sent: dict[tuple[int, str], Any] = {}
         self.sensed: tuple[Sensed, ...] = fleet.sensed()  #: what robots know of themselves
         self._walls = occupied(fleet.world) if fleet.world.obstacles else frozenset()
@@ -73,10 +74,11 @@ class Hosted:
     ) -> None:
         """Hand over what robots were told since last time, then let time pass up to ``time_s``."""
         for robot in robots:
-            for name in robot.PORTS:
-                port = name.rpartition("_")[2]
-                if port in _GOALS and name not in robot.SENSORS:
-                    self._order(robot.pid, name, robot.PORTS[name], getattr(robot, name))
+            held = vars(robot)
+            for name, shape in self._goals[self.kinds[robot.pid]]:
+                value = held[name]
+                if value is not self._sent.get((robot.pid, name)):
+                    self._order(robot.pid, name, shape, value)
         self.library.begin_round()
         self.fleet.advance_to(time_s, watch)
         self.sensed = self.fleet.sensed()
@@ -199,6 +201,13 @@ class Hosted:
                 return known
         (shape,) = [v.shape for v in program.SHARED.variables if v.name == name]
         return shape if robot is None else element_of(shape)
+
+
+def _goals(one: type[Robot]) -> Iterator[tuple[str, Shape]]:
+    """The actuators of a robot that send it somewhere."""
+    for name, shape in one.PORTS.items():
+        if name.rpartition("_")[2] in _GOALS and name not in one.SENSORS:
+            yield name, shape
 
 
 def _is_task(shape: Shape) -> bool:

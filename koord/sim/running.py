@@ -6,6 +6,7 @@ give equal runs, and equal :attr:`Figures.digest`.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -248,12 +249,22 @@ def _held(robot: Robot) -> dict[str, Any]:
 
 
 def run(simulation: Simulation, time_s: float) -> Iterator[Decision]:
-    """The rest of a run that has begun, up to a time: what was decided in each round."""
-    while simulation.ending is None:
-        if simulation.time_s > time_s - 1e-9:
-            simulation.end(Ending.LIMIT)
-            break
-        yield simulation.round()
+    """The rest of a run that has begun, up to a time: what was decided in each round.
+
+    Values that programs hold and recordings keep make no cycles, and are many: the collector of
+    cycles would look at all of them again and again, so it waits until the run is over.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        while simulation.ending is None:
+            if simulation.time_s > time_s - 1e-9:
+                simulation.end(Ending.LIMIT)
+                break
+            yield simulation.round()
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def _host(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:

@@ -293,4 +293,6 @@ class _WatchModule(Module):
     ) -> Scope:
         scope = super().scope(agent, sure=sure, in_method=in_method)
         scope.agent = self._kind  # a contract is of a robot of one kind
+        if len(self.program.agents) == 1:
+            scope.assigned |= self.knowledge.own[0]  # INIT is over when claims are looked at
         return scope
