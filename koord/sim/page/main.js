@@ -1,5 +1,6 @@
 // The page: time, keys, and what is drawn when.
 
+const FOLLOW_S = 0.2; // so far behind a live run stays what is shown
 const PANELS_MS = 150; // while it plays, numbers change no more often than one can read
 
 class Page {
@@ -105,9 +106,11 @@ class Page {
   frame(now) {
     const passed = Math.min((now - this.last) / 1000, 0.25);
     this.last = now;
-    if (this.follows) {
-      if (this.time !== this.run.duration) this.isDirty = true;
-      this.time = this.run.duration;
+    if (this.follows && this.time !== this.run.duration) {
+      // Packs come now and then; what is shown goes on without jerks.
+      const behind = this.run.duration - this.time;
+      this.time = behind < 1e-3 ? this.run.duration : this.time + behind * (1 - Math.exp(-passed / FOLLOW_S));
+      this.isDirty = true;
     } else if (this.isPlaying) {
       this.time += passed * this.speed;
       this.isDirty = true;
@@ -127,7 +130,7 @@ class Page {
     this.map.draw(this.time, this.chosen);
     this.timeline.draw(this.time, this.chosen);
     this.paintClock();
-    if (now - this.panelsAt > PANELS_MS || !this.isPlaying) {
+    if (now - this.panelsAt > PANELS_MS || !(this.isPlaying || this.follows)) {
       this.panelsAt = now;
       this.panels.draw();
       this.paintLegend();
@@ -303,6 +306,8 @@ class Page {
   pressed(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || byId("keys").open) return;
     if (event.target.matches("input, select")) return;
+    // Who goes from button to button by keyboard presses them with space.
+    if (event.key === " " && event.target.matches("button:focus-visible")) return;
     const keys = {
       " ": () => this.play(),
       ArrowLeft: () => this.step(event.shiftKey ? -10 : -1),
@@ -320,7 +325,7 @@ class Page {
     };
     const action = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!action) return;
-    event.preventDefault(); // space would press the button that was pressed last
+    event.preventDefault(); // else space would press the button that was clicked last
     action();
   }
 

@@ -60,7 +60,6 @@ class Panels {
     this.tab = name;
     for (const button of this.tabs.children) {
       button.setAttribute("aria-selected", String(button.textContent === name));
-      button.tabIndex = button.textContent === name ? 0 : -1;
     }
     this.pane.setAttribute("aria-labelledby", `tab-${name}`);
     this.pane.scrollTop = 0;
