@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import cycle, islice
 from pathlib import Path
 from random import Random
@@ -16,12 +16,13 @@ from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
-from koord.cli.progress import Interruption
+from koord.cli.progress import Interruption, LiveLine
+from koord.cli.protocol_check import NETWORKS
 from koord.cli.terminal import Paint, style_of, visible
 from koord.cli.traces import sources_of
-from koord.refinement.cases import Case, Tried, all_generated, generated, of_program, tried
+from koord.refinement.cases import Case, Target, Tried, all_generated, generated, of_program, tried
 from koord.refinement.running import Compiled, ready
-from koord.refinement.shrinking import shrunk
+from koord.refinement.shrinking import TRIES, shrunk
 from koord.runtime.compile import compiled
 from koord.semantics.configurations import System, dealt
 from koord.semantics.traces.codec import encode
@@ -33,26 +34,40 @@ _ROBOTS = (1, 2, 3, 4)
 _SHOWN = 8
 
 
+#: What may be checked besides all of it.
+_PROTOCOL = "protocol"
+
+#: Where programs may run besides: in a world, with the configuration that lies beside them.
+_SIMULATOR = "simulator"
+
+#: Of so many runs on the engine, one more on each of the others: they take longer.
+_SHARES = {Target.ENGINE: 1, Target.NETWORK: 10, Target.UDP: 50}
+
+#: Processes do not do the same thing twice, so that making a run smaller is soon a matter of luck.
+_TRIES_OVER_UDP = 10
+
+
 @dataclass
 class Totals:
-    """What a campaign did. Runs that gave up found no values that the program allows."""
+    """What runs did on a target. Runs that gave up found no values that the program allows."""
 
+    target: Target
     runs: int = 0
     rounds: int = 0
     steps: int = 0
     faults: int = 0
+    skips: int = 0
     gave_up: int = 0
-    failures: list[Tried] = field(default_factory=list)
 
     def add(self, one: Tried) -> None:
         self.runs += 1
         if one.judged is not None and one.ran is not None:
-            self.rounds += len(one.ran.trace.recording.rounds)
+            rounds_ = one.ran.trace.recording.rounds
+            self.rounds += len(rounds_)
+            self.skips += sum(event is None for round_ in rounds_ for event in round_.events)
             self.steps += one.judged.steps
             self.faults += one.ran.fault_place is not None
             self.gave_up += one.ran.gave_up is not None
-        if one.failed:
-            self.failures.append(one)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -62,7 +77,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         help="a program (.krd); - is standard input. Without any, programs are generated",
     )
-    parser.add_argument("--runs", metavar="K", type=_runs, default=100, help="how many runs (100)")
+    parser.add_argument(
+        "--runs", metavar="K", type=_runs, default=100, help="how many runs of each program (100)"
+    )
+    parser.add_argument(
+        "--target",
+        choices=[*(target.value for target in Target), _SIMULATOR, _PROTOCOL],
+        help="where programs run: in one process, over a simulated network, as processes over UDP; "
+        "or: K/50 runs in a simulated world; or: check the round-commit protocol alone (K runs in "
+        "one process, K/10 over a simulated network, K/50 over UDP)",
+    )
     parser.add_argument(
         "--rounds", metavar="R", type=rounds, default=8, help="how many rounds a run (8)"
     )
@@ -73,12 +97,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--faults",
         choices=["none", "loss", "chaos"],
         default="none",
-        help="what happens to messages, with --protocol; without, there are none (none)",
-    )
-    parser.add_argument(
-        "--protocol",
-        action="store_true",
-        help="check the round-commit protocol itself, on simulated networks",
+        help="what happens to messages; chaos: robots crash and come back besides (none)",
     )
     parser.add_argument(
         "--seed", metavar="S", type=seed, default=0, help="what every random choice hangs on (0)"
@@ -110,10 +129,10 @@ def _runs(text: str) -> int:
 
 def main(arguments: argparse.Namespace) -> int:
     check_files([*arguments.files, *arguments.properties])
-    if arguments.protocol:
+    if arguments.target == _PROTOCOL:
         return _protocol(arguments)
-    if arguments.faults != "none":
-        raise argparse.ArgumentTypeError("--faults goes with --protocol")
+    if arguments.target == _SIMULATOR:
+        return _simulator(arguments)
     if arguments.case is not None and arguments.files:
         raise argparse.ArgumentTypeError("--case is of a generated program, and needs no file")
     report = Report()
@@ -124,26 +143,44 @@ def main(arguments: argparse.Namespace) -> int:
         report.print(sys.stderr, as_json=False)
     if report.errors:
         return Exit.BAD_INPUT
-    totals = Totals()
-    with Interruption() as interruption:
+    everything = {target: Totals(target) for target in _targets(arguments)}
+    failure: Tried | None = None
+    with Interruption() as interruption, LiveLine(sys.stderr) as line:
         for one in _all(arguments, programs):
+            totals = everything[one.case.target]
             totals.add(one)
+            line.show(f"{totals.target.value}: {totals.runs} {_many('run', totals.runs)}")
+            failure = one if one.failed else None
             if one.failed or interruption.requested:
                 break
-    saved = [_saved(arguments.save, one) for one in totals.failures]
+    saved = None if failure is None else _saved(arguments.save, failure)
     if arguments.json:
-        sys.stdout.write(json.dumps(_document(totals, saved), indent=2) + "\n")
+        document = _document(list(everything.values()), failure, saved)
+        sys.stdout.write(json.dumps(document, indent=2) + "\n")
     else:
-        _show(totals, saved)
+        _show(list(everything.values()), failure, saved)
     if interruption.requested:
         return Exit.INTERRUPTED
-    return Exit.VIOLATED if totals.failures else Exit.OK
+    return Exit.OK if failure is None else Exit.VIOLATED
 
 
 def _protocol(arguments: argparse.Namespace) -> int:
     if arguments.files or arguments.case is not None:
-        raise argparse.ArgumentTypeError("--protocol is of no program: it takes no file, no case")
+        raise argparse.ArgumentTypeError(
+            "--target protocol is of no program: it takes no file, no case"
+        )
     from koord.cli.protocol_check import main as check
+
+    return check(arguments)
+
+
+def _simulator(arguments: argparse.Namespace) -> int:
+    if not arguments.files or arguments.case is not None:
+        raise argparse.ArgumentTypeError("--target simulator takes programs: name a file")
+    from koord.runtime.motion.libraries import SIM, require
+
+    require(SIM, "sim")
+    from koord.cli.check_simulated import main as check
 
     return check(arguments)
 
@@ -151,28 +188,40 @@ def _protocol(arguments: argparse.Namespace) -> int:
 # --- runs ---------------------------------------------------------------------------------------
 
 
+def _targets(arguments: argparse.Namespace) -> tuple[Target, ...]:
+    """Where programs are to run. A generated one that was kept did so on the engine, or is told."""
+    if arguments.target is not None:
+        return (Target(arguments.target),)
+    return (Target.ENGINE,) if arguments.case is not None else tuple(Target)
+
+
 def _all(arguments: argparse.Namespace, programs: tuple[LoadedProgram, ...]) -> Iterator[Tried]:
     """Every run; one that fails is replaced by a smaller one that fails as well."""
+    faults, most, seed = NETWORKS[arguments.faults], arguments.rounds, arguments.seed
+    targets = _targets(arguments)
     if arguments.case is not None:
-        yield _smallest(tried(generated(arguments.case, arguments.rounds)), None)
+        yield _smallest(tried(generated(arguments.case, most, targets[0], faults)), None)
         return
-    if not programs:
-        for case in islice(all_generated(Random(arguments.seed), arguments.rounds), arguments.runs):
-            yield _smallest(tried(case), None)
-        return
-    for loaded in programs:
-        made = ready(loaded.program)
-        systems = (dealt(loaded.program, n, arguments.delta) for n in cycle(_ROBOTS))
-        cases = of_program(sources_of(loaded), systems, arguments.rounds, Random(arguments.seed))
-        for case in islice(cases, arguments.runs):
-            yield _smallest(tried(case, made), made)
+    for target in targets:
+        runs = arguments.runs if len(targets) == 1 else -(-arguments.runs // _SHARES[target])
+        if not programs:
+            for case in islice(all_generated(Random(seed), most, target, faults), runs):
+                yield _smallest(tried(case), None)
+        for loaded in programs:
+            made = ready(loaded.program)
+            systems = (dealt(loaded.program, n, arguments.delta) for n in cycle(_ROBOTS))
+            of = sources_of(loaded)
+            cases = of_program(of, systems, most, Random(seed), target, faults)
+            for case in islice(cases, runs):
+                yield _smallest(tried(case, made), made)
 
 
 def _smallest(outcome: Tried, made: Compiled | None) -> Tried:
     """Of a program that was compiled once for all runs, the program stays as it is."""
     if not outcome.failed:
         return outcome
-    return shrunk(outcome, lambda case: tried(case, made), programs=made is None)
+    tries = _TRIES_OVER_UDP if outcome.case.target is Target.UDP else TRIES
+    return shrunk(outcome, lambda case: tried(case, made), programs=made is None, tries=tries)
 
 
 # --- what is told -------------------------------------------------------------------------------
@@ -194,7 +243,8 @@ def _story(one: Tried) -> str:
     """A failing case in full: program, what it was compiled to, schedule, first wrong step."""
     program = one.case.system.program
     parts = [
-        f"koord check-refinement --case {one.case.seed}  # and made smaller",
+        f"koord check-refinement --case {one.case.seed} --target {one.case.target.value} "
+        f"--rounds …  # and made smaller",
         f"seed {one.case.seed}, {_robots(one.case.system)}, {one.case.rounds} rounds, "
         f"{one.case.policy.value}",
         *_told(one),
@@ -241,46 +291,67 @@ def _told(one: Tried) -> Iterator[str]:
             yield f"  round {number}: order {list(round_.order)}, events [{events}]"
 
 
-def _document(totals: Totals, saved: list[str]) -> dict[str, object]:
+def _document(
+    everything: list[Totals], failure: Tried | None, saved: str | None
+) -> dict[str, object]:
+    targets = [
+        {
+            "target": totals.target.value,
+            "runs": totals.runs,
+            "rounds": totals.rounds,
+            "steps": totals.steps,
+            "skips": totals.skips,
+            "faults": totals.faults,
+            "gaveUp": totals.gave_up,
+        }
+        for totals in everything
+    ]
     return {
-        "runs": totals.runs,
-        "rounds": totals.rounds,
-        "steps": totals.steps,
-        "faults": totals.faults,
-        "gaveUp": totals.gave_up,
-        "failures": [
-            {
-                "program": one.case.sources.program.name,
-                "seed": one.case.seed,
-                "robots": one.case.system.robots,
-                "rounds": one.case.rounds,
-                "policy": one.case.policy.value,
-                "rule": None if one.refused is None else one.refused.rule,
-                "reason": one.crash if one.refused is None else one.refused.reason,
-                "saved": path,
-            }
-            for one, path in zip(totals.failures, saved, strict=True)
-        ],
+        "format": "koord-refinement",
+        "version": 1,
+        "targets": targets,
+        "failure": None if failure is None else _failure(failure, saved),
     }
 
 
-def _show(totals: Totals, saved: list[str]) -> None:
+def _failure(one: Tried, saved: str | None) -> dict[str, object]:
+    return {
+        "program": one.case.sources.program.name,
+        "target": one.case.target.value,
+        "seed": one.case.seed,
+        "robots": one.case.system.robots,
+        "rounds": one.case.rounds,
+        "policy": one.case.policy.value,
+        "rule": None if one.refused is None else one.refused.rule,
+        "reason": one.crash if one.refused is None else one.refused.reason,
+        "saved": saved,
+    }
+
+
+def _show(everything: list[Totals], failure: Tried | None, saved: str | None) -> None:
     style = style_of(sys.stdout)
-    for one, path in zip(totals.failures, saved, strict=True):
+    if failure is not None:
         said = style.paint("refused", Paint.ERROR)
-        name = visible(one.case.sources.program.name)
-        print(f"{said}: {name}, {_robots(one.case.system)}, seed {one.case.seed}")
-        for line in _told(one):
+        name, target = visible(failure.case.sources.program.name), failure.case.target.value
+        print(f"{said}: {name}, {_robots(failure.case.system)}, {target}, seed {failure.case.seed}")
+        for line in _told(failure):
             print(f"  {visible(line)}")
-        print(f"  saved as {visible(path)}")
-    counted = f"{totals.runs} {_many('run', totals.runs)}, {totals.rounds} "
+        print(f"  saved as {visible(saved or '')}")
+    for totals in everything:
+        if totals.runs:
+            print(
+                _line(totals, failed=failure is not None and failure.case.target is totals.target)
+            )
+
+
+def _line(totals: Totals, *, failed: bool) -> str:
+    """What runs on a target did."""
+    counted = f"{totals.target.value}: {totals.runs} {_many('run', totals.runs)}, {totals.rounds} "
     counted += f"{_many('round', totals.rounds)}, {totals.steps} {_many('step', totals.steps)}"
     ends = f"{totals.faults} ended in a fault"
     if totals.gave_up:
         ends += f", {totals.gave_up} for want of values that the program allows"
-    found = len(totals.failures)
-    verdict = f"{found} {_many('violation', found)}" if found else "no violation"
-    print(f"{counted}: {verdict} ({ends})")
+    return f"{counted}: {'1 violation' if failed else 'no violation'} ({ends})"
 
 
 def _many(word: str, count: int) -> str:

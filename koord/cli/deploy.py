@@ -288,8 +288,7 @@ def _tell(statuses: dict[int, Status], job: Job, *, as_json: bool) -> None:
 
 
 def _ended(statuses: dict[int, Status], job: Job, interrupts: Interrupts) -> int:
-    faults = [status.fault for status in statuses.values() if status.fault is not None]
-    if faults:
+    if any(status.fault or status.trouble for status in statuses.values()):
         return Exit.VIOLATED
     if interrupts.count:
         return Exit.INTERRUPTED

@@ -74,6 +74,8 @@ def table(statuses: Mapping[int, Status], rounds: int | None) -> Table:
 
 def story(status: Status) -> str:
     """What is to be said of a robot besides."""
+    if status.trouble is not None:
+        return f"stopped: {status.trouble}"
     if status.fault is not None:
         return f"fault: {status.fault}"
     if status.is_over:
@@ -116,7 +118,7 @@ def summary(statuses: Mapping[int, Status], job: Job) -> str:
         lines.append("all robots have stopped")
     elif behind:
         lines.append(f"not at the last round: {', '.join(behind)}")
-    lines += sorted({story(status) for status in everyone if status.fault is not None})
+    lines += sorted({story(status) for status in everyone if status.fault or status.trouble})
     return "\n".join(lines)
 
 

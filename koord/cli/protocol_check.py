@@ -1,5 +1,5 @@
-"""``koord check-refinement --protocol``: the round-commit protocol itself, in all interleavings of
-three robots to a bound, and on simulated networks with every fault.
+"""``koord check-refinement --target protocol``: the round-commit protocol itself, in all
+interleavings of three robots to a bound, and on simulated networks with every fault.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from __future__ import annotations
 import pickle
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
@@ -20,10 +21,10 @@ from koord.refinement.gathering import gathered
 from koord.refinement.hosting import SeededHost, settled_starts
 from koord.refinement.running import Compiled, Ran
 from koord.refinement.witnessing import (
-    TOO_LARGE,
+    GAVE_UP,
+    GaveUpError,
     Scribe,
     Told,
-    TooLargeError,
     Witnessed,
     WitnessedHost,
 )
@@ -50,6 +51,9 @@ from koord.syntax.source import Source
 #: A run that is not over after so long is stuck: virtual seconds, and real ones.
 _VIRTUAL_S, _REAL_S = 300.0, 60.0
 
+#: Others who are not there have so long when the first has come to the end.
+_GRACE_S = 3.0
+
 #: It blows for so many rounds, then the network is calm until the run is over.
 _STORM_ROUNDS = 40
 
@@ -60,6 +64,10 @@ Starts = Mapping[tuple[int | None, str], Any]
 
 class StuckError(Exception):
     """Robots do not get on, though nothing hinders them any more."""
+
+
+class BrokenError(Exception):
+    """A robot's process fell over."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,17 +175,12 @@ def over_network(expedition: Expedition) -> Ran:
             setup, expedition.faults, expedition.seed, crew.switch_on, _over_the_wire(job.robots)
         )
         storm_s = _STORM_ROUNDS * job.delta_s
-        gave_up: KoordError | None = None
-        try:
+        with suppress(GaveUpError):
             _play(network, storm_s)
-            for pid, node in enumerate(network.nodes):
-                if node is not None:
-                    crew.members[pid].finish()
-        except KoordError as error:
-            gave_up = error
-        except TooLargeError:
-            pass
-        return replace(expedition.ran(crew.told), gave_up=gave_up)
+        for pid, node in enumerate(network.nodes):
+            if node is not None:
+                crew.members[pid].finish()
+        return expedition.ran(crew.told)
 
 
 def _play(network: Network, storm_s: float) -> None:
@@ -211,7 +214,7 @@ def _over_the_wire(robots: int) -> Callable[[Message], Message]:
 def over_udp(expedition: Expedition) -> Ran:
     """A run of processes that talk over UDP, on a network as bad as the faults say.
 
-    Raises StuckError, DisagreementError, TransportError.
+    Raises StuckError, BrokenError, DisagreementError, TransportError.
     """
     faults, system = expedition.faults, expedition.system
     with TemporaryDirectory() as name:
@@ -245,13 +248,17 @@ def over_udp(expedition: Expedition) -> Ran:
 def _watch(fleet: Fleet, faults: Faults, draw: Random) -> None:
     """Until the run is over; robots are killed now and then, and come back at once."""
     begun = looked_at = time.monotonic()
+    over_at: float | None = None
     while not fleet.is_over:
         for _ in fleet.news(0.05):
             pass
         if fleet.failures:
             raise fleet.failures[0]
-        if any(status.fault == str(TOO_LARGE) for status in fleet.statuses.values()):
-            return
+        for status in fleet.statuses.values():
+            if status.trouble is not None and GAVE_UP not in status.trouble:
+                raise BrokenError(status.trouble)
+            if status.trouble is not None:
+                return
         now = time.monotonic()
         stormy = now - begun < _REAL_S / 4
         for pid, process in enumerate(fleet.processes):
@@ -259,6 +266,10 @@ def _watch(fleet: Fleet, faults: Faults, draw: Random) -> None:
             if stormy and falls and process.is_alive() and _spare(fleet) > 0:
                 fleet.replace(pid)
         looked_at = now
+        if over_at is None and any(status.is_over for status in fleet.statuses.values()):
+            over_at = now
+        if over_at is not None and now - over_at > _GRACE_S:
+            return  # who has come to the end leaves; who was down then has nobody to ask
         if now - begun > _REAL_S:
             rounds = {pid: status.round for pid, status in fleet.statuses.items()}
             raise StuckError(f"after {_REAL_S:.0f} s robots are at rounds {rounds}")

@@ -16,6 +16,7 @@ from koord.refinement.witnessing import (
     Acted,
     Asked,
     Began,
+    GaveUp,
     Kept,
     Sensed,
     Stood,
@@ -50,6 +51,7 @@ from koord.semantics.traces.trace import Emitted, Numbers, Sources, Trace
 from koord.semantics.values import default
 from koord.syntax import core
 from koord.syntax.core import Home
+from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import ArrayType
 
@@ -65,11 +67,12 @@ class _Heard:
     decisions: dict[int, Decision] = field(default_factory=dict)
     starts: dict[tuple[Home, int, int | None], Start] = field(default_factory=dict)
     answers: dict[int, dict[tuple[Phase, int, Key], Answer]] = field(default_factory=dict)
-    readings: dict[tuple[int, int, int], Reading] = field(default_factory=dict)
+    readings: dict[int, dict[tuple[int, int], Reading]] = field(default_factory=dict)
     stood: dict[tuple[int, int], Robot[Constant]] = field(default_factory=dict)
     stumbled: dict[tuple[int, int], Found] = field(default_factory=dict)
     written: dict[tuple[int, int], tuple[Written[Constant], ...]] = field(default_factory=dict)
     undeclared: bool = False
+    gave_up: KoordError | None = None
 
     def hear(self, pid: int, told: Told) -> None:
         match told:
@@ -83,13 +86,15 @@ class _Heard:
                 of_round = self.answers.setdefault(round_, {})
                 of_round[answer.phase, answer.robot, answer.key] = answer
             case Sensed(round=round_, reading=reading):
-                self.readings[round_, pid, reading.slot] = reading
+                self.readings.setdefault(round_, {})[pid, reading.slot] = reading
             case Stood(round=round_, robot=robot):
                 self.stood[round_, pid] = robot
             case Stumbled(round=round_, fault=fault):
                 self.stumbled[round_, pid] = fault
             case Kept(round=round_, written=written):
                 self.written[round_, pid] = written
+            case GaveUp(why=why):
+                self.gave_up = KoordError(why) if why else self.gave_up
             case Acted(decision=decision):
                 round_ = decision.round
                 # As texts, because what is no number does not equal itself.
@@ -111,8 +116,8 @@ def gathered(
 
     ``library`` answers what only the rules ask; without one the reference's does.
 
-    Raises DisagreementError, and KoordError where no answers are found that the program allows to
-    questions that only the rules have.
+    It gives up where no readings or answers are found that the program allows, of a robot that was
+    switched off or to questions that only the rules have. Raises DisagreementError.
     """
     heard = _Heard()
     for pid, story in enumerate(told):
@@ -135,7 +140,8 @@ class _Gathering:
         first = heard.decisions.get(INIT_ROUND)
         if first is None:
             nothing = Recording(Opening(()), ())
-            return Ran(Trace(self.sources, system, Numbers.DOUBLE, nothing, ()))
+            bare = Trace(self.sources, system, Numbers.DOUBLE, nothing, ())
+            return Ran(bare, gave_up=heard.gave_up)
         order, _ = schedule_of(first, system.robots)
         order = (*order, *(i for i in range(system.robots) if i not in order))
         fault = self._fault_of(first)
@@ -151,12 +157,15 @@ class _Gathering:
             fault = self._fault_of(decision) or self._stumbled(number)
             cut = decision.fault is not None
             turns, events = schedule_of(decision, system.robots)
-            readings = () if cut else tuple(self._readings(number))
+            readings = () if cut else self._readings(number)
             rounds.append(Round(turns, events, readings, self._answers(number), cut))
         recording = Recording(opening, tuple(rounds))
         bare = Trace(self.sources, system, Numbers.DOUBLE, recording, ())
-        trace = self._seen(with_summaries(bare, self.library), fault)
-        return Ran(trace, None if fault is None else fault[1].place)
+        try:
+            trace = self._seen(with_summaries(bare, self.library), fault)
+        except KoordError as error:  # what nobody saw is nothing that the program allows
+            return Ran(bare, None, error)
+        return Ran(trace, None if fault is None else fault[1].place, heard.gave_up)
 
     def _begin_the_rest(self) -> None:
         """What robots did not come to begin with, because INIT ended in a fault."""
@@ -197,17 +206,15 @@ class _Gathering:
         following = self.heard.decisions.get(number + 1)
         if following is not None and following.fault is None:
             return None
-        found = sorted(pid for round_, pid in self.heard.stumbled if round_ == number)
+        found = [i for i in range(self.system.robots) if (number, i) in self.heard.stumbled]
         return (found[0], self.heard.stumbled[number, found[0]]) if found else None
 
     def _answers(self, number: int) -> tuple[Answer, ...]:
         return tuple(self.heard.answers.get(number, {}).values())
 
-    def _readings(self, number: int) -> Iterator[Reading]:
+    def _readings(self, number: int) -> tuple[Reading, ...]:
         """What sensors read at the end of a round, where anyone looked."""
-        for (round_, _, _), reading in self.heard.readings.items():
-            if round_ == number:
-                yield reading
+        return tuple(self.heard.readings.get(number, {}).values())
 
     # --- what the whole went through --------------------------------------------------------------
 
@@ -238,11 +245,10 @@ class _Gathering:
     def _configuration(self, step: Step) -> Configuration[Constant]:
         """The configuration after a step, the robots as they saw themselves where they did."""
         by_rules = step.configuration
-        robots = tuple(
-            self.heard.stood.get((step.round + 1, pid), robot)
-            for pid, robot in enumerate(by_rules.robots)
-        )
-        return replace(by_rules, robots=robots, fault=None)
+        seen = [self.heard.stood.get((step.round + 1, i)) for i in range(len(by_rules.robots))]
+        robots = tuple(a or b for a, b in zip(seen, by_rules.robots, strict=True))
+        store = next((robot.copy for robot in seen if robot is not None), by_rules.store)
+        return replace(by_rules, robots=robots, store=store, fault=None)
 
     def _outputs(self, step: Step) -> Iterator[Emitted]:
         """What a step wrote, as told by the robot that took it."""

@@ -17,12 +17,14 @@ T = TypeVar("T")
 TRIES = 400
 
 
-def shrunk(failing: Tried, attempt: Callable[[Case], Tried], *, programs: bool) -> Tried:
+def shrunk(
+    failing: Tried, attempt: Callable[[Case], Tried], *, programs: bool, tries: int = TRIES
+) -> Tried:
     """The smallest failing case that is found by taking parts away, one at a time.
 
     With ``programs`` parts of the program are taken away, too: only where it is nobody's text.
     """
-    best, left = failing, TRIES
+    best, left = failing, tries
     progress = True
     while progress and left > 0:
         progress = False

@@ -20,14 +20,17 @@ from koord.runtime.motion.world import Point
 from koord.runtime.proposals import INIT_ROUND, Decision, Fault, Faulted, Proposal, Taken
 from koord.runtime.protocol.entries import Entry
 from koord.runtime.robot import Key, Robot, Turn
-from koord.runtime.shapes import ShapeError
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.configurations import System, Written
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Phase
 from koord.semantics.traces.recording import Answer, Reading, Start
 from koord.syntax import core
+from koord.syntax.diagnostics import Diagnostic, KoordError
 from koord.syntax.types import FLOAT, INT, ArrayType
+
+#: What a robot says that gave up.
+GAVE_UP = "gave up"
 
 _PHASES = {Turn.INIT: Phase.INIT, Turn.PROG: Phase.PROG, Turn.ENV: Phase.ENV}
 
@@ -94,7 +97,14 @@ class Kept:
     written: tuple[Written[Constant], ...]
 
 
-Told: TypeAlias = Began | Undeclared | Asked | Sensed | Stood | Stumbled | Acted | Kept
+@dataclass(frozen=True, slots=True)
+class GaveUp:
+    """The robot's host has found no values that the program allows, or they became too large."""
+
+    why: tuple[Diagnostic, ...]  #: nothing, if values became too large
+
+
+Told: TypeAlias = Began | Undeclared | Asked | Sensed | Stood | Stumbled | Acted | Kept | GaveUp
 
 
 # --- robots that tell ---------------------------------------------------------------------------
@@ -210,15 +220,15 @@ class WitnessedHost:
         return answer
 
 
-class TooLargeError(ShapeError):
-    """A value of a program that nobody wrote has grown too large to go on."""
-
-
-TOO_LARGE = TooLargeError("a value is too large")
+class GaveUpError(Exception):
+    """A robot cannot go on, and nothing that is checked is to blame."""
 
 
 class Witnessed(Member):
-    """A deployed robot that tells what it does. It raises TooLargeError above ``largest``."""
+    """A deployed robot that tells what it does.
+
+    It gives up if its host does, or if a value is larger than ``largest``. Raises GaveUpError.
+    """
 
     def __init__(
         self,
@@ -240,12 +250,19 @@ class Witnessed(Member):
 
     def propose(self, round_: int) -> Proposal | None:
         if self._largest is not None and size_of(self.robot) > self._largest:
-            raise TOO_LARGE
+            raise self._given_up(())
         before = self._proposal
-        made = super().propose(round_)
+        try:
+            made = super().propose(round_)
+        except KoordError as error:
+            raise self._given_up(error.diagnostics) from error
         if made is not None and made is not before and round_ != INIT_ROUND:
             self._scribe.stood(round_, self.robot)
         return made
+
+    def _given_up(self, why: tuple[Diagnostic, ...]) -> GaveUpError:
+        self._scribe.tell(GaveUp(why))
+        return GaveUpError(GAVE_UP)
 
     def _begin(self) -> Fault | None:
         fault = super()._begin()
@@ -283,9 +300,18 @@ class Witnessed(Member):
         if self._proposal is not None and self._proposal is not self._from_journal:
             self._scribe.kept(self._proposal.round, self.robot, event)
 
+    def forget(self) -> None:
+        self.finish()
+        super().forget()
+
     def finish(self) -> None:
         """The environment's turn after the last round, for whoever wants to see the end."""
         if self.mute or self.fault is not None or self.round == INIT_ROUND:
             return
-        if self._sense() is None:
+        try:
+            fault = self._sense()
+        except KoordError as error:
+            self._given_up(error.diagnostics)
+            return
+        if fault is None:
             self._scribe.stood(self.round, self.robot)

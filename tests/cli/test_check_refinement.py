@@ -42,28 +42,48 @@ def koord(*arguments: str) -> int:
 
 def test_a_program_is_checked(file: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert koord(file, "--runs", "6") == Exit.OK
-    assert capsys.readouterr().out.startswith("6 runs, 48 rounds, ")
+    engine, network, udp = capsys.readouterr().out.splitlines()
+    assert engine.startswith("engine: 6 runs, 48 rounds, ")
+    assert network.startswith("network: 1 run, 8 rounds, ")
+    assert udp.startswith("udp: 1 run, 8 rounds, ")
     assert list(Path().glob("refinement-*")) == []
 
 
 def test_programs_are_generated(file: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert koord("--runs", "5", "--rounds", "2", "--json") == Exit.OK
+    words = ["--runs", "5", "--rounds", "2", "--json", "--target", "engine"]
+    assert koord(*words) == Exit.OK
     told = json.loads(capsys.readouterr().out)
-    assert told["runs"] == 5
-    assert told["failures"] == []
-    assert koord("--runs", "5", "--rounds", "2", "--json") == Exit.OK
+    assert [(one["target"], one["runs"]) for one in told["targets"]] == [("engine", 5)]
+    assert told["failure"] is None
+    assert koord(*words) == Exit.OK
     assert json.loads(capsys.readouterr().out) == told
-    assert koord("--runs", "5", "--rounds", "2", "--json", "--seed", "1") == Exit.OK
+    assert koord(*words, "--seed", "1") == Exit.OK
     assert json.loads(capsys.readouterr().out) != told
 
 
-@pytest.mark.usefixtures("_wrong")
-def test_a_run_that_is_refused_is_shown_and_kept(
-    file: str, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("faults", ["loss", "chaos"])
+def test_faults_make_robots_skip(
+    file: str, faults: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert koord(file, "--runs", "6", "--seed", "3") == Exit.VIOLATED
+    skips = []
+    for words in ([], ["--faults", faults]):
+        for target in ("engine", "network"):
+            assert koord(file, "--runs", "6", "--target", target, "--json", *words) == Exit.OK
+            (told,) = json.loads(capsys.readouterr().out)["targets"]
+            assert told["target"] == target
+            skips.append(told["skips"])
+    assert skips[2] > skips[0]
+    assert skips[3] > skips[1]
+
+
+@pytest.mark.usefixtures("_wrong")
+@pytest.mark.parametrize("target", ["engine", "network", "udp"])
+def test_a_run_that_is_refused_is_shown_and_kept(
+    file: str, target: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert koord(file, "--runs", "6", "--seed", "3", "--target", target) == Exit.VIOLATED
     out = capsys.readouterr().out
-    assert "refused: app.krd, 1 robot" in out
+    assert f"refused: app.krd, 1 robot, {target}" in out
     assert "[ENV-TRANS] round 1: the configuration recorded is another" in out
     assert "sum: by the rules 2, recorded 1" in out
     (kept,) = Path().glob("refinement-*.json")
@@ -76,7 +96,7 @@ def test_a_generated_program_that_is_refused_is_kept_whole(
     file: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert koord("--runs", "200", "--rounds", "3", "--json") == Exit.VIOLATED
-    (failure,) = json.loads(capsys.readouterr().out)["failures"]
+    failure = json.loads(capsys.readouterr().out)["failure"]
     kept = Path(failure["saved"]).read_text("utf-8")
     assert koord("--case", str(failure["seed"]), "--rounds", "3") == Exit.VIOLATED
     for part in ("# compiled", "# the core program", "# the recording", str(failure["seed"])):
@@ -91,7 +111,7 @@ def test_a_number_of_runs_is_one(runs: str, capsys: pytest.CaptureFixture[str]) 
 
 def test_a_case_is_of_a_generated_program(file: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert koord("--case", "5") == Exit.OK
-    assert capsys.readouterr().out.startswith("1 run, ")
+    assert capsys.readouterr().out.startswith("engine: 1 run, ")
     assert koord("--case", "5", file) == Exit.BAD_INPUT
 
 

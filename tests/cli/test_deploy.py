@@ -150,7 +150,16 @@ def test_the_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.slow
 def test_the_protocol_can_be_checked_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["check-refinement", "--protocol", "--faults", "chaos", "--runs", "8", "--json"]
+    words = [
+        "check-refinement",
+        "--target",
+        "protocol",
+        "--faults",
+        "chaos",
+        "--runs",
+        "8",
+        "--json",
+    ]
     assert main(words) == Exit.OK
     document = json.loads(capsys.readouterr().out)
     assert document["runs"] == 8
@@ -164,8 +173,9 @@ def test_the_protocol_can_be_checked_by_itself(capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--protocol", SUM], "takes no file"),
-        (["--faults", "chaos"], "--faults goes with --protocol"),
+        (["--target", "protocol", SUM], "takes no file"),
+        (["--target", "protocol", "--case", "1"], "no case"),
+        (["--target", "moon"], "invalid choice"),
     ],
 )
 def test_flags_of_the_protocol_s_check_stand_together(

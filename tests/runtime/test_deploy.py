@@ -347,5 +347,5 @@ def test_a_robot_whose_store_differs_stops_and_says_so(monkeypatch: pytest.Monke
     monkeypatch.setattr(Member, "decided", mistaken)
     runner = Runner(job, 0, Hub(1).transport(0))
     ended = runner.run(lambda: False, lambda status: None)
-    assert ended.fault == "the store differs after round 0"
+    assert ended.trouble == "the store differs after round 0"
     assert runner.member.host.holding

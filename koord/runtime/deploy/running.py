@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from hashlib import blake2b
@@ -166,7 +167,7 @@ class Runner:
     @property
     def status(self) -> Status:
         status = status_of(self.peer, self.member, self.tally)
-        return status if self.trouble is None else replace(status, fault=self.trouble)
+        return replace(status, trouble=self.trouble)
 
     def run(self, is_told_to_stop: Callable[[], bool], report: Callable[[Status], None]) -> Status:
         """Until the run is over, everybody has stopped, or somebody says so."""
@@ -178,6 +179,11 @@ class Runner:
                 self.peer.turn(REPORT_S / 4)
             except (DivergedError, ShapeError) as error:
                 self.trouble = str(error)
+                break
+            except Exception as error:  # whatever it is: the robot stops safely, and tells
+                place = traceback.extract_tb(error.__traceback__)[-1]
+                what = f"{type(error).__name__}: {error}"
+                self.trouble = f"{what} ({Path(place.filename).name}:{place.lineno})"
                 break
             now = self._clock()
             if now >= next_report:

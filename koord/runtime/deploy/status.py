@@ -34,6 +34,7 @@ class Status:
     is_mute: bool
     is_voter: bool  #: whether its voice counts; not at once after a crash
     fault: str | None = None
+    trouble: str | None = None  #: why it had to stop, if that is not the program's doing
 
 
 @dataclass(slots=True)
