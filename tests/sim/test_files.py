@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from koord.runtime.motion.world import Box, World
+from koord.runtime.motion.world import Box, Disc, Polygon, World
 from koord.runtime.shapes import Array, Enumeration
 from koord.sim.files import plots, rosbag, space
 from koord.sim.recording import (
@@ -41,6 +41,18 @@ def recording() -> Recording:
     recorder.recording = again
     recorder.violation(3.0, "separation", "too near", (0, 1), (1.0, 2.0, 0.5))
     return again
+
+
+@pytest.fixture
+def cluttered() -> Recording:
+    """A world with an obstacle of each shape, without robots."""
+    obstacles = (
+        Box((1, 1, 0), (2, 3, 1)),
+        Disc((4, 4), 0.5),
+        Polygon(((5, 5), (7, 5), (6, 6.5)), 0.5, 9.0),
+    )
+    world = World((0, 0, 0), (8, 8, 3), obstacles)
+    return Recorder(Header("c.krd", "", 0.1, 0, world, (), (), ())).recording
 
 
 # --- rosbag2 --------------------------------------------------------------------------------------
@@ -81,6 +93,18 @@ def test_a_rosbag_has_poses_events_and_violations(recording: Recording, tmp_path
     assert json.loads(read["/violations"][0][1].data)["robots"] == [0, 1]
     kinds = {marker.ns for marker in read["/scene"][0][1].markers}
     assert kinds == {"bounds", "robots", "tasks"}
+
+
+def test_a_rosbag_has_every_obstacle(cluttered: Recording) -> None:
+    pytest.importorskip("rosbags")
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS2_HUMBLE).types
+    ((_, _, scene),) = rosbag._Messages(cluttered, types).all()
+    box, disc, polygon = [marker for marker in scene.markers if marker.ns == "obstacles"]
+    assert (box.pose.position.x, box.pose.position.y, box.scale.z) == (1.5, 2.0, 1.0)
+    assert (disc.scale.x, disc.scale.z) == (1.0, 3.0)
+    assert {point.z for point in polygon.points} == {0.5, 3.0}  # no higher than the world
 
 
 # --- pictures -------------------------------------------------------------------------------------
@@ -157,10 +181,24 @@ def test_prisms_are_closed_surfaces() -> None:
     assert vertices.max(0).tolist() == [2, 3, 1]
 
 
+def test_every_obstacle_is_a_surface_in_space(cluttered: Recording) -> None:
+    world = cluttered.header.world
+    for obstacle, (width, depth, height) in zip(
+        world.obstacles, ((1, 2, 1), (1, 1, 3), (2, 1.5, 2.5)), strict=True
+    ):
+        vertices, faces = space._prism(obstacle, world)
+        assert np.ptp(vertices, axis=0) == pytest.approx((width, depth, height), abs=0.01)
+        assert faces.max() == len(vertices) - 1
+    pytest.importorskip("viser")
+    assert space.space_of(cluttered)
+
+
 # --- rerun ----------------------------------------------------------------------------------------
 
 
-def test_rerun_finds_nothing_wrong(recording: Recording, tmp_path: Path) -> None:
+def test_rerun_finds_nothing_wrong(
+    recording: Recording, cluttered: Recording, tmp_path: Path
+) -> None:
     pytest.importorskip("rerun")
     from koord.sim.files.rerun import rrd_of
 
@@ -173,6 +211,9 @@ def test_rerun_finds_nothing_wrong(recording: Recording, tmp_path: Path) -> None
         [tool, "rrd", "verify", str(path)], capture_output=True, text=True, env=environment
     )
     assert checked.returncode == 0, checked.stderr
+    path.write_bytes(rrd_of(cluttered))
+    assert subprocess.run([tool, "rrd", "verify", str(path)], env=environment).returncode == 0
+    path.write_bytes(rrd_of(recording))
     told = subprocess.run(
         [tool, "rrd", "print", "-v", str(path)], capture_output=True, text=True, env=environment
     )

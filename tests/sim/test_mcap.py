@@ -12,8 +12,9 @@ import jsonschema
 import numpy as np
 import pytest
 
+from koord.runtime.motion.world import Box, Disc, Polygon, World
 from koord.sim.files.mcap import mcap_of
-from koord.sim.recording import SHARED, Recorder, Recording
+from koord.sim.recording import SHARED, Header, Recorder, Recording
 from tests.sim.recorded import lineform, task
 
 pytest.importorskip("mcap")
@@ -112,6 +113,18 @@ def test_violations_are_errors_in_the_log(recording: Recording) -> None:
     ((time_s, message),) = Read(mcap_of(recorder.recording)).topics["/log"]
     assert (time_s, message["level"]) == (1.5, 4)
     assert message["message"] == "separation: too near"
+
+
+def test_obstacles_are_cubes_cylinders_and_lines() -> None:
+    obstacles = (Box((1, 1, 0), (2, 3, 1)), Disc((4, 4), 0.5), Polygon(((5, 5), (7, 5), (6, 6))))
+    world = World((0, 0, 0), (8, 8, 3), obstacles)
+    recording = Recorder(Header("c.krd", "", 0.1, 0, world, (), (), ())).recording
+    ((_, scene),) = Read(mcap_of(recording)).topics["/scene"]
+    bounds, box, disc, polygon = scene["entities"]
+    assert len(bounds["lines"][0]["points"]) == 24  # twelve edges
+    assert box["cubes"][0]["size"] == {"x": 1, "y": 2, "z": 1}
+    assert disc["cylinders"][0]["size"] == {"x": 1, "y": 1, "z": 3}
+    assert [len(line["points"]) for line in polygon["lines"]] == [4, 4, 6]
 
 
 def test_16_robots_and_two_minutes_are_less_than_a_megabyte() -> None:
