@@ -36,6 +36,7 @@ from koord.semantics.traces.codec_values import decode_value, encode_value
 from koord.semantics.traces.json_reader import Reader
 from koord.semantics.traces.recording import Concrete
 from koord.semantics.traces.trace import Numbers
+from koord.semantics.values import Seq
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.elaborate.settings import Settings
@@ -301,6 +302,36 @@ def test_no_answer_is_told_with_function_and_arguments() -> None:
     message = refusal("K921", lambda: drive(b.program(), 1).go(0, "Ask"))
     assert "never(3)" in message
     assert "400 tries" in message
+
+
+def test_answers_are_mended_as_their_summary_asks() -> None:
+    """[EXTERNAL]: such answers would not be hit upon."""
+    program = loaded("""
+using Motion
+def fun route(pos a, pos b) -> pos[]: extern
+  ensures: length(result) == 6 and result[0] == a and result[length(result) - 1] == b
+def fun other(int k) -> int: extern
+  ensures: 1000 < result and result < 1010 and forall i: i != k implies other(i) != result
+local:
+  pos[] r = []
+  int n = 0
+Go:
+  eff:
+    r = route(Motion.psn, pos(1, 1, 1))
+    n = other(pid)
+""")
+    d = drive(program, 3)
+    for _ in range(3):
+        d.round("Go", "Go", "Go")
+    answers = [a for r in d.run.recording().rounds for a in r.answers]
+    ways = [a for a in answers if a.function == "route"]
+    assert ways
+    for way in ways:
+        assert isinstance(way.value, Seq)
+        assert (way.value.length, len(way.value.items)) == (6, 6)
+        assert (way.value.items[0], way.value.items[-1]) == way.arguments
+    others = {a.arguments: a.value for a in answers if a.function == "other"}
+    assert len(others) == len(set(others.values())) == 3
 
 
 def test_an_unmet_requirement_is_a_fault_and_no_search() -> None:

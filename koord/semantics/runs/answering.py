@@ -12,6 +12,7 @@ from koord.semantics.expressions import evaluate
 from koord.semantics.machine import machine
 from koord.semantics.oracle import Key, Oracle, Phase
 from koord.semantics.runs.library import host
+from koord.semantics.runs.repairing import placed, repairs
 from koord.semantics.runs.sampling import Sampler, values_held, values_within
 from koord.semantics.storage import held
 from koord.semantics.traces.recording import Answer, Concrete, Reading, Start
@@ -35,6 +36,9 @@ Question: TypeAlias = "tuple[str, tuple[Concrete, ...]]"
 
 #: So many answers of an external function are tried before the run gives up.
 TRIES = 400
+
+#: An answer that the summary does not allow is mended so often before another is drawn.
+_MENDED = 6
 
 #: Summaries that mention other functions are followed so deep; what lies below is taken on trust.
 _DEEPEST = 4
@@ -164,18 +168,24 @@ class SampledInputs:
             return self.functions[question]
         if question in pending:
             return pending[question]
-        for candidate in self._candidates(function, arguments, robot):
-            known = len(self.functions)
-            pending[question] = candidate
-            meets = len(pending) > _DEEPEST or self._meets(function, arguments, robot, pending)
-            del pending[question]
-            if meets:
-                if lasting:
-                    self.functions[question] = candidate
-                return candidate
-            # What was found out about other functions hung on this candidate.
-            while len(self.functions) > known:
-                self.functions.popitem()
+        for drawn in self._candidates(function, arguments, robot):
+            candidate: Concrete | None = drawn
+            for _ in range(1 + _MENDED):
+                if candidate is None:
+                    break
+                known = len(self.functions)
+                pending[question] = candidate
+                meets = len(pending) > _DEEPEST or self._meets(function, arguments, robot, pending)
+                better = None if meets else self._mended(function, arguments, robot, pending)
+                del pending[question]
+                if meets:
+                    if lasting:
+                        self.functions[question] = candidate
+                    return candidate
+                # What was found out about other functions hung on this candidate.
+                while len(self.functions) > known:
+                    self.functions.popitem()
+                candidate = better
         raise _no_answer(function, arguments)
 
     def _candidates(
@@ -212,6 +222,30 @@ class SampledInputs:
         reads = tuple(core.Read(core.Place(p)) for p in function.parameters)
         evaluate(m, core.ExternalCall(function.name, reads, function.result.type, 0))
         return all(d.known(needed.condition) is True for needed in m.legality)
+
+    def _mended(
+        self,
+        function: core.External,
+        arguments: tuple[Concrete, ...],
+        robot: int | None,
+        pending: dict[Question, Concrete],
+    ) -> Concrete | None:
+        """The answer on trial with a part as the summary asks for, if that can be told."""
+        d = self.sampler.numbers.domain
+        answer = pending[function.name, arguments]
+        m = machine(d, self.sampler.system, _TrialOracle(self, robot, pending), robot=robot)
+        known = [held(d, value) for value in (*arguments, answer)]
+        m.memory.bound = [*known, *[None] * (function.bound - len(known))]
+        m.in_summary = True
+        mended = [
+            placed(answer, repair.path, repair.value)
+            for promise in function.ensures
+            for repair in repairs(m, promise)
+            if repair.home is Home.BOUND and repair.slot == function.result.slot
+        ]
+        # Parts that are not there, such as elements of a shorter list, cannot be mended.
+        mended = [other for other in mended if other != answer]
+        return self.sampler.rng.choice(mended) if mended else None
 
     def coerced(self, value: Concrete, type_: Type) -> Concrete:
         """A value with its rationals as floats of the run's domain."""

@@ -26,12 +26,18 @@ from koord.syntax.types import FLOAT, INT, ArrayType, ListType, QueueType
 #: How far apart the sides of an order may be put.
 _MARGINS = (Fraction(0), Fraction(1), Fraction(1, 10))
 
+#: Lists are not made longer than this to meet a statement about their lengths.
+_LONGEST = 1000
+
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """A part of a variable, and a value for it. ``path`` are positions of fields and elements."""
+    """A part of a variable, and a value for it. ``path`` are positions of fields and elements.
+
+    The answer of an external function is a bound variable in its summary, of no robot.
+    """
 
     home: Home
     slot: int
@@ -122,6 +128,12 @@ def _solved(m: Machine[Constant], e: core.Expr, value: Concrete) -> Iterator[Rep
             yield from _solved(m, operand, _computed(m, e, BinaryOp.SUB, _zero(m, e), value))
         case core.Unary(op=UnaryOp.ABS, operand=operand):
             yield from _solved(m, operand, value)
+        case core.Builtin(op=core.ListOp.LENGTH, arguments=(operand,)):
+            old = evaluate(m, operand)
+            if isinstance(old, Seq) and isinstance(value, int) and 0 <= value <= _LONGEST:
+                # What a list grows by is like its last element; to an empty one nothing is alike.
+                items = (*old.items[:value], *old.items[-1:] * (value - len(old.items)))
+                yield from _solved(m, operand, Seq(len(items), items))
         case core.Binary(op=BinaryOp.ADD, left=left, right=right):
             yield from _solved(m, left, _computed(m, e, BinaryOp.SUB, value, evaluate(m, right)))
             yield from _solved(m, right, _computed(m, e, BinaryOp.SUB, value, evaluate(m, left)))
@@ -156,11 +168,13 @@ def _is_scalar(value: Concrete) -> TypeGuard[Constant]:
 
 
 def _targets(m: Machine[Constant], place: core.Place, value: Concrete) -> Iterator[Repair]:
-    """The variable that a place lies in, if it is one that can be chosen."""
+    """The variable that a place lies in, if it may be one that can be chosen."""
     variable, steps = place.variable, list(place.steps)
     slot: int | None = variable.slot
     robot: int | None = None
-    if m.view is None:
+    if variable.home is Home.BOUND:
+        pass
+    elif m.view is None:
         if not place.primed:
             return
         robot = m.robot
@@ -177,9 +191,9 @@ def _targets(m: Machine[Constant], place: core.Place, value: Concrete) -> Iterat
                 robot = _index(m, first.index, len(m.view.robots))
             case Home.ALLWRITE:
                 pass
-            case Home.BOUND:
-                return
-    if slot is None or (robot is None and variable.home is not Home.ALLWRITE):
+    if slot is None:
+        return
+    if robot is None and variable.home not in (Home.ALLWRITE, Home.BOUND):
         return
     path = []
     for step in steps:

@@ -20,7 +20,7 @@ from koord.semantics.runs.standing_in import driven
 from koord.semantics.storage import contents, held, stored
 from koord.semantics.turns import environment_turn
 from koord.syntax import core
-from koord.syntax.core import BinaryOp, Direction, QuantifierKind
+from koord.syntax.core import BinaryOp, Direction, Home, QuantifierKind
 from koord.syntax.diagnostics import KoordError, refusal
 
 #: So many initial configurations are tried before the assumptions count as not to be met.
@@ -303,7 +303,11 @@ class _Search:
                 )
                 if all(statement(m, e) for e in contract.requires):
                     found += [r for e in contract.ensures for r in repairs(m, e)]
-        found = [repair for repair in found if (self.robot, repair.slot) in self.inputs.readings]
+        found = [
+            repair
+            for repair in found
+            if repair.home is Home.PORT and (self.robot, repair.slot) in self.inputs.readings
+        ]
         if not found:
             return False
         repair = self.inputs.sampler.rng.choice(found)
