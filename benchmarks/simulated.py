@@ -1,0 +1,263 @@
+"""Simulated runs, the whole stack: program, rounds, claims, motion, vehicles, recording.
+
+*Task* over many seeds, as in the paper's experiments: who visits what, how long it takes, how near
+robots come to each other. Then fleets of 16 to 10,000: CPU seconds inside of a child process, with
+the recording and the files that are made of it, without the start of the interpreter. Robots of
+*Squares* each fly or drive around a square of their own and tell the others how far they are.
+
+The paper's Task took about 110 s with 3 robots and about 90 s with 4, by vehicles whose speeds it
+does not give; ours are said in specs/examples/task.yaml.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any
+
+from harness import EXAMPLES, LIMITS, Cell, Column, Report, in_child, koord, limited, main, note
+
+#: Robots, and the time that the paper's runs took.
+TASK = ((3, 110.0), (4, 90.0))
+
+#: A run of Task may take so long.
+TASK_S = 8.0
+
+SQUARES = """\
+using Motion:
+    sensors:
+        pos psn
+        bool reached
+    actuators:
+        pos target
+
+allread:
+    int[] corners = 0
+
+local:
+    pos home
+    int visited = 0
+
+def fun corner(pos home, int k) -> pos:
+    float x = 0.0
+    float y = 0.0
+    if k % 4 == 1 or k % 4 == 2:
+        x = 1.2
+    if k % 4 == 2 or k % 4 == 3:
+        y = 1.2
+    return home + pos(x, y, 0.0)
+
+init:
+    home = Motion.psn
+    Motion.target = Motion.psn
+
+Next:
+    pre: Motion.reached
+    eff:
+        visited = visited + 1
+        corners[pid] = visited
+        Motion.target = corner(home, visited)
+
+invariant Told: corners[pid] == visited
+invariant Near: abs(Motion.psn.x - home.x) <= 3 and abs(Motion.psn.y - home.y) <= 3
+"""
+
+DEVICES = {
+    "drone": "{bot_type: QUAD, planner: RRT_DRONE}",
+    "car": "{bot_type: CAR, planner: RRT_CAR}",
+    "car, pursuit": "{bot_type: CAR, planner: RRT_CAR, simulation: {steering: PURSUIT}}",
+    "point": "{bot_type: IDEAL, planner: STRAIGHT}",
+}
+
+#: Program, devices in turn, robots, seconds, least speed against real time.
+FLEETS: tuple[tuple[str, tuple[str, ...], int, float, float | None], ...] = (
+    ("lineform", ("drone",), 16, 120.0, 40.0),
+    ("shapeform", ("drone",), 16, 120.0, 40.0),
+    ("squares", ("car", "drone"), 16, 60.0, None),
+    ("squares", ("car", "drone"), 100, 30.0, 4.0),
+    ("squares", ("car", "drone"), 1_000, 6.0, 2.0),
+    ("squares", ("car, pursuit", "drone"), 1_000, 6.0, 5.0),
+    ("squares", ("drone",), 1_000, 6.0, 2.0),
+    ("squares", ("point",), 10_000, 2.0, 0.5),
+)
+
+
+def squares(devices: tuple[str, ...], count: int) -> str:
+    """A configuration: robots on a grid, six metres from each other."""
+    side = math.ceil(math.sqrt(count))
+    lines = ["delta: 0.1", "devices:"]
+    lines += [f"    {name!r}: {DEVICES[name]}" for name in dict.fromkeys(devices)]
+    lines.append("agents:")
+    for k in range(count):
+        name = devices[k % len(devices)]
+        place = [6 * (k % side), 6 * (k // side), 0 if name.startswith("car") else 1]
+        lines.append(f"    - {{pid: {k}, on_device: {name!r}, position: {place}}}")
+    high = [6 * side, 6 * side, 3]
+    lines.append(f"world: {{bounds: {{low: [-4, -4, 0], high: {high}}}}}")
+    return "\n".join(lines) + "\n"
+
+
+def simulated(
+    program: str, text: str, configuration: str, seconds: float, files: bool
+) -> dict[str, Any]:
+    """What a run costs, and what it comes to. An example has its own configuration."""
+    import resource
+    import time
+    from pathlib import Path
+
+    from koord.cli.diagnostics import Report as Diagnostics
+    from koord.cli.simulating import Asked
+    from koord.runtime.configuration.checking import load
+    from koord.sim.files.mcap import mcap_of
+    from koord.sim.running import run
+    from koord.sim.viewing import page_of
+    from koord.syntax.source import Source
+
+    asked = Asked(Source(program, text), load(Source("fleet.yaml", configuration)), (), {})
+    job = asked.job(Diagnostics(), None, None)
+    assert job is not None
+    simulation = job.simulation()
+    simulation.begin()
+    begun = time.process_time()
+    for _ in run(simulation, seconds):
+        pass
+    cpu_s = time.process_time() - begun
+    threads = len(list(Path("/proc/self/task").iterdir()))
+    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    sizes: dict[str, float] = {}
+    if files:
+        sizes["mcap_kib"] = len(mcap_of(simulation.recording)) / 1024
+        sizes["html_kib"] = len(page_of(simulation.recording)) / 1024
+    events = sum(robot.events for robot in simulation.figures().robots)
+    return {
+        "cpu_s": cpu_s,
+        "peak_mib": peak_mib,
+        "threads": threads,
+        "time_s": simulation.time_s,
+        "broken": len(simulation.broken),
+        "events": events,
+        **sizes,
+    }
+
+
+def task(report: Report) -> None:
+    """Task over many seeds."""
+    table = report.table(
+        "Task: 20 places in the arena of 7 × 8 × 3 m",
+        Column("robots", "robots", 0),
+        Column("runs", "runs", 0),
+        Column("done", "all visited", 0),
+        Column("time_s", "mean s", 1),
+        Column("spread_s", "± s (95 %)", 1),
+        Column("paper_s", "paper s", 0),
+        Column("nearest_m", "nearest m"),
+        Column("safety_m", "safe m"),
+        Column("broken", "broken", 0),
+        Column("wall_s", "mean wall s"),
+        *LIMITS,
+    )
+    runs = 3 if report.quick else 30
+    means = []
+    for robots, paper_s in TASK:
+        note(f"Task, {robots} robots, {runs} seeds")
+        program = str(EXAMPLES / "task.krd")
+        flags = ["--robots", str(robots), "--runs", str(runs), "--json"]
+        done = koord("sim", program, *flags, timeout_s=3_000.0)
+        found = done.json()
+        if not report.expect(found is not None, f"Task, {robots} robots: {done.errors[-500:]}"):
+            continue
+        mean, spread = _mean([run["tasks_s"] for run in found["runs"] if run["tasks_s"]])
+        means.append(mean)
+        whole = sum(run["tasks_done"] == run["tasks"] == 20 for run in found["runs"])
+        broken = sum(run["broken"] for run in found["runs"])
+        nearest = min(run["separation_m"] for run in found["runs"])
+        safety = max(run["safety_m"] for run in found["runs"])
+        report.expect(whole == runs, f"Task, {robots} robots: {runs - whole} runs left tasks")
+        report.expect(broken == 0, f"Task, {robots} robots: {broken} claims broken")
+        report.expect(nearest > safety, f"Task, {robots} robots: {nearest:.2f} m apart")
+        wall_s = sum(run["wall_s"] for run in found["runs"]) / runs
+        table.rows.append(
+            {
+                "robots": robots,
+                "runs": runs,
+                "done": whole,
+                "time_s": mean,
+                "spread_s": spread,
+                "paper_s": paper_s,
+                "nearest_m": nearest,
+                "safety_m": safety,
+                "broken": broken,
+                "wall_s": wall_s,
+                **limited(wall_s, TASK_S),
+            }
+        )
+    if len(means) == len(TASK) and not report.quick:
+        report.expect(means[1] < means[0], "Task: 4 robots are not quicker than 3")
+
+
+def _mean(values: list[float]) -> tuple[float, float]:
+    """The mean, and about how far its interval of 95 % reaches."""
+    mean = sum(values) / len(values)
+    variance = sum((value - mean) ** 2 for value in values) / max(1, len(values) - 1)
+    return mean, 2 * math.sqrt(variance / len(values))
+
+
+def fleets(report: Report) -> None:
+    """One row for each fleet."""
+    table = report.table(
+        "Fleets",
+        Column("program", "program"),
+        Column("devices", "robots of kind"),
+        Column("count", "robots", 0),
+        Column("seconds", "s simulated", 0),
+        Column("cpu_s", "CPU s"),
+        Column("times_real", "× real time", 1),
+        Column("us", "µs per robot and s", 0),
+        Column("peak_mib", "MiB", 0),
+        Column("threads", "threads", 0),
+        Column("mcap_kib", "MCAP KiB", 0),
+        Column("html_kib", "HTML KiB", 0),
+        *LIMITS,
+    )
+    for program, devices, count, seconds, least in FLEETS:
+        if report.quick and count > 100:
+            continue
+        note(f"{program}, {count} robots: {', '.join(devices)}")
+        is_example = program != "squares"
+        text = (EXAMPLES / f"{program}.krd").read_text("utf-8") if is_example else SQUARES
+        configuration = (
+            (EXAMPLES / f"{program}.yaml").read_text("utf-8")
+            if is_example
+            else squares(devices, count)
+        )
+        span = min(seconds, 10.0) if report.quick else seconds
+        found = in_child(
+            simulated, f"{program}.krd", text, configuration, span, count <= 16, timeout_s=900.0
+        )
+        name = f"{program}, {count}"
+        report.expect(found["broken"] == 0, f"{name}: {found['broken']} claims broken")
+        report.expect(found["events"] > count, f"{name}: nothing happened")
+        report.expect(found["time_s"] >= span - 0.01, f"{name}: ended after {found['time_s']} s")
+        row: dict[str, Cell] = {
+            "program": program,
+            "devices": " and ".join(devices),
+            "count": count,
+            "seconds": span,
+            "times_real": span / found["cpu_s"],
+            "us": 1e6 * found["cpu_s"] / span / count,
+        }
+        for key in ("cpu_s", "peak_mib", "threads", "mcap_kib", "html_kib"):
+            row[key] = found.get(key)
+        if least is not None:
+            row |= limited(found["cpu_s"] / span, 1 / least, "s CPU per s")
+        table.rows.append(row)
+
+
+def benchmark(report: Report) -> None:
+    """Fleets, then Task."""
+    fleets(report)
+    task(report)
+
+
+if __name__ == "__main__":
+    sys.exit(main("simulated", __doc__, benchmark))
