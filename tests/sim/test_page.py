@@ -151,6 +151,7 @@ def circling(robots: int, seconds: float, broken: tuple[float, ...] = ()) -> Rec
         recorder.round(k, time_s, deeds, [Change(0, 0, -1, 0.5 * k)])
     for time_s in broken:
         recorder.violation(time_s, "separation", "0.41 m apart", (0, 1), (4.0, 5.0, 0.0))
+        recorder.violation(time_s, "invariant Slow", "at a.krd:2:5", (1,))
     recorder.task(1.0, 0, TaskState.ASSIGNED, 0)
     recorder.task(2.0, 0, TaskState.DONE, 0)
     recorder.end("time is up")
@@ -223,7 +224,7 @@ def test_keys_step_and_jump(opened: Tab) -> None:
     assert time() == pytest.approx(1.0)
     opened.press("n")
     assert time() == pytest.approx(3.05)
-    assert "separation" in shown_text(opened, "toast")
+    assert "invariant Slow robot 1: at a.krd:2:5 — and 1 more" in shown_text(opened, "toast")
     opened.press("n")
     assert time() == pytest.approx(6.0)
     opened.press("n")
@@ -291,6 +292,7 @@ def test_every_tab_and_layer_can_be_shown_light_and_dark(opened: Tab) -> None:
     opened.ask("page.seek(1)")  # robot 0 runs Go in every fifth round
     shown_text(opened, "pane")
     assert opened.ask("document.querySelectorAll('.runs').length") == 2
+    assert opened.ask("document.querySelector('.broken').textContent") == "    eff: x = 1"
     opened.ask("page.seek(1.1)")
     shown_text(opened, "pane")
     assert opened.ask("document.querySelectorAll('.runs').length") == 0

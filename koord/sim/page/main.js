@@ -158,18 +158,20 @@ class Page {
 
   paintToast() {
     const toast = byId("toast");
-    const shown = this.run.violations.find((one) => one.time <= this.time + 1e-6 && this.time - one.time < 1.5);
-    toast.hidden = !shown;
-    if (!shown) return;
+    const near = this.run.violations.filter((one) => one.time <= this.time + 1e-6 && this.time - one.time < 1.5);
+    toast.hidden = !near.length;
+    if (!near.length) return;
+    const shown = near[near.length - 1], others = near.filter((one) => one.time === shown.time).length - 1;
     toast.style.bottom = `${14 + this.map.height - this.map.planHeight}px`;
-    toast.replaceChildren(made("b", {}, `▲ ${shown.claim}`), ` ${shown.words}`);
+    const more = others ? ` — and ${others} more, see Log` : "";
+    toast.replaceChildren(made("b", {}, `▲ ${shown.claim}`), ` ${storyOf(this.run, shown)}${more}`);
   }
 
   // --- what stands around -----------------------------------------------------------------------
 
   fillBar() {
     const { run } = this, { header } = run;
-    byId("program").textContent = header.program.split(/[\\/]/).pop();
+    byId("program").textContent = shortName(header.program);
     byId("program").title = header.program;
     const looks = new Map();
     for (const robot of run.robots) looks.set(robot.device, (looks.get(robot.device) ?? 0) + 1);

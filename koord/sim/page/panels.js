@@ -186,7 +186,8 @@ class Panels {
   log() {
     const { run, page } = this;
     const entries = [
-      ...run.violations.map((one) => [one.time, made("span", { class: "bad" }, `▲ ${one.claim}: ${one.words}`), one.robots[0]]),
+      ...run.violations.map((one) =>
+        [one.time, made("span", {}, made("b", { class: "bad" }, `▲ ${one.claim}`), ` ${storyOf(run, one)}`), one.robots[0]]),
       ...run.tasks.map((one) => [one.time,
         one.state === DONE ? `task ${one.task} done by robot ${one.robot}` : `task ${one.task} assigned to robot ${one.robot}`, one.robot]),
       ...run.said.map((one) => [one.time, `robot ${one.robot} ${one.stream}: ${one.text}`, one.robot]),
@@ -209,8 +210,10 @@ class Panels {
   /** The text, with the event that the chosen robot runs. */
   drawProgram() {
     if (!this.code) {
-      this.code = made("pre", { class: "code" }, ...this.lines.map((line) =>
-        made("span", { class: /^\s*#/.test(line) ? "comment" : null }, line)));
+      // Words about a broken claim end in its place: file:line:column.
+      const broken = new Set(this.run.violations.map((one) => Number(/:(\d+):\d+$/.exec(one.words)?.[1])));
+      this.code = made("pre", { class: "code" }, ...this.lines.map((line, k) =>
+        made("span", { class: broken.has(k + 1) ? "broken" : /^\s*#/.test(line) ? "comment" : null }, line)));
       this.pane.replaceChildren(this.code);
       this.marked = "";
     }

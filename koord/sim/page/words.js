@@ -84,6 +84,15 @@ function deedOf(run, robot, round) {
   return { words: "skipped", kind: "skipped", deed };
 }
 
+/** Whose a violation is, and what there is to say of it. */
+function storyOf(run, violation) {
+  const whose = violation.robots.length ? `robot${violation.robots.length > 1 ? "s" : ""} ${violation.robots.join(" and ")}` : "";
+  const words = violation.words.replace(run.header.program, shortName(run.header.program));
+  return [whose, words].filter(Boolean).join(": ");
+}
+
+const shortName = (path) => path.split(/[\\/]/).pop();
+
 /** A new element with attributes and children. */
 function made(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
