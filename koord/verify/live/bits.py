@@ -43,7 +43,9 @@ class _Try:
 
 
 #: What is tried before longer lassos are looked for, and what after that.
-QUICKLY = (_Try(False, False, True, 4, 20_000), _Try(True, False, True, 4, 20_000))
+QUICKLY = (_Try(False, False, True, 6, 100_000), _Try(True, False, True, 6, 20_000))
+#: What is tried to show that no run is fair at all.
+IN_VAIN = (_Try(True, False, True, 2, 2_000),)
 AT_LENGTH = (
     _Try(True, False, True, 8, 100_000),
     _Try(True, True, True, 8, 100_000),
@@ -81,7 +83,7 @@ class LiveByBits:
                 if run.is_impossible():
                     self.empty.append(NO_FAIR_RUN)
             strays = any("strays" in latch.name for latch in circuit.latches)
-            if not strays or ledger.deadline.passed():
+            if not ledger.open() or not strays or ledger.deadline.passed():
                 return
 
 
@@ -143,7 +145,7 @@ class _Run:
     def is_impossible(self) -> bool:
         """Whether it is quickly proved that no run is fair at all."""
         watched = self.watching.watched(NOTHING)
-        return self._proved(NOTHING, watched, QUICKLY, anew=True)
+        return self._proved(NOTHING, watched, IN_VAIN, anew=True)
 
     def _goes_on(self) -> bool:
         settled = self.claim in self.ledger.verdicts
@@ -259,18 +261,20 @@ class _Run:
 
     def _rests_on(self, response: Response, watched: Watched, how: _Try, times: int) -> None:
         """Note which fairness the proof needs, as far as that is quickly told."""
-        needed = [name for name in self._names() if name != "locks" or how.locks]
+        locks = how.locks and bool(watched.grants)
+        needed = [name for name in self._names() if name != "locks" or locks]
         given = self._given() if how.lemmas else []
         for name in list(needed):
             rest = [other for other in needed if other != name]
             of = counting(watched.resting_on(rest), given, locks="locks" in rest, narrow=how.narrow)
-            if self._counted(response, of, times, FEW_QUESTIONS):
+            more = (self._counted(response, of, times + k, FEW_QUESTIONS) for k in range(3))
+            if any(more):
                 needed = rest
         self.used |= dict.fromkeys(needed)
 
 
 #: So many questions may be asked to do without some fairness.
-FEW_QUESTIONS = 3_000
+FEW_QUESTIONS = 1_000
 
 
 def _of_all(stated: core.Property, side: core.Expr) -> core.Expr:

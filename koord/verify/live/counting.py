@@ -115,11 +115,13 @@ def counted(of: Counting, times: int) -> Question:
     """Whether all conditions of fairness can be met so many times while the count goes on."""
     g, on = of.graph, of.on
     latches = list(of.latches)
-    seen = []
+    # One after the other, one in each round: what is known of the first may rule out the next.
+    seen, behind = [], TRUE
     for name, now in of.met:
         before = g.input(f"{name} met")
-        seen.append((f"{name} met", before, g.either(before, now)))
-    all_seen = g.all_of(now for _, _, now in seen)
+        seen.append((f"{name} met", before, g.either(before, g.both(behind, now))))
+        behind = before
+    all_seen = seen[-1][2] if seen else TRUE
     for name, before, now in seen:
         latches.append(Latch(name, before, FALSE, g.all_of([on, all_seen ^ 1, now])))
     reached = TRUE

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -13,7 +13,7 @@ from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.search.limits import FEW_STATES, Limits
 from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
-from koord.verify.claims import Claim, Phase, liveness_of
+from koord.verify.claims import Claim, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
 from koord.verify.ledger import Ledger, Subject, Works
 from koord.verify.live.bits import LiveByBits
@@ -32,6 +32,9 @@ class Ways(Enum):
     NONE = "none"
 
 
+_BITS = (Ways.ALL, Ways.BITS)
+
+
 @dataclass(frozen=True, slots=True)
 class Settled:
     """Verdicts on all liveness claims, in order, and what makes them say less."""
@@ -47,10 +50,14 @@ def settled(
     ways: Ways,
     deadline: Deadline,
     *,
+    proved: Sequence[Claim] = (),
     seed: int = 0,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Settled:
-    """Ask about everything that a program claims of whole runs."""
+    """Ask about everything that a program claims of whole runs.
+
+    ``proved`` are claims that hold in every round: proofs may rely on them.
+    """
     claims = liveness_of(system)
     if not claims:
         return Settled(())
@@ -59,9 +66,12 @@ def settled(
     asked: list[tuple[Subject, Works]] = []
     if ways in (Ways.ALL, Ways.SEARCH):
         asked.append((_plainly(system), search))
-    bits = LiveByBits()
-    if ways in (Ways.ALL, Ways.BITS):
-        asked.append((abstractly(system) or _plainly(system), bits))
+    abstract = (abstractly(system) or _plainly(system)) if ways in _BITS else _plainly(system)
+    lemmas = zip(claims_of(abstract.system), claims_of(system), strict=True)
+    known = {claim for claim in proved if claim.is_state_property}
+    bits = LiveByBits(tuple(lemma for lemma, claim in lemmas if claim in known))
+    if ways in _BITS:
+        asked.append((abstract, bits))
     ledger = Ledger(_plainly(system), bounds, deadline, claims, seed, progress)
     if not asked:
         ledger.stopped = "liveness is decided by search, and by bits"
