@@ -77,7 +77,7 @@ class Expedition:
     made: Compiled
     system: System
     sources: Sources
-    rounds: int
+    rounds: int | None
     seed: int
     faults: Faults = CALM
     largest: int | None = None  #: the size of values at which the run ends
@@ -228,7 +228,7 @@ def over_udp(expedition: Expedition) -> Ran:
             return replace(expedition.ran([]), gave_up=error)
 
         def make(job: Job, pid: int) -> Witnessed:
-            return expedition.member(job, pid, starts, _written_to(folder / f"{pid}.told"))
+            return expedition.member(job, pid, starts, written_to(folder / f"{pid}.told"))
 
         def carry(plan: Plan, pid: int) -> Transport:
             udp = Udp(plan, pid)
@@ -241,7 +241,7 @@ def over_udp(expedition: Expedition) -> Ran:
         finally:
             fleet.kill()
             fleet.join()
-        told = [list(_read_from(folder / f"{pid}.told")) for pid in range(job.robots)]
+        told = [list(read_from(folder / f"{pid}.told")) for pid in range(job.robots)]
         return expedition.ran(told)
 
 
@@ -263,7 +263,7 @@ def _watch(fleet: Fleet, faults: Faults, draw: Random) -> None:
         stormy = now - begun < _REAL_S / 4
         for pid, process in enumerate(fleet.processes):
             falls = draw.random() < faults.crashes_per_s * (now - looked_at)
-            if stormy and falls and process.is_alive() and _spare(fleet) > 0:
+            if stormy and falls and process.is_alive() and spare(fleet) > 0:
                 fleet.replace(pid)
         looked_at = now
         if over_at is None and any(status.is_over for status in fleet.statuses.values()):
@@ -275,14 +275,14 @@ def _watch(fleet: Fleet, faults: Faults, draw: Random) -> None:
             raise StuckError(f"after {_REAL_S:.0f} s robots are at rounds {rounds}")
 
 
-def _spare(fleet: Fleet) -> int:
+def spare(fleet: Fleet) -> int:
     """How many robots may die, so that a majority is left that knows everything."""
     robots = len(fleet.processes)
     voters = sum(status.is_voter and status.round >= 0 for status in fleet.statuses.values())
     return voters - (robots // 2 + 1)
 
 
-def _written_to(path: Path) -> Callable[[Told], None]:
+def written_to(path: Path) -> Callable[[Told], None]:
     """Writes each thing at once, so that it outlives the process."""
     file = path.open("ab", buffering=0)
 
@@ -292,7 +292,7 @@ def _written_to(path: Path) -> Callable[[Told], None]:
     return tell
 
 
-def _read_from(path: Path) -> Iterator[Told]:
+def read_from(path: Path) -> Iterator[Told]:
     """What was written whole, by processes of our own."""
     if not path.exists():
         return

@@ -16,6 +16,7 @@ from koord.refinement.witnessing import (
     Acted,
     Asked,
     Began,
+    Coordinated,
     GaveUp,
     Kept,
     Sensed,
@@ -93,6 +94,8 @@ class _Heard:
                 self.stumbled[round_, pid] = fault
             case Kept(round=round_, written=written):
                 self.written[round_, pid] = written
+            case Coordinated():
+                pass  # says who, and when; all that was decided is told by those who acted on it
             case GaveUp(why=why):
                 self.gave_up = KoordError(why) if why else self.gave_up
             case Acted(decision=decision):

@@ -6,7 +6,8 @@ them: so what a robot did that is killed is known as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -98,13 +99,23 @@ class Kept:
 
 
 @dataclass(frozen=True, slots=True)
+class Coordinated:
+    """The robot decided a round, as coordinator, at a time of this machine's clock."""
+
+    round: int
+    at_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class GaveUp:
     """The robot's host has found no values that the program allows, or they became too large."""
 
     why: tuple[Diagnostic, ...]  #: nothing, if values became too large
 
 
-Told: TypeAlias = Began | Undeclared | Asked | Sensed | Stood | Stumbled | Acted | Kept | GaveUp
+Told: TypeAlias = (
+    Began | Undeclared | Asked | Sensed | Stood | Stumbled | Acted | Kept | Coordinated | GaveUp
+)
 
 
 # --- robots that tell ---------------------------------------------------------------------------
@@ -280,6 +291,10 @@ class Witnessed(Member):
         known = super().come_back()
         self._from_journal = self._proposal
         return known
+
+    def decided(self, round_: int, proposals: Sequence[Proposal | None]) -> Decision:
+        self._scribe.tell(Coordinated(round_, time.monotonic()))
+        return super().decided(round_, proposals)
 
     def commit(self, entry: Entry, kept: Taken | None) -> None:
         self._scribe.tell(Acted(entry.decision))

@@ -1,0 +1,143 @@
+"""Deployed robots for minutes on a bad Ethernet, coordinators killed meanwhile, and all judged."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from collections import Counter
+from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from koord.refinement.deployed import Expedition, read_from, spare, written_to
+from koord.refinement.judging import Judged, judge
+from koord.refinement.witnessing import Acted, Coordinated, Told, Witnessed
+from koord.runtime.chaos.ether import Hub, plan, plugged_in
+from koord.runtime.chaos.faults import Faults
+from koord.runtime.deploy.local import Fleet, Launch, launched
+from koord.runtime.deploy.running import Job
+
+#: Processes that have not begun after so long do not begin.
+_BEGIN_S = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Stormy:
+    """How robots fared. ``successions`` are seconds from a coordinator's death to a decision."""
+
+    rounds: int  #: that any robot acted on, INIT not counted
+    took_s: float
+    kills: int
+    successions: tuple[float, ...]
+    judged: Judged
+
+    @property
+    def per_s(self) -> float:
+        """Rounds a second."""
+        return self.rounds / self.took_s
+
+
+def storm(
+    expedition: Expedition, faults: Faults, lasts_s: float, kill_every_s: float | None = None
+) -> Stormy:
+    """Let robots run in namespaces of their own, for so long or until all have stopped.
+
+    Every so often the coordinator's process is killed, and started anew. Raises
+    DisagreementError, TransportError, OSError.
+    """
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        job = expedition.job(folder, float(expedition.system.delta_s))
+        starts = expedition.starts()
+
+        def make(job: Job, pid: int) -> Witnessed:
+            return expedition.member(job, pid, starts, written_to(folder / f"{pid}.told"))
+
+        hub = Hub(folder / "hub", faults, expedition.seed)
+        fork = multiprocessing.get_context("fork")
+        carrying = fork.Process(target=hub.run, daemon=True)
+        carrying.start()
+        fleet = launched(
+            Launch(
+                job,
+                plan(job.robots),
+                make,
+                lambda shared, pid: plugged_in(hub.path, shared, pid),
+            )
+        )
+        try:
+            killed = _watched(fleet, carrying, lasts_s, kill_every_s)
+        finally:
+            fleet.kill()
+            fleet.join()
+            carrying.kill()
+            carrying.join()
+            hub.close()
+        told = [list(read_from(folder / f"{pid}.told")) for pid in range(job.robots)]
+    first, last, rounds = _span(told)
+    return Stormy(
+        rounds,
+        max(last - first, 1e-9),
+        len(killed),
+        tuple(_successions(killed, told)),
+        judge(expedition.ran(told)),
+    )
+
+
+def _watched(
+    fleet: Fleet, hub: BaseProcess, lasts_s: float, kill_every_s: float | None
+) -> list[tuple[int, float]]:
+    """Who was killed, and when."""
+    begun = killed_at = time.monotonic()
+    killed: list[tuple[int, float]] = []
+    is_told = False
+    while not fleet.is_over:
+        for _ in fleet.news(0.05):
+            pass
+        if fleet.failures:
+            raise fleet.failures[0]
+        if not hub.is_alive():
+            raise OSError("the hub has fallen over")
+        now = time.monotonic()
+        if now - begun > lasts_s and not is_told:
+            is_told = True
+            fleet.stop()
+        if now - begun > lasts_s + _BEGIN_S:
+            break
+        if kill_every_s is not None and now - killed_at > kill_every_s and not is_told:
+            coordinator = _coordinator(fleet)
+            if coordinator is not None and spare(fleet) > 0:
+                killed_at = time.monotonic()
+                fleet.replace(coordinator)
+                killed.append((coordinator, killed_at))
+    return killed
+
+
+def _coordinator(fleet: Fleet) -> int | None:
+    """Whom most robots follow."""
+    followed = Counter(status.coordinator for status in fleet.statuses.values())
+    return followed.most_common(1)[0][0] if followed else None
+
+
+def _span(told: list[list[Told]]) -> tuple[float, float, int]:
+    """When the first and the last round were decided, and how many were acted on."""
+    times = [one.at_s for story in told for one in story if isinstance(one, Coordinated)]
+    acted = [one.decision.round for story in told for one in story if isinstance(one, Acted)]
+    return min(times, default=0.0), max(times, default=0.0), max(acted, default=-1) + 1
+
+
+def _successions(killed: list[tuple[int, float]], told: list[list[Told]]) -> list[float]:
+    """How long nobody decided anything after each death."""
+    found = []
+    for robot, at_s in killed:
+        after = (
+            one.at_s
+            for pid, story in enumerate(told)
+            for one in story
+            if isinstance(one, Coordinated) and pid != robot and one.at_s > at_s
+        )
+        later = min(after, default=None)
+        if later is not None:
+            found.append(later - at_s)
+    return found
