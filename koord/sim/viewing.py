@@ -12,7 +12,19 @@ from koord.sim.packing import Cursor, cursor_of, pack
 from koord.sim.recording import Recording
 
 #: The parts of the script, in their order; each may use what stands in those before it.
-_SCRIPTS = ("decode", "run", "words", "glyphs", "map", "timeline", "panels", "main")
+_SCRIPTS = (
+    "decode",
+    "run",
+    "words",
+    "glyphs",
+    "ground",
+    "side",
+    "map",
+    "timeline",
+    "panels",
+    "hands",
+    "main",
+)
 
 
 def page_of(recording: Recording) -> bytes:

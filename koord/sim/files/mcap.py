@@ -10,11 +10,11 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterator
-from typing import Any
 
 from koord.runtime.motion.world import Box, Disc, Obstacle
 from koord.runtime.records import RecordFile
 from koord.runtime.shapes import Array, PerRobot, Sequence, element_of
+from koord.sim.files.schemas import CHANGES, LOG, ROUND, SCENE, TRANSFORMS, Message
 from koord.sim.files.values import named
 from koord.sim.recording import (
     SHARED,
@@ -28,114 +28,6 @@ from koord.sim.recording import (
     Recording,
     Round,
     TaskState,
-)
-
-Message = dict[str, Any]
-
-_NUMBER: Message = {"type": "number"}
-_TIME: Message = {
-    "type": "object",
-    "title": "time",
-    "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
-}
-_VECTOR: Message = {"type": "object", "properties": dict.fromkeys("xyz", _NUMBER)}
-_TURN: Message = {"type": "object", "properties": dict.fromkeys("xyzw", _NUMBER)}
-_TEXT: Message = {"type": "string"}
-
-_TRANSFORM: Message = {
-    "title": "foxglove.FrameTransform",
-    "type": "object",
-    "properties": {
-        "timestamp": _TIME,
-        "parent_frame_id": _TEXT,
-        "child_frame_id": _TEXT,
-        "translation": _VECTOR,
-        "rotation": _TURN,
-    },
-}
-_TRANSFORMS = (
-    "foxglove.FrameTransforms",
-    {
-        "title": "foxglove.FrameTransforms",
-        "type": "object",
-        "properties": {"transforms": {"type": "array", "items": _TRANSFORM}},
-    },
-)
-_ARRAY: Message = {"type": "array", "items": {"type": "object"}}
-_ENTITY: Message = {
-    "title": "foxglove.SceneEntity",
-    "type": "object",
-    "properties": {
-        "timestamp": _TIME,
-        "frame_id": _TEXT,
-        "id": _TEXT,
-        "lifetime": _TIME | {"title": "duration"},
-        "frame_locked": {"type": "boolean"},
-    }
-    | dict.fromkeys(("metadata", "arrows", "cubes", "spheres", "cylinders", "lines"), _ARRAY)
-    | dict.fromkeys(("triangles", "texts", "models"), _ARRAY),
-}
-_SCENE = (
-    "foxglove.SceneUpdate",
-    {
-        "title": "foxglove.SceneUpdate",
-        "type": "object",
-        "properties": {"deletions": _ARRAY, "entities": {"type": "array", "items": _ENTITY}},
-    },
-)
-_LOG = (
-    "foxglove.Log",
-    {
-        "title": "foxglove.Log",
-        "type": "object",
-        "properties": {
-            "timestamp": _TIME,
-            "level": {"type": "integer"},
-            "message": _TEXT,
-            "name": _TEXT,
-            "file": _TEXT,
-            "line": {"type": "integer"},
-        },
-    },
-)
-_ROUND = (
-    "koord.round",
-    {
-        "type": "object",
-        "properties": {
-            "round": {"type": "integer"},
-            "ran": {
-                "type": "array",
-                "items": {
-                    "type": "object",
-                    "properties": {"robot": {"type": "integer"}, "event": _TEXT},
-                },
-            },
-            "blocked": {"type": "array", "items": {"type": "integer"}},
-            "stopped": {"type": "array", "items": {"type": "integer"}},
-        },
-    },
-)
-_CHANGES = (
-    "koord.changes",
-    {
-        "type": "object",
-        "properties": {
-            "round": {"type": "integer"},
-            "changes": {
-                "type": "array",
-                "items": {
-                    "type": "object",
-                    "properties": {
-                        "robot": {"type": "integer"},
-                        "variable": _TEXT,
-                        "index": {"type": "integer"},
-                        "value": {},
-                    },
-                },
-            },
-        },
-    },
 )
 
 _INFO, _ERROR = 2, 4
@@ -185,16 +77,16 @@ _Timed = tuple[float, str, tuple[str, Message], Message, int]
 def _messages(recording: Recording) -> Iterator[_Timed]:
     header = recording.header
     entities = [*_world(header), *_vehicles(header), *_tasks(header)]
-    yield 0.0, "/scene", _SCENE, _scene(entities), 0
+    yield 0.0, "/scene", SCENE, _scene(entities), 0
     for time_s, poses in zip(recording.times_s, recording.poses, strict=True):
         stamp = _stamp(time_s)
         transforms = [_transform(k, stamp, pose) for k, pose in enumerate(poses.tolist())]
-        yield time_s, "/tf", _TRANSFORMS, {"transforms": transforms}, 0
+        yield time_s, "/tf", TRANSFORMS, {"transforms": transforms}, 0
     for done in recording.rounds:
         yield from _round(header, done)
     for change in recording.tasks:
         entity = _task(header, change.task, change.state, change.time_s)
-        yield change.time_s, "/scene", _SCENE, _scene([entity]), 0
+        yield change.time_s, "/scene", SCENE, _scene([entity]), 0
         verb = "is done by" if change.state is TaskState.DONE else "is assigned to"
         words = f"task {change.task} {verb} robot {change.robot}"
         yield _log(header, change.time_s, "tasks", _INFO, words)
@@ -203,7 +95,7 @@ def _messages(recording: Recording) -> Iterator[_Timed]:
         yield _log(header, violation.time_s, "claims", _ERROR, words)
     for planned in _seldom(recording.paths):
         entity = _path(planned)
-        yield planned.time_s, "/paths", _SCENE, _scene([entity]), 0
+        yield planned.time_s, "/paths", SCENE, _scene([entity]), 0
 
 
 def _round(header: Header, done: Round) -> Iterator[_Timed]:
@@ -218,12 +110,12 @@ def _round(header: Header, done: Round) -> Iterator[_Timed]:
         "blocked": [k for k, deed in enumerate(deeds) if deed == Idle.BLOCKED],
         "stopped": [k for k, deed in enumerate(deeds) if deed == Idle.STOPPED],
     }
-    yield done.time_s, "/rounds", _ROUND, message, done.number
+    yield done.time_s, "/rounds", ROUND, message, done.number
     for topic, is_shared in (("/shared", True), ("/local", False)):
         changes = [_change(header, c) for c in done.changes if (c.robot == SHARED) is is_shared]
         if changes:
             message = {"round": done.number, "changes": changes}
-            yield done.time_s, topic, _CHANGES, message, done.number
+            yield done.time_s, topic, CHANGES, message, done.number
     for said in done.said:
         name = f"robot {said.robot} {said.stream}"
         yield _log(header, done.time_s, name, _INFO, said.text)
@@ -251,7 +143,7 @@ def _log(header: Header, time_s: float, name: str, level: int, words: str) -> _T
         "file": header.program,
         "line": 0,
     }
-    return time_s, "/log", _LOG, message, 0
+    return time_s, "/log", LOG, message, 0
 
 
 # --- geometry -------------------------------------------------------------------------------------

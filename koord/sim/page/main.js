@@ -21,7 +21,7 @@ class Page {
     this.fillLayers();
     this.fillEvents();
     this.fillSpeeds();
-    this.listen();
+    listen(this);
     this.fromAddress();
     this.paintPlay();
     this.last = performance.now();
@@ -90,7 +90,7 @@ class Page {
     themed.clear();
     hatching = null;
     this.map.sprites.clear();
-    this.map.groundKey = "";
+    this.map.ground.key = "";
     this.fillEvents();
     this.panels.paintIcons();
     this.redraw();
@@ -287,111 +287,6 @@ class Page {
     this.timeline.resize();
     this.map.resize();
     this.redraw();
-  }
-
-  // --- hands ------------------------------------------------------------------------------------
-
-  listen() {
-    byId("play").addEventListener("click", () => this.play());
-    byId("back").addEventListener("click", () => this.step(-1));
-    byId("forth").addEventListener("click", () => this.step(1));
-    byId("violations").addEventListener("click", () => this.toViolation(1));
-    byId("theme").addEventListener("click", () => this.switchTheme());
-    byId("help").addEventListener("click", () => byId("keys").showModal());
-    window.addEventListener("hashchange", () => this.fromAddress());
-    document.addEventListener("keydown", (event) => this.pressed(event));
-    new ResizeObserver(() => this.resize()).observe(byId("stage"));
-    this.listenToMap(byId("map"));
-    this.listenToTimeline(byId("timeline"));
-  }
-
-  pressed(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || byId("keys").open) return;
-    if (event.target.matches("input, select")) return;
-    // Who goes from button to button by keyboard presses them with space.
-    if (event.key === " " && event.target.matches("button:focus-visible")) return;
-    const keys = {
-      " ": () => this.play(),
-      ArrowLeft: () => this.step(event.shiftKey ? -10 : -1),
-      ArrowRight: () => this.step(event.shiftKey ? 10 : 1),
-      Home: () => this.seek(0),
-      End: () => this.seek(this.run.duration),
-      "+": () => this.faster(1), "=": () => this.faster(1),
-      "-": () => this.faster(-1), "_": () => this.faster(-1),
-      n: () => this.toViolation(1), p: () => this.toViolation(-1),
-      "]": () => this.choose((this.chosen + 1) % this.run.count),
-      "[": () => this.choose((Math.max(this.chosen, 0) + this.run.count - 1) % this.run.count),
-      f: () => { this.map.fit(); this.redraw(); },
-      d: () => this.switchTheme(),
-      "?": () => byId("keys").showModal(),
-    };
-    const action = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    if (!action) return;
-    event.preventDefault(); // else space would press the button that was clicked last
-    action();
-  }
-
-  listenToMap(canvas) {
-    let from = null, moved = 0;
-    canvas.addEventListener("pointerdown", (event) => {
-      from = event;
-      moved = 0;
-      canvas.setPointerCapture(event.pointerId);
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      if (!from) return;
-      const dx = event.clientX - from.clientX, dy = event.clientY - from.clientY;
-      moved += Math.abs(dx) + Math.abs(dy);
-      if (moved < 4) return;
-      canvas.classList.add("dragged");
-      this.map.move(dx, dy);
-      from = event;
-      this.redraw();
-    });
-    canvas.addEventListener("pointerup", (event) => {
-      canvas.classList.remove("dragged");
-      if (from && moved < 4) {
-        const box = canvas.getBoundingClientRect();
-        const robot = this.map.robotAt(event.clientX - box.left, event.clientY - box.top);
-        if (robot >= 0) this.choose(robot);
-      }
-      from = null;
-    });
-    canvas.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      const box = canvas.getBoundingClientRect();
-      this.map.zoom(Math.exp(-event.deltaY * 0.0015), event.clientX - box.left, event.clientY - box.top);
-      this.redraw();
-    }, { passive: false });
-    canvas.addEventListener("dblclick", () => { this.map.fit(); this.redraw(); });
-  }
-
-  listenToTimeline(box) {
-    const tip = byId("tip");
-    let isDragging = false;
-    const at = (event) => {
-      const place = box.getBoundingClientRect();
-      return [event.clientX - place.left, event.clientY - place.top];
-    };
-    box.addEventListener("pointerdown", (event) => {
-      const [x, y] = at(event), robot = this.timeline.robotAt(y);
-      box.setPointerCapture(event.pointerId);
-      isDragging = true;
-      this.play(false);
-      if (robot >= 0) this.choose(robot);
-      if (x >= LANE_LEFT - 8) this.seek(this.timeline.timeAt(x));
-    });
-    box.addEventListener("pointermove", (event) => {
-      const [x, y] = at(event);
-      if (isDragging) this.seek(this.timeline.timeAt(x));
-      const stage = byId("stage").getBoundingClientRect();
-      tip.hidden = x < LANE_LEFT;
-      tip.textContent = this.timeline.wordsAt(x, y);
-      tip.style.left = `${Math.min(Math.max(event.clientX - stage.left - 40, 6), stage.width - 200)}px`;
-      tip.style.bottom = "6px";
-    });
-    box.addEventListener("pointerup", () => { isDragging = false; });
-    box.addEventListener("pointerleave", () => { tip.hidden = true; });
   }
 }
 

@@ -4,7 +4,6 @@ const TRAIL_S = 8; // how far back trails reach
 const MANY = 60; // of more robots only the chosen one is labelled
 const CROWD = 200; // more robots are drawn more plainly, to be quick
 const TURNS = 64; // a crowd has so many headings
-const SIDE_HEIGHT = 96;
 const LAYERS = [
   ["trails", "Trails"], ["paths", "Paths"], ["safety", "Safety discs"], ["labels", "Labels"], ["side", "Side view"],
 ];
@@ -19,8 +18,7 @@ class WorldMap {
     this.left = 0;
     this.top = 0;
     this.isFitted = true; // until it is moved
-    this.ground = made("canvas"); // what does not move, drawn once for each view
-    this.groundKey = "";
+    this.ground = new Ground(run, this);
     this.sprites = new Map();
     this.spriteScale = 0;
     this.resize();
@@ -35,7 +33,7 @@ class WorldMap {
     this.width = box.width;
     this.height = box.height;
     if (this.isFitted) this.fit();
-    this.groundKey = "";
+    this.ground.key = "";
   }
 
   get planHeight() {
@@ -90,7 +88,7 @@ class WorldMap {
     const tasks = run.tasksAt(time);
     const round = run.roundAt(time);
     run.posesAt(time, this.now);
-    this.drawGround(context, round, tasks);
+    this.ground.draw(context, round, tasks);
     context.save();
     context.beginPath();
     context.rect(0, 0, this.width, this.planHeight);
@@ -102,147 +100,7 @@ class WorldMap {
     this.drawRobots(context, chosen);
     this.drawViolations(context, time);
     context.restore();
-    if (this.shown.side) this.drawSide(context, tasks, chosen);
-  }
-
-  // --- what stands still ------------------------------------------------------------------------
-
-  drawGround(context, round, tasks) {
-    const map = this.run.header.map;
-    const cells = map ? this.run.shared[map.variable].at(round) : null;
-    const known = cells ? JSON.stringify(cells) : "";
-    const states = tasks.map((task) => `${task.state}${task.robot}`).join();
-    const view = [this.scale, this.left, this.top, this.width, this.height, this.shown.side, this.shown.labels];
-    const key = [view, states, known, document.documentElement.dataset.theme].join("|");
-    if (key !== this.groundKey) {
-      this.groundKey = key;
-      const pen = fitted(this.ground, this.width, this.height);
-      this.paintGround(pen, cells, tasks);
-    }
-    context.drawImage(this.ground, 0, 0, this.width, this.height);
-  }
-
-  paintGround(pen, cells, tasks) {
-    const { low, high, obstacles, tasks: places } = this.run.header.world;
-    pen.fillStyle = theme("--page");
-    pen.fillRect(0, 0, this.width, this.height);
-    const x0 = this.x(low[0]), y0 = this.y(high[1]);
-    const w = this.scale * (high[0] - low[0]), h = this.scale * (high[1] - low[1]);
-    pen.save();
-    pen.beginPath();
-    pen.rect(0, 0, this.width, this.planHeight);
-    pen.clip();
-    pen.fillStyle = theme("--arena");
-    pen.fillRect(x0, y0, w, h);
-    this.paintGrid(pen);
-    if (cells) this.paintCells(pen, cells);
-    pen.strokeStyle = theme("--edge");
-    pen.lineWidth = 1.5;
-    pen.strokeRect(x0, y0, w, h);
-    for (const obstacle of obstacles) this.paintObstacle(pen, obstacle, Boolean(cells));
-    const size = Math.min(Math.max(this.scale * 0.11, 5), 11), taken = [];
-    pen.font = "11px system-ui, sans-serif";
-    places.forEach((place, k) => {
-      const x = this.x(place[0]), y = this.y(place[1]);
-      drawTask(pen, x, y, size, tasks[k].state);
-      if (this.shown.labels && this.scale > 26 && places.length <= 200) {
-        pen.fillStyle = theme("--soft");
-        pen.textAlign = "left";
-        const height = this.shown.side && place[2] > 0.05 && tasks[k].state === OPEN ? ` ↑${place[2].toFixed(1)}` : "";
-        const by = tasks[k].state === ASSIGNED ? ` → ${tasks[k].robot}` : "";
-        const text = `t${k}${by}${height}`, width = pen.measureText(text).width;
-        if (isFree(taken, x + size + 3, y, width)) {
-          taken.push([x + size + 3, y, width]);
-          pen.fillText(text, x + size + 3, y + 4);
-        }
-      }
-    });
-    pen.restore();
-  }
-
-  paintGrid(pen) {
-    const { low, high } = this.run.header.world;
-    let step = 1;
-    while (step * this.scale < 28) step *= step === 2 || step === 20 || step === 200 ? 2.5 : 2;
-    pen.strokeStyle = theme("--grid");
-    pen.fillStyle = theme("--faint");
-    pen.lineWidth = 1;
-    pen.font = "11px system-ui, sans-serif";
-    pen.beginPath();
-    const bottom = Math.min(this.y(low[1]) + 15, this.planHeight - 5);
-    const left = Math.max(this.x(low[0]) - 6, 22);
-    pen.textAlign = "center";
-    for (let x = Math.ceil(low[0] / step) * step; x <= high[0] + 1e-9; x += step) {
-      pen.moveTo(Math.round(this.x(x)) + 0.5, this.y(low[1]));
-      pen.lineTo(Math.round(this.x(x)) + 0.5, this.y(high[1]));
-      if (Math.round(x / step) % 2 === 0) pen.fillText(Math.round(x * 10) / 10, this.x(x), bottom);
-    }
-    pen.textAlign = "right";
-    for (let y = Math.ceil(low[1] / step) * step; y <= high[1] + 1e-9; y += step) {
-      pen.moveTo(this.x(low[0]), Math.round(this.y(y)) + 0.5);
-      pen.lineTo(this.x(high[0]), Math.round(this.y(y)) + 0.5);
-      if (Math.round(y / step) % 2 === 0) pen.fillText(Math.round(y * 10) / 10, left, this.y(y) + 4);
-    }
-    pen.stroke();
-    pen.textAlign = "left";
-    pen.fillText("m", Math.min(this.x(high[0]) + 8, this.width - 14), bottom);
-  }
-
-  paintCells(pen, cells) {
-    const map = this.run.header.map, size = map.cell * this.scale;
-    const states = cellStates(map, cells);
-    for (let cell = 0; cell < states.length; cell++) {
-      if (states[cell] === "free") continue;
-      const unknown = states[cell] === "unknown";
-      const x = this.x(map.origin[0] + (cell % map.columns) * map.cell);
-      const y = this.y(map.origin[1] + (Math.floor(cell / map.columns) + 1) * map.cell);
-      pen.fillStyle = unknown ? theme("--unknown") : theme("--soft");
-      pen.fillRect(x, y, size + 0.5, size + 0.5);
-      if (unknown) {
-        pen.fillStyle = theme("--faint");
-        pen.font = "10px system-ui, sans-serif";
-        pen.textAlign = "center";
-        if (size > 16) pen.fillText("?", x + size / 2, y + size / 2 + 4);
-      }
-    }
-  }
-
-  /** An obstacle; where robots draw a map only its outline, so that the map can be seen. */
-  paintObstacle(pen, obstacle, isMapped) {
-    pen.beginPath();
-    let cx = 0, cy = 0, room = 0;
-    if (obstacle.corners) {
-      const points = obstacle.corners.map(([x, y]) => [this.x(x), this.y(y)]);
-      points.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
-      pen.closePath();
-      cx = points.reduce((sum, [x]) => sum + x, 0) / points.length;
-      cy = points.reduce((sum, [, y]) => sum + y, 0) / points.length;
-      room = Math.max(...points.map(([x]) => x)) - Math.min(...points.map(([x]) => x));
-    } else {
-      [cx, cy] = [this.x(obstacle.centre[0]), this.y(obstacle.centre[1])];
-      room = 2 * obstacle.radius * this.scale;
-      pen.arc(cx, cy, room / 2, 0, 7);
-    }
-    pen.fillStyle = theme("--wall");
-    if (!isMapped) pen.fill();
-    pen.fillStyle = hatched(pen, theme("--wall-line"));
-    pen.globalAlpha = 0.55;
-    pen.fill();
-    pen.globalAlpha = 1;
-    pen.strokeStyle = theme("--wall-line");
-    pen.lineWidth = 1.5;
-    pen.stroke();
-    const { low, high } = this.run.header.world;
-    if (this.shown.side && room > 34 && (obstacle.high < high[2] || obstacle.low > low[2])) {
-      const text = `${obstacle.low}–${obstacle.high} m`;
-      pen.font = "11px system-ui, sans-serif";
-      pen.textAlign = "center";
-      pen.lineWidth = 3;
-      pen.strokeStyle = theme("--wall");
-      pen.strokeText(text, cx, cy + 4);
-      pen.fillStyle = theme("--ink");
-      pen.fillText(text, cx, cy + 4);
-    }
+    if (this.shown.side) drawSide(context, this, tasks, chosen);
   }
 
   // --- what moves -------------------------------------------------------------------------------
@@ -509,63 +367,6 @@ class WorldMap {
     const then = this.run.posesAt(violation.time, new Float32Array(4 * this.run.count));
     return violation.robots.map((robot) => [this.x(then[4 * robot]), this.y(then[4 * robot + 1])]);
   }
-
-  // --- from the side ----------------------------------------------------------------------------
-
-  /** Heights over x, in the same columns as the view from above. */
-  drawSide(context, tasks, chosen) {
-    const { low, high, obstacles, tasks: places } = this.run.header.world;
-    const top = this.planHeight, floor = this.height - 14, roof = top + 16;
-    const z = (value) => floor - ((value - low[2]) / (high[2] - low[2])) * (floor - roof);
-    context.fillStyle = theme("--panel");
-    context.fillRect(0, top, this.width, SIDE_HEIGHT);
-    context.fillStyle = theme("--line");
-    context.fillRect(0, top, this.width, 1);
-    context.font = "11px system-ui, sans-serif";
-    context.textAlign = "right";
-    context.fillStyle = theme("--faint");
-    context.strokeStyle = theme("--grid");
-    context.lineWidth = 1;
-    const x0 = this.x(low[0]), x1 = this.x(high[0]);
-    const step = Math.max(1, Math.ceil((high[2] - low[2]) / 4));
-    for (let height = low[2]; height <= high[2] + 1e-9; height += step) {
-      context.fillText(`${height} m`, Math.max(x0 - 6, 34), z(height) + 4);
-      context.beginPath();
-      context.moveTo(x0, Math.round(z(height)) + 0.5);
-      context.lineTo(x1, Math.round(z(height)) + 0.5);
-      context.stroke();
-    }
-    context.textAlign = "left";
-    context.fillText("from the side: height over x", Math.max(x0, 34), top + 12);
-    for (const obstacle of obstacles) {
-      const xs = obstacle.corners ? obstacle.corners.map(([x]) => x)
-        : [obstacle.centre[0] - obstacle.radius, obstacle.centre[0] + obstacle.radius];
-      const left = this.x(Math.min(...xs)), right = this.x(Math.max(...xs));
-      context.globalAlpha = 0.45;
-      context.fillStyle = theme("--wall");
-      context.fillRect(left, z(obstacle.high), right - left, z(obstacle.low) - z(obstacle.high));
-      context.globalAlpha = 1;
-    }
-    places.forEach((place, k) => drawTask(context, this.x(place[0]), z(place[2]), 4, tasks[k].state));
-    const small = this.run.count > MANY, taken = [];
-    for (let robot = 0; robot < this.run.count; robot++) {
-      const x = this.x(this.now[4 * robot]), y = z(this.now[4 * robot + 2]);
-      const half = Math.max(this.run.robots[robot].radius * this.scale * 0.6, small ? 2 : 5);
-      const thick = small ? 2 : 5;
-      context.fillStyle = colourOf(robot);
-      context.fillRect(x - half, y - thick, 2 * half, thick);
-      if (robot === chosen) {
-        context.strokeStyle = theme("--accent");
-        context.lineWidth = 1.5;
-        context.strokeRect(x - half - 3, y - thick - 3, 2 * half + 6, thick + 6);
-      }
-      if (!small && this.shown.labels && isFree(taken, x + half, y, 14)) {
-        taken.push([x + half, y, 14]);
-        context.fillStyle = theme("--ink");
-        context.fillText(String(robot), x + half + 2, y);
-      }
-    }
-  }
 }
 
 /** A picture that reaches `half` pixels from its middle to each side. */
@@ -580,14 +381,4 @@ function drawnOnce(half, draw) {
 /** Whether a label of a width has room beside the others. */
 function isFree(taken, x, y, width) {
   return taken.every(([a, b, w]) => x > a + w + 2 || a > x + width + 2 || Math.abs(y - b) > 12);
-}
-
-/** What a map says of each cell: "unknown", "free" or "wall". */
-function cellStates(map, cells) {
-  const of = map.free === undefined ? new Map(cells ?? []) : null;
-  return Array.from({ length: map.columns * map.rows }, (_, cell) => {
-    const value = of ? of.get(cell) : cells?.[cell];
-    if (of ? value === undefined : value === map.unknown || value === null || value === undefined) return "unknown";
-    return (of ? value === false : value === map.free) ? "free" : "wall";
-  });
 }
