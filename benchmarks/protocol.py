@@ -104,11 +104,11 @@ def datagrams(report: Report) -> None:
         report.expect(found["datagrams"] <= limit, f"{robots} robots: {found} datagrams")
         table.rows.append({"robots": robots, **found, "limit": limit, "paper": robots**2})
     if not report.quick:
-        plot(table.rows)
+        plot(table.rows, "protocol")
 
 
-def plot(rows: Sequence[Mapping[str, Cell]]) -> None:
-    """The same as a picture beside the results, if matplotlib is there."""
+def plot(rows: Sequence[Mapping[str, Cell]], name: str) -> None:
+    """Datagrams by robots as a picture beside the results, if matplotlib is there."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -125,7 +125,7 @@ def plot(rows: Sequence[Mapping[str, Cell]]) -> None:
     axes.set_ylabel("datagrams a round")
     axes.legend()
     axes.grid(True, which="both", alpha=0.3)
-    figure.savefig(RESULTS / "protocol.svg", metadata={"Date": None})
+    figure.savefig(RESULTS / f"{name}.svg", metadata={"Date": None})
 
 
 def storms(report: Report) -> None:
