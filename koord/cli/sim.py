@@ -24,6 +24,7 @@ from koord.cli.keeping import add_outputs, check_outputs, keep, watched
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
+    from koord.cli.simulated_traces import Tracing
     from koord.cli.simulating import Job
     from koord.sim.running import Simulation
 
@@ -67,6 +68,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_trace(parser, "the run")
     add_outputs(parser)
     parser.add_argument(
+        "--schedule",
+        metavar="TRACE",
+        help="play the run in a trace, such as a counterexample of `koord verify --trace`",
+    )
+    parser.add_argument(
         "--runs", metavar="K", type=_count, help="a campaign: so many runs, each with its own seed"
     )
     parser.add_argument(
@@ -106,8 +112,11 @@ def main(arguments: argparse.Namespace) -> int:
     require(SIM, "sim")
     from koord.cli.campaigns import campaign, check_campaign
     from koord.cli.diagnostics import Report
+    from koord.cli.simulated_traces import Tracing
     from koord.cli.simulating import asked
 
+    if arguments.schedule is not None:
+        return _rehearse(arguments)
     config = [arguments.config] if arguments.config is not None else []
     check_files([arguments.file, *config, *arguments.properties])
     is_campaign = arguments.runs is not None or arguments.sweep is not None
@@ -132,24 +141,39 @@ def main(arguments: argparse.Namespace) -> int:
     if is_campaign:
         assert wanted is not None
         return campaign(arguments, wanted, job.scene.seed)
-    return _run(arguments, job)
+    tracing = Tracing(job) if arguments.trace is not None else None
+    simulation = job.simulation(
+        keep_going=arguments.keep_going, summaries=arguments.check_summaries, tracing=tracing
+    )
+    return _run(arguments, job, simulation, tracing)
 
 
-def _run(arguments: argparse.Namespace, job: Job) -> int:
+def _rehearse(arguments: argparse.Namespace) -> int:
+    """Play a recorded run."""
+    from koord.cli.rehearsals import rehearsal
+
+    given = (arguments.config, arguments.robots, arguments.seed, arguments.runs, arguments.sweep)
+    if any(one is not None for one in given) or arguments.trace is not None:
+        raise argparse.ArgumentTypeError(
+            "--schedule plays a run as it is recorded: leave out CONFIG and what would change it"
+        )
+    check_outputs(arguments)
+    job, simulation = rehearsal(arguments)
+    return _run(arguments, job, simulation, None)
+
+
+def _run(
+    arguments: argparse.Namespace, job: Job, simulation: Simulation, tracing: Tracing | None
+) -> int:
     import time
 
     from koord.cli.progress import Interruption, LiveLine
     from koord.cli.simulated import as_document, conclusion, heading, table
-    from koord.cli.simulated_traces import Tracing
     from koord.cli.terminal import visible
     from koord.cli.traces import write_trace
     from koord.sim.running import Ending, run
 
     limit_s = job.limit_s(arguments.rounds, arguments.time)
-    tracing = Tracing(job) if arguments.trace is not None else None
-    simulation = job.simulation(
-        keep_going=arguments.keep_going, summaries=arguments.check_summaries, tracing=tracing
-    )
     began = time.perf_counter()
     first = simulation.begin()
     if tracing is not None:

@@ -16,7 +16,7 @@ from koord.cli.inputs import LoadedProgram, Reading, no_program
 from koord.cli.systems import kinds_by_role
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
-from koord.runtime.compile.watching import Sort, watched
+from koord.runtime.compile.watching import Sort, Watched, watched
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import Configuration, Scatter
 from koord.sim.claims import Checked, Watching
@@ -87,8 +87,7 @@ class Job:
             return host if tracing is None else tracing.hear(host)
 
         made = Simulation(cast, scene, keep_going=keep_going, heard=heard)
-        claims = watched(program, self.slack)
-        made.claims.append(Watching(claims, made))
+        claims = watching(made, program, self.slack)
         for one in checked:
             one.hold(claims, made)
             made.claims.append(one)
@@ -127,6 +126,13 @@ class Job:
             )
         if problems:
             raise KoordError(tuple(problems[:10]))
+
+
+def watching(simulation: Simulation, program: core.Program, slack: Fraction) -> Watched:
+    """Have all that a program claims watched in a run, with so much slack."""
+    claims = watched(program, slack)
+    simulation.claims.append(Watching(claims, simulation))
+    return claims
 
 
 @dataclass(frozen=True, slots=True)

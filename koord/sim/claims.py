@@ -266,7 +266,7 @@ def watch_of(watched: Watched, run: Simulation) -> Watch:
     (made,) = loaded(watched.text)
     assert issubclass(made, Watch)
     run.host.watches = (*run.host.watches, made)
-    return made(run.cast.kinds, run.scene.delta_s, run.host)
+    return made(run.cast.kinds, run.scene.delta_s, run.claims_host)
 
 
 def _shown(value: object) -> str:

@@ -19,7 +19,7 @@ from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.planning import PlannerName
 from koord.runtime.motion.world import Point, World
 from koord.sim.kinds import Kind
-from koord.sim.squads import STEP_S, STEPS, Squad, squad
+from koord.sim.squads import STEP_S, STEPS, IdealSquad, Squad, squad
 
 #: A tick of control.
 TICK_S = STEP_S * STEPS
@@ -79,6 +79,19 @@ class Fleet:
             self.ticks += 1
             if watch is not None:
                 watch(self)
+
+    def stage(
+        self, time_s: float, place: Callable[[float], Floats], watch: Callable[[Fleet], None]
+    ) -> None:
+        """Let time pass, and put robots where they are at each: only points can be put anywhere."""
+        last = math.floor(time_s / TICK_S + 1e-6)
+        while self.ticks < last:
+            self.ticks += 1
+            where = place(min(self.now_s, time_s))
+            for members, numbers in self._squads:
+                assert isinstance(members, IdealSquad)
+                members.put(where[numbers])
+            watch(self)
 
     # --- orders ---------------------------------------------------------------------------------
 

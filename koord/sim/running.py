@@ -44,6 +44,7 @@ class Ending(Enum):
     VIOLATED = "a claim was broken"
     FAULT = "a fault"
     INTERRUPTED = "interrupted"
+    PLAYED = "the recorded run is over"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +111,7 @@ class Simulation:
         self.fleet = Fleet(world, scene.robots, seed)
         self.host = _host(cast, scene, self.fleet)
         host: Host = self.host if heard is None else heard(self.host)
+        self.claims_host: Host = self.host  #: whom claims ask
         self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, host)
         header = header_of(
             cast.name,
@@ -160,12 +162,23 @@ class Simulation:
         self._note(decision)
         if engine.ended is None:
             self._look(Moment.EVENTS)
-            self.host.pass_time(engine.robots, (engine.round + 1) * self.scene.delta_s, self._tick)
+        if engine.ended is None and self.goes_on:
+            self.pass_time()
             engine.environment_turn()
             self.gauge.round(tuple(sensed.state for sensed in self.host.sensed))
             self._look(Moment.ROUND)
         self._conclude()
         return decision
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the environment has its turn in the open round."""
+        return True
+
+    def pass_time(self) -> None:
+        """Let δ pass in the world, which robots have told what to do."""
+        until_s = (self.engine.round + 1) * self.scene.delta_s
+        self.host.pass_time(self.engine.robots, until_s, self.tick)
 
     def end(self, ending: Ending) -> None:
         """Nothing comes after this."""
@@ -185,9 +198,8 @@ class Simulation:
     def fault(self) -> Ended | None:
         return self.engine.ended
 
-    # --- inside ---------------------------------------------------------------------------------
-
-    def _tick(self, fleet: Fleet) -> None:
+    def tick(self, fleet: Fleet) -> None:
+        """A tick of the fleet is over."""
         near = self.gauge.tick()
         self.observer.tick(fleet, near.distance_m if near is not None else float("nan"))
         if near is not None and near.distance_m < self.scene.safety_m:
@@ -198,6 +210,8 @@ class Simulation:
         for claims in self.claims:
             for broken in claims.glance(self):
                 self._break(broken)
+
+    # --- inside ---------------------------------------------------------------------------------
 
     def _look(self, moment: Moment) -> None:
         for claims in self.claims:

@@ -188,6 +188,10 @@ class IdealSquad:
         course = np.arctan2(velocity[:, 1], velocity[:, 0])
         self._heading = np.where(moving, course, self._heading)
 
+    def put(self, position: Floats) -> None:
+        """Be somewhere, from one moment to the next; shape ``(n, 3)``."""
+        self.flying.rest = position.copy()
+
     def fixes(self, now_s: float) -> tuple[Floats, Floats]:
         return self.truth()
 

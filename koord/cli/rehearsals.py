@@ -1,0 +1,50 @@
+"""``koord sim --schedule``: a recorded run, such as a counterexample, played in the world."""
+
+from __future__ import annotations
+
+import argparse
+from fractions import Fraction
+
+from koord.cli.files import read_bytes, read_program
+from koord.cli.inputs import LoadedProgram, Reading
+from koord.cli.simulating import NO_FILE, Job, watching
+from koord.cli.traces import read_trace
+from koord.refinement.rehearsing import Rehearsal, Rehearsed, places
+from koord.refinement.running import ready
+from koord.runtime.configuration.checking import load as load_configuration
+from koord.runtime.robot import Host
+from koord.sim.running import Cast
+from koord.sim.scene import POINT_SLACK_M
+from koord.sim.staging import Staged
+from koord.syntax.elaborate.settings import Settings
+from koord.syntax.source import Source
+
+
+def rehearsal(arguments: argparse.Namespace) -> tuple[Job, Staged]:
+    """The run that a trace of the program holds. Raises KoordError."""
+    source = read_program(arguments.file).source
+    trace = read_trace(read_bytes(arguments.schedule), arguments.schedule, source)
+    program, kinds = trace.system.program, trace.system.kinds
+    made = ready(program)
+    heard: list[Rehearsal] = []
+
+    def instead(host: Host) -> Host:
+        heard.append(Rehearsal(trace, made.names, host))
+        return heard[0]
+
+    def turned(number: int) -> None:
+        heard[0].round = number
+
+    staged = Staged(
+        Cast(source.name, source.text, made.classes, kinds),
+        places(trace),
+        float(trace.system.delta_s),
+        Rehearsed(trace.recording.rounds, trace.recording.opening.order),
+        instead,
+        turned,
+        cut=any(round_.cut for round_ in trace.recording.rounds),
+    )
+    watching(staged, program, Fraction(repr(POINT_SLACK_M)))
+    reading = Reading(Settings(dict(trace.sources.params), trace.sources.tasks), ())
+    nothing = load_configuration(Source(NO_FILE, f"num_robots: {len(kinds)}\n"))
+    return Job(LoadedProgram(source, program, reading), nothing, staged.scene, kinds), staged
