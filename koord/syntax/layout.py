@@ -154,8 +154,9 @@ class _Layout:
             for outer, inner in pairwise(chain)
         ]
         first = line.roots[0].first
-        if first not in ("PRE", "EFF"):  # nothing else goes on with an event
-            opened = [c for c in opened if c[1].first not in ("PRE", "EFF")] or opened
+        # `pre` and `eff` go on with an event, and nothing else does.
+        goes_on = first in ("PRE", "EFF")
+        opened = [c for c in opened if (c[1].first in ("PRE", "EFF")) == goes_on] or opened
         if first in ("ELSE", "ELIF"):
             ifs = [c for c in opened if c[1].first in ("IF", "ELIF")]
             if not ifs and chain[0].first in ("IF", "ELIF"):

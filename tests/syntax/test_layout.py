@@ -108,6 +108,12 @@ def test_a_line_that_may_belong_to_two_bodies_is_told(line: str, indent: int) ->
     assert told(text) == [("K112", 3, indent + 1)]
 
 
+@pytest.mark.parametrize("indent", [1, 2, 3, 5, 8])
+def test_eff_goes_on_with_the_event_wherever_it_stands(indent: int) -> None:
+    found = section(f"E: pre: a\n{' ' * indent}eff: x = 1\n")
+    assert found == section("E:\n  pre: a\n  eff: x = 1\n")
+
+
 def test_an_else_that_may_belong_to_two_ifs_is_told() -> None:
     assert told("E:\n  eff: if a: if b: x = 1\n    else: x = 2\n") == [("K112", 3, 5)]
     inner = event("E:\n  eff: if a: if b: x = 1\n             else: x = 2\n")
