@@ -88,6 +88,7 @@ class Observer:
         self._given = np.zeros(len(header.robots), np.int64)
         self._paths_s = _PATHS_S if len(header.robots) <= _MANY else _PATHS_OF_MANY_S
         self._paths_due_s = -math.inf
+        self._values_s, self._values_due_s = header.values_s, -math.inf
         self._shown = 0
 
     def begun(self, decision: Decision) -> None:
@@ -112,10 +113,23 @@ class Observer:
         """A decision was acted on; the environment has not had its turn yet."""
         number = decision.round
         time_s = max(number, 0) * self.recorder.recording.header.delta_s
-        changes = [*self._shared_changes(), *self._own_changes()]
+        changes: list[Change] = []
+        if time_s >= self._values_due_s - 1e-9:
+            self._values_due_s = time_s + self._values_s
+            changes = [*self._shared_changes(), *self._own_changes()]
         shown = self.engine.shown[self._shown :]
         self._shown += len(shown)
         self.recorder.round(number, time_s, self._deeds(decision), changes, [*_said(shown)])
+
+    def end(self, words: str) -> None:
+        """The run is over: how it ended, and the round that is not run any more, as it stands."""
+        header = self.recorder.recording.header
+        stopped = [robot.status is Status.STOPPED for robot in self.engine.robots]
+        deeds = np.where(stopped, Idle.STOPPED, Idle.SKIPPED).astype(np.int16)
+        changes = [*self._shared_changes(), *self._own_changes()]
+        time_s = self.engine.round * header.delta_s
+        self.recorder.round(self.engine.round, time_s, deeds, changes)
+        self.recorder.end(words)
 
     def _deeds(self, decision: Decision) -> Deeds:
         deeds = np.full(len(self._own), Idle.SKIPPED, np.int16)

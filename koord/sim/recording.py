@@ -34,6 +34,10 @@ WHOLE = -1
 #: So many robots are sampled so often; of more the last counts.
 _RATES_S = ((200, 0.1), (2_000, 0.2), (math.inf, 1.0))
 
+#: The variables of so many robots are kept in every round; those of more so often that it is as if
+#: so many robots kept theirs once a second. Else a recording would be larger than the run.
+_FEW, _KEPT_PER_S = 100, 1_000
+
 
 class Look(Enum):
     """How a robot is drawn."""
@@ -125,6 +129,12 @@ class Header:
         """How often poses are kept."""
         return next(rate for most, rate in _RATES_S if len(self.robots) <= most)
 
+    @property
+    def values_s(self) -> float:
+        """How often changes of variables are kept; 0: in every round."""
+        count = len(self.robots)
+        return 0.0 if count <= _FEW else count / _KEPT_PER_S
+
 
 class Change(NamedTuple):
     """A variable, or one element of it (``part``), has a new value."""
@@ -145,7 +155,10 @@ class Said(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """A round as robots saw it after its events; round -1 is INIT."""
+    """A round as robots saw it after its events; round -1 is INIT.
+
+    ``changes`` are since the last round in which any were looked for.
+    """
 
     number: int
     time_s: float

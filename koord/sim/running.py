@@ -7,13 +7,11 @@ give equal runs, and equal :attr:`Figures.digest`.
 from __future__ import annotations
 
 import gc
-import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
 
-from koord.runtime.encoding import encode, flat_decision
 from koord.runtime.engine.fleet import Ended
 from koord.runtime.engine.fleet import Fleet as Engine
 from koord.runtime.engine.schedules import Deployed, Schedule
@@ -23,6 +21,7 @@ from koord.runtime.motion.planning import Pose, planner
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host, Robot, Status
+from koord.sim.digests import Digest, deeds_of
 from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
@@ -109,7 +108,7 @@ class Simulation:
         self.schedule: Schedule = schedule if schedule is not None else Deployed()
         world, seed = scene.world, scene.seed
         self.fleet = Fleet(world, scene.robots, seed)
-        self.host = _host(cast, scene, self.fleet)
+        self.host = host_of(cast, scene, self.fleet)
         host: Host = self.host if heard is None else heard(self.host)
         self.claims_host: Host = self.host  #: whom claims ask
         self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, host)
@@ -131,7 +130,7 @@ class Simulation:
         self.ending: Ending | None = None
         self.broken: list[Broken] = []
         self._told: set[tuple[str, tuple[int, ...]]] = set()
-        self._digest = hashlib.sha256()
+        self._digest = Digest()
         self._before: tuple[Any, ...] | None = None
         self._still = 0
 
@@ -183,7 +182,7 @@ class Simulation:
     def end(self, ending: Ending) -> None:
         """Nothing comes after this."""
         self.ending = ending
-        self.recorder.end(ending.value)
+        self.observer.end(ending.value)
 
     def figures(self) -> Figures:
         """What the run came to."""
@@ -230,8 +229,8 @@ class Simulation:
         )
 
     def _note(self, decision: Decision) -> None:
-        self._digest.update(encode(flat_decision(decision)))
-        self._digest.update(self.fleet.positions().tobytes())
+        self._digest.note(decision.round, deeds_of(decision, len(self.cast.kinds)))
+        self._digest.place(self.fleet.positions())
 
     def _conclude(self) -> None:
         if self.ending is not None:
@@ -281,7 +280,7 @@ def run(simulation: Simulation, time_s: float) -> Iterator[Decision]:
             gc.enable()
 
 
-def _host(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
+def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
     """The host of a run, with a library that plans as the robots' planners do."""
     made = {
         kind: planner(kind.planner, scene.world, kind.body, kind.effort)

@@ -63,7 +63,7 @@ def recorded(
         1,
     )
     cast = Cast(f"{name}.krd", text, loaded(compiled(program)), (0,) * len(team))
-    simulation = Simulation(cast, scene)
+    simulation = Simulation(cast, scene, keep_going=True)
     simulation.begin()
     for _ in run(simulation, rounds * DELTA_S):
         pass

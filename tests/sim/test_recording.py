@@ -53,7 +53,7 @@ def test_deeds_are_events_skips_blocks_and_stops(run: Recorded) -> None:
     assert (deeds == 0).sum() >= 6  # Assign, for each task
     assert (deeds == 1).sum() == 6  # Complete
     assert deeds[1].tolist().count(Idle.BLOCKED) == 2  # all want to Assign, and one may
-    assert (deeds[-1] == Idle.STOPPED).sum() >= 1
+    assert (deeds[-1] == Idle.STOPPED).all()
 
 
 def test_tasks_are_assigned_once(run: Recorded) -> None:
@@ -85,6 +85,18 @@ def test_only_what_changed_is_kept() -> None:
     assert all(c.part != WHOLE for c in first)
     ends = {c.part for r in recording.rounds[2:] for c in r.changes if c.robot == SHARED}
     assert ends <= {1, 2}  # the ends of the line stand still
+
+
+def test_of_a_crowd_values_are_kept_now_and_then_and_in_the_end() -> None:
+    run = lineform(robots=150, rounds=6)
+    rounds = run.recording.rounds
+    # Every 0.15 s; what happens in round 5 is kept with the end, which is round 6.
+    assert [done.number for done in rounds if done.changes] == [-1, 2, 4, 6]
+    assert all((done.deeds == 0).all() for done in rounds[1:-1])  # events are in every round
+    shared, _ = replayed(run.recording)
+    (variable,) = run.recording.header.shared
+    held = from_plain(variable.shape, shared[0], 150)
+    assert held == run.engine.store.values[variable.name]
 
 
 def replayed(recording: Recording) -> tuple[dict[int, object], list[dict[int, object]]]:
