@@ -18,6 +18,7 @@ from koord.syntax.core import UnaryOp
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import Claim, Findings, Phase
 from koord.verify.moments import Moment
+from koord.verify.representatives import representatives
 from koord.verify.solving import Answer, Deadline, Effort, Model, cases
 from koord.verify.steps import broken_step
 from koord.verify.symbols import SymbolicInputs
@@ -87,6 +88,7 @@ class _Step:
     def __init__(self, system: System, depth: int, seed: int, effort: Effort | None) -> None:
         self._system = system
         self._effort = effort
+        self._represented = representatives(system)
         # INIT stays part of the question: what never changes is as it was then.
         self._unrolling = Unrolling(system, seed)
         encoder, solver = self._unrolling.encoder, self._unrolling.solver
@@ -138,7 +140,7 @@ class _Step:
         hypotheses = self._hypotheses(assumed)
         failed: dict[Claim, str] = {}
         for moment in self._asked:
-            pending = {claim: v for claim, v in self._violations(moment, asked).items()}
+            pending = self._violations_up_to_names(moment, asked)
             extra = [*hypotheses, *self._until(moment)]
             for claim in failed:
                 pending.pop(claim, None)
@@ -198,6 +200,11 @@ class _Step:
             for moment in self._assumed
             for violated in self._violations(moment, state).values()
         ]
+
+    def _violations_up_to_names(self, moment: Moment, claims: Sequence[Claim]) -> dict[Claim, Term]:
+        originals = {self._represented(claim): claim for claim in claims}
+        found = self._violations(moment, list(originals))
+        return {originals[claim]: violated for claim, violated in found.items()}
 
     def _violations(self, moment: Moment, claims: Sequence[Claim]) -> dict[Claim, Term]:
         found = {}

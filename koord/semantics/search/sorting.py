@@ -34,6 +34,9 @@ class Sorting:
         for entry, of in zip(program.allwrite, self.book.allwrite, strict=True):
             self._start(entry, of, nobody)
         for function in program.externals:
+            parameters = [self.book.fresh(p.type) for p in function.parameters]
+            self.book.externals[function.name] = parameters, self.book.held(function.result.type)
+        for function in program.externals:
             self._external(function)
         for kind in sorted(set(system.kinds)):
             self._agent(kind, program.agents[kind])
@@ -69,9 +72,7 @@ class Sorting:
             unify(of, self._expressions.shape(entry.initial, body))
 
     def _external(self, function: core.External) -> None:
-        parameters = [self.book.fresh(p.type) for p in function.parameters]
-        result = self.book.held(function.result.type)
-        self.book.externals[function.name] = (parameters, result)
+        parameters, result = self.book.externals[function.name]
         bound = dict(zip(function.parameters, parameters, strict=True))
         bound[function.result] = result
         filled = frozenset(variable.slot for variable in bound)

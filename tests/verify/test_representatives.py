@@ -1,0 +1,106 @@
+"""Robots that may change places: a few of them stand for all. [SYMMETRY]"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.programs import system
+from koord.semantics.configurations import System, dealt
+from koord.semantics.machine import NotFiniteError
+from koord.syntax import core
+from koord.syntax.load import load
+from koord.syntax.source import Source
+from koord.verify import induction
+from koord.verify.claims import Claim, claims_of
+from koord.verify.induction import Inductive, prove
+from koord.verify.representatives import representatives
+from koord.verify.solving import Deadline
+
+EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
+
+
+def example(name: str, robots: int) -> System:
+    path = EXAMPLES / f"{name}.krd"
+    made = load(Source(path.name, path.read_text("utf-8"))).program
+    assert made is not None
+    return dealt(made, robots)
+
+
+def named(found: System, name: str) -> Claim:
+    return next(claim for claim in claims_of(found) if claim.name == name)
+
+
+def ranges(e: object) -> list[object]:
+    """How far the quantifiers at the top go; None for all robots."""
+    found: list[object] = []
+    while isinstance(e, core.Quantified):
+        high = e.domain.high if isinstance(e.domain, core.IntRange) else None
+        found.append(high.value if isinstance(high, core.Const) else None)
+        e = e.body
+    return found
+
+
+def test_each_quantifier_names_one_more_robot() -> None:
+    found = example("fischer", 5)
+    claim = named(found, "Exclusive")
+    seen = representatives(found)(claim)
+    assert claim.stated is not None
+    assert seen.stated is not None
+    assert (ranges(claim.stated.condition), ranges(seen.stated.condition)) == ([None, None], [1, 2])
+
+
+def test_robots_that_are_told_apart_all_count() -> None:
+    found = example("lineform", 5)
+    assert all(representatives(found)(claim) is claim for claim in claims_of(found))
+    mixed = example("cars_and_drones", 4)
+    assert all(representatives(mixed)(claim) is claim for claim in claims_of(mixed))
+
+
+def everybody(system: System) -> Callable[[Claim], Claim]:
+    """Nobody stands for anybody."""
+    return lambda claim: claim
+
+
+def proofs(found: System, depth: int) -> Inductive:
+    return prove(found, claims_of(found), (), Deadline.after(60), depth=depth)
+
+
+@pytest.mark.parametrize("name", ["broken/fischer2_no_deadline", "traffic", "mapping"])
+def test_what_two_robots_break_is_broken_up_to_names(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = example(name, 3)
+    some = proofs(found, 1)
+    monkeypatch.setattr(induction, "representatives", everybody)
+    every = proofs(found, 1)
+    assert set(some.proved) == set(every.proved)
+    assert some.reasons == every.reasons
+
+
+def test_proofs_of_generated_programs_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    count: Counter[str] = Counter()
+    for seed in range(300):
+        found = system(Random(seed), FINITE)
+        seen = representatives(found)
+        if all(seen(claim) is claim or seen(claim) == claim for claim in claims_of(found)):
+            continue
+        try:
+            some = proofs(found, 1)
+            with monkeypatch.context() as patch:
+                patch.setattr(induction, "representatives", everybody)
+                every = proofs(found, 1)
+        except NotFiniteError:
+            continue
+        assert set(some.proved) == set(every.proved), seed
+        count["systems"] += 1
+        count["proved"] += sum(claim.stated is not None for claim in some.proved)
+        count["not proved"] += sum(claim.stated is not None for claim in some.reasons)
+    assert count["systems"] >= 20
+    assert count["proved"] >= 10
+    assert count["not proved"] >= 10
