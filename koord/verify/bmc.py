@@ -28,10 +28,14 @@ from koord.verify.witness import NotReplayedError, Reader, recording_of
 
 @dataclass(slots=True)
 class Unrolling:
-    """A system unrolled so far: the solver knows INIT and some rounds."""
+    """A system unrolled so far: the solver knows INIT and some rounds.
+
+    With ``movers`` it is only the runs in which the other robots skip.
+    """
 
     system: System
     seed: int = 0
+    movers: frozenset[int] | None = None
     unknowns: Unknowns = field(init=False)
     encoder: Encoder = field(init=False)
     solver: Solver = field(init=False)
@@ -41,7 +45,7 @@ class Unrolling:
     def __post_init__(self) -> None:
         d = Terms(self.system.patience)
         self.unknowns = Unknowns(d, self.system.program, self.system.robots)
-        self.encoder = Encoder(self.system, self.unknowns)
+        self.encoder = Encoder(self.system, self.unknowns, self.movers)
         self.solver = Solver(d, self.unknowns, self.seed)
         self.opening = self.encoder.initial()
         self.solver.add(self.opening.moment.constraints)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from random import Random
 
@@ -71,7 +71,7 @@ class Unbroken:
 
 def unbroken(
     system: System,
-    nevers: Iterable[Claim],
+    nevers: Collection[Claim],
     rounds: int,
     deadline: Deadline,
     effort: Effort,
@@ -80,23 +80,54 @@ def unbroken(
 ) -> Unbroken:
     """The claims that hold in all runs of so many rounds, asked round by round.
 
-    One round is looked at even if there is nothing to ask, to see whether it can end.
+    One round is looked at even if there is nothing to ask, to see whether it can end. Where robots
+    are many, runs in which most of them only skip break most claims already.
     """
     pending = list(nevers)
-    unrolling = Unrolling(system, seed)
+    movers = _some_of_each_kind(system)
+    if len(movers) < system.robots:
+        half = Effort(effort.left // 2)
+        effort.left -= half.left
+        few = Unrolling(system, seed, movers)
+        left = _unbroken(few, pending, rounds, deadline, half)
+        effort.left += half.left
+        if left.known and not left.claims and left.stuck is None:
+            return left
+        pending = [claim for claim in pending if claim in left.claims]
+    return _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
+
+
+def _some_of_each_kind(system: System) -> frozenset[int]:
+    """Two robots of each kind, or one where it is alone."""
+    found: list[int] = []
+    for kind in set(system.kinds):
+        found += [robot for robot, other in enumerate(system.kinds) if other == kind][:2]
+    return frozenset(found)
+
+
+def _unbroken(
+    unrolling: Unrolling,
+    claims: Sequence[Claim],
+    rounds: int,
+    deadline: Deadline,
+    effort: Effort,
+) -> Unbroken:
+    pending = list(claims)
     for moment in unrolling.moments():
         answer = _strike(unrolling, moment, pending, deadline, effort)
         if answer is not Answer.UNKNOWN and moment.phase is Phase.END:
             # Nothing is broken any more if no run comes here.
             answer = unrolling.solver.check([], deadline, effort)
             if answer is Answer.UNSAT:
-                stuck = _stuck(system, moment.configuration.round, deadline, seed)
+                if unrolling.movers is not None:
+                    break  # others may get further
+                stuck = _stuck(unrolling, moment.configuration.round, deadline)
                 return Unbroken(frozenset(pending), stuck, limits=_limits(unrolling))
         if answer is Answer.UNKNOWN:
             return Unbroken(frozenset(pending), known=False)
         if moment.phase is Phase.END and (not pending or moment.configuration.round >= rounds):
-            break
-    return Unbroken(frozenset(pending), limits=_limits(unrolling))
+            return Unbroken(frozenset(pending), limits=_limits(unrolling))
+    return Unbroken(frozenset(pending), known=False)
 
 
 def _limits(unrolling: Unrolling) -> tuple[str, ...]:
@@ -127,9 +158,9 @@ def _strike(
     return Answer.SAT
 
 
-def _stuck(system: System, round_: int, deadline: Deadline, seed: int) -> int | None:
+def _stuck(unrolling: Unrolling, round_: int, deadline: Deadline) -> int | None:
     """The first round whose environment's turn no run can take; None if they fault instead."""
-    alone = Unrolling(system, seed)
+    alone = Unrolling(unrolling.system, unrolling.seed)
     for moment in alone.moments():
         if alone.solver.check([], deadline) is not Answer.SAT:
             return moment.configuration.round if moment.phase is Phase.END else None

@@ -38,10 +38,16 @@ from koord.verify.terms import Term
 
 
 class Encoder:
-    """Builds initial configurations and rounds of one system."""
+    """Builds initial configurations and rounds of one system.
 
-    def __init__(self, system: System, unknowns: Unknowns) -> None:
+    With ``movers`` the others only skip: some of the runs, of which much less is to be said.
+    """
+
+    def __init__(
+        self, system: System, unknowns: Unknowns, movers: frozenset[int] | None = None
+    ) -> None:
         self.system = system
+        self.movers = frozenset(range(system.robots)) if movers is None else movers
         self.unknowns = unknowns
         self.d = unknowns.d
         self._racy = racy_variables(system.program)
@@ -121,7 +127,8 @@ class Encoder:
         self, start: Configuration[Term], inputs: SymbolicInputs, label: str
     ) -> list[Option]:
         options = []
-        for i, state in enumerate(start.robots):
+        for i in sorted(self.movers):
+            state = start.robots[i]
             for position, event in enumerate(self.system.agent(i).events):
                 chosen = self.d.fresh(f"{event.name}@{i}#{label}", BOOL)
                 selectable, turned = program_turn(self.d, self.system, i, state, position, inputs)

@@ -400,6 +400,20 @@ def test_events_that_never_run_are_told() -> None:
     assert not asked.report.is_vacuous
 
 
+def test_what_takes_all_robots_can_happen() -> None:
+    """Two robots of a kind are looked at first; where they are not enough, all are."""
+    b = Build()
+    total, done = b.allwrite("total", INT, 0), b.local("done", BOOL, False)
+    code = b.sensor("code", INT, 0)  # runs at random do not guess it
+    b.module()
+    b.event("Add", ~done, b.atomic(total.set(total + 1), done.set(True)))
+    b.event("All", (total >= 3) & code.eq(48_271), total.set(9))
+    b.event("More", total.eq(5), total.set(6))
+    b.invariant("Low", total >= 0)
+    asked = ask(b.program(), robots=3, rounds=5, choice=Choice.BMC)
+    assert [text.split(":")[0] for text in asked.empty] == ["event More"]
+
+
 def test_what_can_never_happen_is_certain() -> None:
     b = growing()
     z = b.local("z", INT, 0)
