@@ -68,6 +68,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_trace(parser, "the run")
     add_outputs(parser)
     parser.add_argument(
+        "--processes",
+        action="store_true",
+        help="each robot in a process of its own, over UDP; with --pace 1 as quickly as time goes "
+        "by, else without waiting",
+    )
+    parser.add_argument(
         "--schedule",
         metavar="TRACE",
         help="play the run in a trace, such as a counterexample of `koord verify --trace`",
@@ -141,11 +147,25 @@ def main(arguments: argparse.Namespace) -> int:
     if is_campaign:
         assert wanted is not None
         return campaign(arguments, wanted, job.scene.seed)
+    if arguments.processes:
+        return _processes(arguments, job)
     tracing = Tracing(job) if arguments.trace is not None else None
     simulation = job.simulation(
         keep_going=arguments.keep_going, summaries=arguments.check_summaries, tracing=tracing
     )
     return _run(arguments, job, simulation, tracing)
+
+
+def _processes(arguments: argparse.Namespace, job: Job) -> int:
+    """Each robot in a process of its own."""
+    if arguments.trace is not None or arguments.record or arguments.live:
+        raise argparse.ArgumentTypeError(
+            "--processes are not recorded: run the same seed without, it is the same run"
+        )
+    from koord.cli.processes import simulate
+
+    job.check_start(job.begun())
+    return simulate(arguments, job)
 
 
 def _rehearse(arguments: argparse.Namespace) -> int:

@@ -72,12 +72,17 @@ class Job:
         """By how much numbers may be off in claims."""
         return Fraction(repr(self.scene.slack_m))
 
+    def cast(self) -> Cast:
+        """The program, compiled."""
+        program, source = self.loaded.program, self.loaded.source
+        return Cast(source.name, source.text, loaded(compiled(program)), self.kinds)
+
     def simulation(
         self, *, keep_going: bool = False, summaries: bool = False, tracing: Tracing | None = None
     ) -> Simulation:
         """The program in its scene, with all that it claims watched, ``summaries`` if asked for."""
-        program, source, scene = self.loaded.program, self.loaded.source, self.scene
-        cast = Cast(source.name, source.text, loaded(compiled(program)), self.kinds)
+        program, scene = self.loaded.program, self.scene
+        cast = self.cast()
         checked: list[Checked] = []
 
         def heard(host: Host) -> Host:
@@ -91,6 +96,12 @@ class Job:
         for one in checked:
             one.hold(claims, made)
             made.claims.append(one)
+        return made
+
+    def begun(self) -> Simulation:
+        """The run after INIT, to see whether it may begin so."""
+        made = self.simulation()
+        made.begin()
         return made
 
     def limit_s(self, rounds: int | None, time_s: float | None) -> float:

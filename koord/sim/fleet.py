@@ -46,15 +46,26 @@ class Sensed:
 
 
 class Fleet:
-    """Robots in a world; those of one kind run together. Robots are numbered as they are given."""
+    """Robots in a world; those of one kind run together. Robots are numbered as they are given.
 
-    def __init__(self, world: World, robots: Sequence[Placed], seed: int = 0) -> None:
+    With ``only`` one of them is simulated, as it would be among the others, and nobody else is
+    there: so each process of a run simulates its own robot.
+    """
+
+    def __init__(
+        self, world: World, robots: Sequence[Placed], seed: int = 0, only: int | None = None
+    ) -> None:
         self.world, self.robots, self.ticks = world, tuple(robots), 0
+        self._only = only
         seeds = np.random.SeedSequence(seed).spawn(len(robots))
         self._squads: list[tuple[Squad, Floats]] = []
         self._where: list[tuple[int, int]] = [(0, 0)] * len(robots)
         for kind in dict.fromkeys(robot.kind for robot in robots):
-            members = [k for k, robot in enumerate(robots) if robot.kind == kind]
+            members = [
+                k for k, robot in enumerate(robots) if robot.kind == kind and only in (None, k)
+            ]
+            if not members:
+                continue
             for row, member in enumerate(members):
                 self._where[member] = len(self._squads), row
             start = np.array([robots[k].start for k in members], dtype=np.float64)
@@ -140,7 +151,8 @@ class Fleet:
             for number, (x, y, z), angle, reached, state in rows:
                 planner = self.robots[number].kind.planner
                 found[number] = Sensed((x, y, z), angle, reached, planner, State(state))
-        return tuple(sensed for sensed in found if sensed is not None)
+        known = tuple(sensed for sensed in found if sensed is not None)
+        return known if self._only is None else known * len(self.robots)
 
     def positions(self) -> Floats:
         """Where the robots are, shape ``(n, 3)``."""

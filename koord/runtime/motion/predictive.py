@@ -105,7 +105,9 @@ class Predictive:
         quadratic += self._input_cost
         flat = reference.reshape(len(cars), -1)
         change = flat - np.concatenate([last, flat[:, :-2]], axis=1)
-        linear = np.einsum("mij,mi->mj", forced, weigh * free) + change @ self._change_cost.T
+        linear = np.einsum("mij,mi->mj", forced, weigh * free)
+        # Not `@`: its last bit hangs on how many robots there are.
+        linear += np.einsum("mi,ji->mj", change, self._change_cost)
         highest = np.empty_like(reference)
         highest[:, :, 0], highest[:, :, 1] = reference[:, :, 0], self.car.steering_rad
         lowest = -highest

@@ -1,0 +1,41 @@
+"""The hash of a run: who ran which event in each round, and where robots were, to the last bit."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Floats, Ints
+from koord.runtime.proposals import Decision
+
+#: Of a robot that skipped, and of one that began.
+SKIPPED, BEGAN = -1, -2
+
+
+def deeds_of(decision: Decision, robots: int) -> Ints:
+    """The position of the event that each robot ran."""
+    deeds = np.full(robots, SKIPPED, np.int64)
+    for taken in decision.ran:
+        deeds[taken.robot] = BEGAN if taken.event is None else taken.event
+    return deeds
+
+
+class Digest:
+    """Rounds in order; of each what robots did, and where they were when it was decided."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+
+    def note(self, round_: int, deeds: Ints) -> None:
+        """What robots did in a round, by the position of the event, shape ``(n,)``."""
+        self._hash.update(np.int64(round_).tobytes())
+        self._hash.update(deeds.tobytes())
+
+    def place(self, positions: Floats) -> None:
+        """Where robots were, shape ``(n, 3)``."""
+        self._hash.update(np.ascontiguousarray(positions, dtype=np.float64).tobytes())
+
+    def hexdigest(self) -> str:
+        """The hash so far."""
+        return self._hash.hexdigest()
