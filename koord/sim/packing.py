@@ -39,6 +39,9 @@ _STEP_M, _STEPS = 0.001, 60_000
 #: Values of variables are kept with so many digits behind the point.
 _DIGITS = 4
 
+#: What programs call records whose classes have another name.
+_SPELLED = {"Pos": "pos"}
+
 #: How near robots are, where nobody said.
 _UNKNOWN_MM = 0xFFFF
 
@@ -255,7 +258,7 @@ def shape_of(shape: Shape) -> Any:
         case Record(make=make, fields=fields):
             names: tuple[str, ...] = getattr(make, "_fields", ())
             parts = [[n, shape_of(field)] for n, field in zip(names, fields, strict=True)]
-            return {"record": make.__name__, "fields": parts}
+            return {"record": _SPELLED.get(make.__name__, make.__name__), "fields": parts}
         case Array(element=element, size=size):
             return {"array": shape_of(element), "size": size}
         case PerRobot(element=element):

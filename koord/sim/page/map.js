@@ -1,6 +1,7 @@
 // The world from above, and from the side where somebody flies.
 
 const TRAIL_S = 8; // how far back trails reach
+const FEW = 16; // of more robots only the chosen one's height is told
 const MANY = 60; // of more robots only the chosen one is labelled
 const CROWD = 200; // more robots are drawn more plainly, to be quick
 const TURNS = 64; // a crowd has so many headings
@@ -322,23 +323,32 @@ class WorldMap {
     context.font = "600 12px system-ui, sans-serif";
     context.textAlign = "left";
     context.lineJoin = "round";
-    const taken = [];
+    const taken = [], labels = [];
     // The chosen one first: of labels that would cover each other the first is drawn.
     for (let turn = -1; turn < run.count; turn++) {
       const robot = turn < 0 ? chosen : turn;
       if (robot < 0 || turn === chosen || (!all && robot !== chosen) || !isSeen(robot)) continue;
-      const x = this.x(now[4 * robot]), y = this.y(now[4 * robot + 1]);
       const r = Math.max(run.robots[robot].radius * this.scale * 0.75, 6);
-      const height = run.robots[robot].flies && run.count <= MANY ? ` ↑${now[4 * robot + 2].toFixed(1)}` : "";
-      const text = isFree(taken, x + r, y - r, context.measureText(`${robot}${height}`).width) ? `${robot}${height}`
-        : isFree(taken, x + r, y - r, 14) ? String(robot) : "";
-      if (!text) continue;
-      taken.push([x + r, y - r, context.measureText(text).width]);
+      const x = this.x(now[4 * robot]) + r, y = this.y(now[4 * robot + 1]) - r + 2;
+      const text = String(robot), width = context.measureText(text).width;
+      if (!isFree(taken, x, y, width)) continue;
+      taken.push([x, y, width]);
+      labels.push({ robot, text, x, y, width });
+    }
+    // Heights where there is room left.
+    for (const label of labels) {
+      if (run.robots[label.robot].flies && (run.count <= FEW || label.robot === chosen)) {
+        const height = ` ↑${now[4 * label.robot + 2].toFixed(1)}`, width = context.measureText(height).width;
+        if (isFree(taken, label.x + label.width + 3, label.y, width)) {
+          taken.push([label.x + label.width + 3, label.y, width]);
+          label.text += height;
+        }
+      }
       context.strokeStyle = theme("--arena");
       context.lineWidth = 3.5;
-      context.strokeText(text, x + r, y - r + 2);
+      context.strokeText(label.text, label.x, label.y);
       context.fillStyle = theme("--ink");
-      context.fillText(text, x + r, y - r + 2);
+      context.fillText(label.text, label.x, label.y);
     }
   }
 
