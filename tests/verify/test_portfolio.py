@@ -407,7 +407,7 @@ def test_what_takes_all_robots_can_happen() -> None:
     code = b.sensor("code", INT, 0)  # runs at random do not guess it
     b.module()
     b.event("Add", ~done, b.atomic(total.set(total + 1), done.set(True)))
-    b.event("All", (total >= 3) & code.eq(48_271), total.set(9))
+    b.event("All", (total >= 3) & (code * 7 + 3).eq(48_275), total.set(9))
     b.event("More", total.eq(5), total.set(6))
     b.invariant("Low", total >= 0)
     asked = ask(b.program(), robots=3, rounds=5, choice=Choice.BMC)
