@@ -248,7 +248,6 @@ def _all(arguments: argparse.Namespace, job: Job) -> int:
         stack.callback(fleet.kill)
         interrupts = stack.enter_context(Interrupts(at_once=fleet.kill))
         board = stack.enter_context(Board(job.robots, job.rounds))
-        told = False
         while not fleet.is_over:
             for status, moments in fleet.news(0.2):
                 if record is not None:
@@ -256,8 +255,8 @@ def _all(arguments: argparse.Namespace, job: Job) -> int:
                     record.moments(moments, now)
                     record.status(status, now)
             board.show(fleet.statuses)
-            if interrupts.count and not told:
-                told = True
+            if interrupts.count and not board.is_stopping:
+                board.is_stopping = True
                 fleet.stop()
             if fleet.failures:
                 raise fleet.failures[0]

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from koord.runtime.deploy.running import Job
+from koord.runtime.deploy.running import REPORT_S, Job
 from koord.runtime.deploy.status import Status
 
-#: More robots than this do not fit on a screen; the rest is told in the last row.
-MOST_ROWS = 24
+#: More robots than this nobody reads; the rest is told in the last row.
+MOST_ROWS = 40
+
+#: Of a screen's lines, those that are no robot's.
+_OTHER_LINES = 4
 
 
 class Board:
@@ -27,6 +30,7 @@ class Board:
         self._console = Console(stderr=True)
         self._live: Live | None = None
         self._shown_at = 0.0
+        self.is_stopping = False
 
     def __enter__(self) -> Board:
         if self._console.is_terminal:
@@ -44,22 +48,31 @@ class Board:
         if self._live is None or now < self._shown_at + 0.2:
             return
         self._shown_at = now
-        self._live.update(table(statuses, self._rounds), refresh=True)
+        rows = max(1, min(MOST_ROWS, self._console.height - _OTHER_LINES))
+        made = table(statuses, self._rounds, rows)
+        if self.is_stopping:
+            made.title = f"{made.title}, stopping (Ctrl-C again: at once)"
+        self._live.update(made, refresh=True)
 
 
-def table(statuses: Mapping[int, Status], rounds: int | None) -> Table:
-    """A row for each robot."""
+def table(statuses: Mapping[int, Status], rounds: int | None, rows: int = MOST_ROWS) -> Table:
+    """A row for each robot; where there are too many, first for those of which there is a story."""
     first = max((status.round for status in statuses.values()), default=0)
-    made = Table(title=None if rounds is None else f"{rounds} rounds", box=None, pad_edge=False)
+    title = f"round {max(first, 0)}" + ("" if rounds is None else f" of {rounds}")
+    made = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    slack = _slack(statuses.values(), first)
+    shown = sorted(statuses)
+    if len(shown) > rows:
+        shown = sorted(shown, key=lambda pid: (not story(statuses[pid]), pid))[:rows]
     for name in ("robot", "round", "lag", "ran", "skipped", "late", "dropped", "coordinator"):
         made.add_column(name, justify="right")
     made.add_column("")
-    for pid in sorted(statuses)[:MOST_ROWS]:
+    for pid in sorted(shown):
         status = statuses[pid]
         made.add_row(
             str(pid),
             str(status.round),
-            str(first - status.round),
+            str(status.behind if first - status.round <= slack else first - status.round),
             str(status.ran),
             str(status.skipped),
             str(status.late),
@@ -67,9 +80,15 @@ def table(statuses: Mapping[int, Status], rounds: int | None) -> Table:
             "-" if status.coordinator is None else str(status.coordinator),
             story(status),
         )
-    if len(statuses) > MOST_ROWS:
-        made.add_row("…", "", "", "", "", "", "", "", f"and {len(statuses) - MOST_ROWS} more")
+    if len(statuses) > len(shown):
+        made.add_row("…", "", "", "", "", "", "", "", f"and {len(statuses) - len(shown)} more")
     return made
+
+
+def _slack(statuses: Iterable[Status], first: int) -> float:
+    """How many rounds pass between two reports: so old may be what a robot has said last."""
+    took_s = max((status.took_s for status in statuses), default=0.0)
+    return 1 + 2 * REPORT_S * (first / took_s if took_s > 0 else 0.0)
 
 
 def story(status: Status) -> str:

@@ -16,6 +16,7 @@ class Status:
 
     pid: int
     round: int
+    behind: int  #: rounds that it knows to be decided and has not acted on
     coordinator: int | None
     epoch: int
     holding: Reason | None
@@ -56,6 +57,7 @@ def status_of(peer: Peer, member: Member, tally: Tally) -> Status:
     return Status(
         pid=state.pid,
         round=state.round,
+        behind=max(0, state.target - state.round),
         coordinator=state.leader,
         epoch=state.promised,
         holding=state.holding,

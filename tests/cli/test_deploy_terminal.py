@@ -1,0 +1,178 @@
+"""``koord deploy`` on a terminal: the live table, and what Ctrl-C does the first time and again."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import select
+import struct
+import subprocess
+import sys
+import termios
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from koord.cli.deployed import table
+from koord.cli.exits import Exit
+from koord.runtime.deploy.status import Status
+
+EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
+
+#: Nothing here takes long; who waits longer than this waits for ever.
+PATIENCE_S = 60.0
+
+#: Colours and movements of the cursor.
+_ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+
+
+class Screen:
+    """A command on a terminal, and all that it has written so far."""
+
+    def __init__(self, process: subprocess.Popen[bytes], terminal: int) -> None:
+        self.process = process
+        self.text = ""
+        self._terminal = terminal
+
+    def read_until(self, pattern: str | None) -> str:
+        """Wait for a text to appear, or for the end."""
+        while pattern is None or not re.search(pattern, self.text):
+            ready, _, _ = select.select([self._terminal], [], [], PATIENCE_S)
+            assert ready, self.text
+            try:
+                said = os.read(self._terminal, 4096)
+            except OSError:  # nobody has the other end any more
+                said = b""
+            if not said:
+                assert pattern is None, self.text
+                break
+            self.text += _ESCAPES.sub("", said.decode(errors="replace"))
+            assert len(self.text) < 300_000, self.text[-2_000:]
+        return self.text
+
+    def press_ctrl_c(self) -> None:
+        os.write(self._terminal, b"\x03")
+
+    @property
+    def code(self) -> int:
+        return self.process.wait(PATIENCE_S)
+
+
+@contextmanager
+def deployed(folder: Path, *words: str, columns: int = 80) -> Iterator[Screen]:
+    config = folder / "c.yaml"
+    config.write_text("num_robots: 3\ndelta: 0.05\n", encoding="utf-8")
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+    command = [sys.executable, "-m", "koord", "deploy", str(EXAMPLES / "leader_elect.krd")]
+    process = subprocess.Popen(
+        [*command, str(config), "--all-local", *words],
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+    )
+    os.close(theirs)
+    try:
+        yield Screen(process, ours)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, 9)
+        process.wait()
+        os.close(ours)
+
+
+def test_the_first_ctrl_c_stops_safely_with_a_summary(tmp_path: Path) -> None:
+    with deployed(tmp_path) as screen:
+        screen.read_until(r"robot +round +lag +ran +skipped +late +dropped +coordinator")
+        screen.read_until(r"round [2-9]")
+        screen.press_ctrl_c()
+        text = screen.read_until(None)
+        assert screen.code == Exit.INTERRUPTED
+    summary = text[text.rindex("rounds of 3 robots") - 8 :]
+    assert "datagrams sent" in summary
+    assert "koord: interrupted" not in text
+
+
+def test_the_second_ctrl_c_stops_at_once(tmp_path: Path) -> None:
+    """The robots are stopped meanwhile, so that no first one could be enough."""
+    with deployed(tmp_path) as screen:
+        screen.read_until(r"round [2-9]")
+        listed = subprocess.run(
+            ["ps", "-o", "pid=", "--ppid", str(screen.process.pid)],
+            capture_output=True,
+            check=True,
+            text=True,
+        )
+        robots = [int(pid) for pid in listed.stdout.split()]
+        assert len(robots) >= 3
+        for robot in robots:
+            os.kill(robot, 19)
+        screen.press_ctrl_c()
+        screen.read_until("stopping")
+        screen.press_ctrl_c()
+        text = screen.read_until(None)
+        assert screen.code == Exit.INTERRUPTED
+    assert "rounds of 3 robots" not in text
+    assert "koord: interrupted" in text
+
+
+def test_a_run_that_ends_leaves_its_summary_alone(tmp_path: Path) -> None:
+    with deployed(tmp_path, "--rounds", "8", columns=120) as screen:
+        text = screen.read_until(None)
+        assert screen.code == Exit.OK
+    assert re.search(r"8 rounds of 3 robots: .*\s+.*\s+epoch 0; dropped: .*\s*$", text)
+
+
+# --- the table ------------------------------------------------------------------------------------
+
+
+def status(pid: int, round_: int, **said: object) -> Status:
+    plain: dict[str, object] = {
+        "behind": 0,
+        "coordinator": 0,
+        "epoch": 0,
+        "holding": None,
+        "waiting_for": (),
+        "ran": 0,
+        "skipped": 0,
+        "late": 0,
+        "overdue": 0,
+        "longest_s": 0.1,
+        "took_s": 10.0,
+        "sent": 0,
+        "received": 0,
+        "drops": (),
+        "is_over": False,
+        "all_stopped": False,
+        "is_mute": False,
+        "is_voter": True,
+    }
+    return Status(pid=pid, round=round_, **{**plain, **said})  # type: ignore[arg-type]
+
+
+def column(statuses: list[Status], name: str, rows: int = 24) -> list[str]:
+    made = table({one.pid: one for one in statuses}, 200, rows)
+    (found,) = [c for c in made.columns if c.header == name]
+    return [str(cell) for cell in found.cells]
+
+
+def test_lag_is_what_a_robot_lacks_and_not_how_long_ago_it_spoke() -> None:
+    statuses = [status(0, 100), status(1, 98), status(2, 98, behind=4), status(3, 60)]
+    assert column(statuses, "lag") == ["0", "0", "4", "40"]
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_what_does_not_fit_is_counted_and_trouble_comes_first(rows: int) -> None:
+    statuses = [status(pid, 10) for pid in range(9)]
+    statuses[7] = status(7, 10, trouble="the store differs")
+    shown = column(statuses, "robot", rows)
+    assert len(shown) == rows + 1
+    assert "7" in shown
+    assert shown[-1] == "…"
+    assert column(statuses, "", rows)[-1] == f"and {9 - rows} more"
