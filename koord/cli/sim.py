@@ -158,7 +158,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _processes(arguments: argparse.Namespace, job: Job) -> int:
     """Each robot in a process of its own."""
-    if arguments.trace is not None or arguments.record or arguments.live:
+    if any((arguments.trace, arguments.record, arguments.plot, arguments.live)):
         raise argparse.ArgumentTypeError(
             "--processes are not recorded: run the same seed without, it is the same run"
         )
