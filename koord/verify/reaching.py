@@ -77,11 +77,13 @@ def unbroken(
     effort: Effort,
     *,
     seed: int = 0,
+    runs_s: float = 0,
 ) -> Unbroken:
     """The claims that hold in all runs of so many rounds, asked round by round.
 
     One round is looked at even if there is nothing to ask, to see whether it can end. Where robots
-    are many, runs in which most of them only skip break most claims already.
+    are many, runs in which most of them only skip break most claims already; ``runs_s`` seconds of
+    runs at random may break more.
     """
     pending = list(nevers)
     movers = _some_of_each_kind(system)
@@ -94,6 +96,9 @@ def unbroken(
         if left.known and not left.claims and left.stuck is None:
             return left
         pending = [claim for claim in pending if claim in left.claims]
+    if runs_s > 0:
+        met = seen(system, pending, rounds, deadline.sooner(runs_s), seed)
+        pending = [claim for claim in pending if claim not in met]
     return _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
 
 

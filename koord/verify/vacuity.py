@@ -13,7 +13,7 @@ from koord.verify.bmc import Unrolling
 from koord.verify.claims import NO_FAULT, Claim
 from koord.verify.footprint import footprint
 from koord.verify.ledger import Ledger
-from koord.verify.reaching import inside_rounds, never_broken, seen, unbroken
+from koord.verify.reaching import inside_rounds, never_broken, unbroken
 from koord.verify.solving import Answer, Deadline, Effort
 from koord.verify.summaries import unanswerable
 from koord.verify.verdicts import Emptiness, Outcome, Vacuity
@@ -61,18 +61,15 @@ def _unmet(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacui
     """Events that never run, and suppositions that are never true."""
     system, rounds, seed = ledger.system, ledger.bounds.rounds, ledger.seed
     wishes = {wish.never: wish for wish in wishes_of(system)}
-    pending = list(wishes)
-    if not ledger.subject.is_abstract:
-        # Making up positions and paths that meet assumptions can cost more than it spares.
-        met = seen(system, pending, rounds, deadline.sooner(RUNS_S), seed)
-        pending = [never for never in pending if never not in met]
-    left = unbroken(system, pending, rounds, deadline, effort, seed=seed)
+    # Making up positions and paths that meet assumptions can cost more than it spares.
+    runs_s = 0 if ledger.subject.is_abstract else RUNS_S
+    left = unbroken(system, wishes, rounds, deadline, effort, seed=seed, runs_s=runs_s)
     if left.stuck is not None:
         detail = f"no run gets through round {left.stuck}"
         found = Vacuity(Emptiness.CONTRACTS, "", detail, certain=True)
         yield _within(found, left.limits)
     elif left.known and left.claims:
-        unmet = [never for never in pending if never in left.claims]
+        unmet = [never for never in wishes if never in left.claims]
         always = never_broken(ledger, unmet, deadline, effort)
         blocked = _blocked(ledger, unmet, deadline, effort)
         verdict = ledger.verdicts.get(NO_FAULT)
