@@ -11,7 +11,7 @@ from koord.recheck.terms import Term
 from koord.recheck.turns import Turns
 from koord.syntax import core
 from koord.syntax.core import Home
-from koord.syntax.walk import nodes
+from koord.syntax.walk import nodes, statements
 
 
 def meeting(turns: Turns, prefix: Prefix, name: str) -> Term:
@@ -49,20 +49,56 @@ def _overlap(turns: Turns, a: Write, b: Write) -> Term:
     return t.conjunction(same)
 
 
-def updated(block: core.Block) -> Iterator[str]:
-    """The allwrite variables that a block updates outside of its atomic blocks."""
-    for s in block:
+def updated(effect: core.Block) -> Iterator[str]:
+    """The allwrite variables that an effect updates outside of its atomic blocks."""
+    flows = _flows(effect)
+    for s in _outside(effect):
         match s:
             case core.Assign(place=place, value=value) if place.variable.home is Home.ALLWRITE:
-                if any(node == place.variable for node in nodes(value)):
+                if any(
+                    (read, place.variable) in flows or read == place.variable for read in _in(value)
+                ):
                     yield place.variable.name
             case core.Append(place=place) | core.Remove(place=place) | core.Pop(place=place):
                 if place.variable.home is Home.ALLWRITE:
                     yield place.variable.name
-            case core.If(then=then, otherwise=otherwise):
-                yield from updated(then)
-                yield from updated(otherwise)
-            case core.ForRange(body=body) | core.ForEach(body=body):
-                yield from updated(body)
             case _:
                 pass
+
+
+def _outside(block: core.Block) -> Iterator[core.Stmt]:
+    """All statements that stand in no atomic block."""
+    for s in block:
+        yield s
+        match s:
+            case core.If(then=then, otherwise=otherwise):
+                yield from _outside((*then, *otherwise))
+            case core.ForRange(body=body) | core.ForEach(body=body):
+                yield from _outside(body)
+            case _:
+                pass
+
+
+def _flows(effect: core.Block) -> set[tuple[core.Variable, core.Variable]]:
+    """Pairs of variables: the first is given values that are computed from the second."""
+    pairs: set[tuple[core.Variable, core.Variable]] = set()
+    for s in statements(effect):
+        match s:
+            case core.Assign(place=place, value=value) | core.Append(place=place, value=value):
+                pairs |= {(place.variable, read) for read in _in(value)}
+            case core.Pop(place=place, into=into) if into is not None:
+                pairs.add((into.variable, place.variable))
+            case core.ForEach(key=key, value=element, sequence=sequence):
+                own = [v for v in (key, element) if v is not None]
+                pairs |= {(v, read) for v in own for read in _in(sequence)}
+            case _:
+                pass
+    while True:
+        further = {(a, d) for a, b in pairs for c, d in pairs if b == c} - pairs
+        if not further:
+            return pairs
+        pairs |= further
+
+
+def _in(value: core.Expr) -> Iterator[core.Variable]:
+    return (node.variable for node in nodes(value) if isinstance(node, core.Place))

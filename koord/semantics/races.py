@@ -6,8 +6,8 @@ loses the other's work if another robot writes the same location in the same rou
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
 from koord.semantics.domain import Domain, conjunction, disjunction
@@ -17,6 +17,7 @@ from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.types import BOOL
+from koord.syntax.walk import nodes, statements
 
 V = TypeVar("V")
 
@@ -37,11 +38,7 @@ def overlap(d: Domain[V], mine: Mask[V] | None, theirs: Mask[V] | None) -> V:
 
 
 def rewritten(program: core.Program) -> dict[tuple[int, int], frozenset[int]]:
-    """For each event (agent kind, position) the allwrite slots it updates outside of ``atomic``.
-
-    To update is to write a value that is computed from the variable's own old value in the same
-    statement, or to append, remove or pop.
-    """
+    """For each event (agent kind, position) the allwrite slots it updates outside of ``atomic``."""
     found = {}
     for kind, agent in enumerate(program.agents):
         for position, event in enumerate(agent.events):
@@ -51,32 +48,73 @@ def rewritten(program: core.Program) -> dict[tuple[int, int], frozenset[int]]:
     return found
 
 
-def updates(block: core.Block) -> Iterator[tuple[int, Span]]:
-    """The statements outside of ``atomic`` that update allwrite variables, each with its slot."""
-    for statement in block:
+def updates(effect: core.Block) -> Iterator[tuple[int, Span]]:
+    """The statements of an effect that update allwrite variables, each with its slot.
+
+    To update is, outside of ``atomic``, to write a value that is computed from the variable's own
+    old value, in the same statement or by way of others, or to append, remove or pop.
+    """
+    givers = _givers(effect)
+    for statement in _unlocked(effect):
         match statement:
             case core.Assign(place=place, value=value):
-                if place.variable.home is Home.ALLWRITE and place.variable in set(_read(value)):
+                if place.variable.home is Home.ALLWRITE and place.variable in _origins(
+                    givers, _read(value)
+                ):
                     yield place.variable.slot, statement.span
             case core.Append(place=place) | core.Remove(place=place) | core.Pop(place=place):
                 if place.variable.home is Home.ALLWRITE:
                     yield place.variable.slot, statement.span
-            case core.If(then=then, otherwise=otherwise):
-                yield from updates(then)
-                yield from updates(otherwise)
-            case core.ForRange(body=body) | core.ForEach(body=body):
-                yield from updates(body)
             case _:
                 pass
 
 
-def _read(node: object) -> Iterator[core.Variable]:
+def _unlocked(block: core.Block) -> Iterator[core.Stmt]:
+    """The statements of a block and of those in it, but not of its atomic blocks."""
+    for statement in block:
+        yield statement
+        match statement:
+            case core.If(then=then, otherwise=otherwise):
+                yield from _unlocked(then)
+                yield from _unlocked(otherwise)
+            case core.ForRange(body=body) | core.ForEach(body=body):
+                yield from _unlocked(body)
+            case _:
+                pass
+
+
+def _givers(effect: core.Block) -> dict[core.Variable, set[core.Variable]]:
+    """Which variables each variable is given values of by the statements of an effect."""
+    found: dict[core.Variable, set[core.Variable]] = defaultdict(set)
+    for statement in statements(effect):
+        match statement:
+            case core.Assign(place=place, value=value) | core.Append(place=place, value=value):
+                found[place.variable].update(_read(value))
+            case core.Pop(place=place, into=core.Place(variable=into)):
+                found[into].add(place.variable)
+            case core.ForEach(key=key, value=variable, sequence=sequence):
+                for bound in (key, variable):
+                    if bound is not None:
+                        found[bound].update(_read(sequence))
+            case _:
+                pass
+    return found
+
+
+def _origins(
+    givers: dict[core.Variable, set[core.Variable]], read: Iterable[core.Variable]
+) -> set[core.Variable]:
+    """The variables that are read, and those that their values come from."""
+    found: set[core.Variable] = set()
+    waiting = list(read)
+    while waiting:
+        variable = waiting.pop()
+        if variable not in found:
+            found.add(variable)
+            waiting += givers.get(variable, ())
+    return found
+
+
+def _read(value: core.Expr) -> Iterator[core.Variable]:
     """Every variable read in an expression."""
-    if isinstance(node, core.Place):
-        yield node.variable
-    if isinstance(node, tuple):
-        for part in node:
-            yield from _read(part)
-    elif is_dataclass(node) and not isinstance(node, type):
-        for field in fields(node):
-            yield from _read(getattr(node, field.name))
+    return (node.variable for node in nodes(value) if isinstance(node, core.Place))

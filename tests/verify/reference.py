@@ -33,7 +33,7 @@ from koord.syntax.types import (
     Robots,
     Type,
 )
-from koord.syntax.walk import nodes
+from koord.syntax.walk import nodes, statements
 from koord.verify.claims import ClaimKind, claims_of
 
 T = TypeVar("T")
@@ -418,19 +418,43 @@ def updates(program: core.Program) -> dict[tuple[int, int], frozenset[int]]:
     }
 
 
-def _updated(block: core.Block) -> Iterator[int]:
-    for s in block:
-        if isinstance(s, core.If):
-            yield from _updated((*s.then, *s.otherwise))
-        elif isinstance(s, core.ForRange | core.ForEach):
-            yield from _updated(s.body)
-        elif isinstance(s, core.Append | core.Remove | core.Pop):
+def _updated(effect: core.Block) -> Iterator[int]:
+    given: dict[core.Variable, set[core.Variable]] = {}
+    for s in statements(effect):
+        for target, source in _gifts(s):
+            read = {node.variable for node in nodes(source) if isinstance(node, core.Place)}
+            given.setdefault(target, set()).update(read)
+    for _ in given:  # no chain is longer
+        for sources in given.values():
+            sources.update(*[given.get(source, set()) for source in tuple(sources)])
+    for s in _free(effect):
+        if isinstance(s, core.Append | core.Remove | core.Pop):
             if s.place.variable.home is Home.ALLWRITE:
                 yield s.place.variable.slot
         elif isinstance(s, core.Assign) and s.place.variable.home is Home.ALLWRITE:
-            read = [node.variable for node in nodes(s.value) if isinstance(node, core.Place)]
-            if s.place.variable in read:
+            read = {node.variable for node in nodes(s.value) if isinstance(node, core.Place)}
+            if s.place.variable in read.union(*[given.get(v, set()) for v in read]):
                 yield s.place.variable.slot
+
+
+def _gifts(s: core.Stmt) -> Iterator[tuple[core.Variable, core.Expr | core.Place]]:
+    if isinstance(s, core.Assign | core.Append):
+        yield s.place.variable, s.value
+    elif isinstance(s, core.Pop) and s.into is not None:
+        yield s.into.variable, s.place
+    elif isinstance(s, core.ForEach):
+        yield s.value, s.sequence
+        if s.key is not None:
+            yield s.key, s.sequence
+
+
+def _free(block: core.Block) -> Iterator[core.Stmt]:
+    for s in block:
+        yield s
+        if isinstance(s, core.If):
+            yield from _free((*s.then, *s.otherwise))
+        elif isinstance(s, core.ForRange | core.ForEach):
+            yield from _free(s.body)
 
 
 def _paths(mask: Mask[Constant] | None) -> Iterator[Path]:

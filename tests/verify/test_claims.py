@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import pytest
+
+from koord.recheck.updates import updated as updated_again
 from koord.semantics.configurations import System, dealt
+from koord.semantics.races import rewritten
 from koord.syntax import core
+from koord.syntax.elaborate.settings import Settings
+from koord.syntax.load import load
+from koord.syntax.source import Source
 from koord.syntax.types import BOOL, INT
 from koord.verify.claims import NO_FAULT, Claim, ClaimKind, Phase, claims_of, liveness_of
 from tests.semantics import programs
 from tests.semantics.building import TRUE, Build, I, bound, contract, forall
+from tests.verify.reference import updates
 
 
 def names(program: core.Program, robots: int = 2) -> list[str]:
@@ -34,6 +42,41 @@ def test_updates_in_atomic_blocks_are_not_asked_about() -> None:
     x, y = b.allwrite("x", INT, 0), b.allwrite("y", INT, 0)
     b.event("Go", TRUE, b.atomic(x.set(x + 1)), y.set(x))
     assert names(b.program()) == ["no fault"]
+
+
+@pytest.mark.parametrize(
+    ("effect", "updated"),
+    [
+        ("w = w + 1", "w"),
+        ("n = w\nw = n + 1", "w"),
+        ("n = w\nm = n\natomic: m = n\nw = m", "w"),
+        ("for x in ws:\n  n = n + x\nws[0] = n", "ws"),
+        ("for k, x in ws:\n  ws[0] = k", "ws"),
+        ("append(xs, w)\nn = pop(xs)\nw = n", "w"),
+        ("atomic: n = w\nif n == 0: w = n", "w"),
+        ("n = w\nws[n] = 3", ""),
+        ("if w == 0: w = pid", ""),
+        ("n = w\nw = pid", ""),
+        ("n = w\natomic: w = n + 1", ""),
+        ("n = w\nfor k = 0, 2: w = k", ""),
+        ("v = w", ""),
+    ],
+)
+def test_what_an_update_is(effect: str, updated: str) -> None:
+    """[LOST-UPDATE]: the same to the verifier, to who checks proofs again, and to the tests."""
+    lines = "".join(f"    {line}\n" for line in effect.splitlines())
+    text = (
+        "allwrite:\n  int w = 0\n  int v = 0\n  int[3] ws = [0, 0, 0]\n"
+        "local:\n  int n = 0\n  int m = 0\n  int[] xs = []\n"
+        f"Go:\n  eff:\n{lines}"
+    )
+    program = load(Source("t.krd", text), Settings({})).program
+    assert program is not None
+    slots = {d.variable.name: d.variable.slot for d in program.allwrite}
+    expected = frozenset(slots[name] for name in updated.split())
+    assert rewritten(program).get((0, 0), frozenset()) == expected
+    assert updates(program)[0, 0] == expected
+    assert {slots[name] for name in updated_again(program.agents[0].events[0].effect)} == expected
 
 
 def test_one_claim_for_contracts_of_one_name() -> None:
