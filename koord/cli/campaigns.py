@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, fields, replace
 from fractions import Fraction
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from statistics import fmean, stdev
 from typing import TypeAlias
 
@@ -159,29 +159,35 @@ def _rows(orders: Sequence[Order], jobs: int, is_enough: Callable[[], bool]) -> 
     """The rows of runs as they come, ``jobs`` at a time. Raises KoordError."""
     if jobs == 1 or len(orders) == 1:
         for order in orders:
-            if is_enough():
+            row = row_of(order, is_enough)
+            if row is None:
                 return
-            yield row_of(order)
+            yield row
         return
     # A fresh interpreter for each worker: libraries with threads do not survive a fork.
     context, ignored = get_context("spawn"), (signal.SIGINT, signal.SIG_IGN)
     with ProcessPoolExecutor(
         min(jobs, len(orders)), context, initializer=signal.signal, initargs=ignored
     ) as pool:
-        waiting: set[Future[Row | Refusal]] = {pool.submit(_tried, order) for order in orders}
+        waiting: set[Future[Row | Refusal | None]] = {
+            pool.submit(_tried, order) for order in orders
+        }
         while waiting:
             done, waiting = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
             for future in done:
                 outcome = future.result()
-                if not isinstance(outcome, Row):
+                if isinstance(outcome, tuple):
                     raise KoordError(outcome)
+                assert outcome is not None
                 yield outcome
             if is_enough():
-                pool.shutdown(cancel_futures=True)
+                pool.shutdown(wait=False, cancel_futures=True)
+                for child in active_children():  # nobody waits for what they are at
+                    child.terminate()
                 return
 
 
-def _tried(order: Order) -> Row | Refusal:
+def _tried(order: Order) -> Row | Refusal | None:
     """As :func:`row_of`; what is wrong is told as data, which comes back from other processes."""
     try:
         return row_of(order)
@@ -189,8 +195,8 @@ def _tried(order: Order) -> Row | Refusal:
         return error.diagnostics
 
 
-def row_of(order: Order) -> Row:
-    """Make a run. Raises KoordError."""
+def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row | None:
+    """Make a run; None if it was enough before its end. Raises KoordError."""
     report = Report()
     job = order.asked.job(report, order.robots, order.seed)
     if job is None:
@@ -200,7 +206,8 @@ def row_of(order: Order) -> Row:
     simulation.begin()
     job.check_start(simulation)
     for _ in run(simulation, job.limit_s(order.rounds, order.time_s)):
-        pass
+        if is_enough():
+            return None
     wall_s = time.perf_counter() - began
     figures, robots = simulation.figures(), simulation.figures().robots
     assert simulation.ending is not None
