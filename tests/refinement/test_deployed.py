@@ -22,6 +22,7 @@ from koord.runtime.deciding import decide
 from koord.runtime.deploy.member import Member
 from koord.runtime.engine.schedules import Deployed, Unheard
 from koord.runtime.proposals import INIT_ROUND, Attempt, Decision, Fault, FaultKind, Proposal, Taken
+from koord.runtime.robot import Status
 from koord.runtime.transports.inprocess import Hub
 from koord.semantics.configurations import dealt
 from koord.syntax import core
@@ -92,6 +93,18 @@ def test_every_example_is(file: Path) -> None:
     for robots, faults in ((2, LOSS), (4, CHAOS)):
         outcome = expedition(file.read_text("utf-8"), faults=faults, robots=robots, rounds=30)
         assert (outcome.refused, outcome.crash) == (None, "")
+
+
+@pytest.mark.parametrize("faults", [CALM, CHAOS], ids=["calm", "chaos"])
+def test_robots_stop_alone_and_together(faults: Faults) -> None:
+    """[STOP]"""
+    together = "local:\n  int n = 0\nE:\n  eff:\n    n = n + 1\n    if n > pid: trystop()\n"
+    for text in (together, together.replace("trystop()", "stop")):
+        outcome = expedition(text, faults=faults, rounds=40)
+        agrees(outcome)
+        assert outcome.ran is not None
+        last = outcome.ran.trace.configurations[-1]
+        assert {robot.status for robot in last.robots} == {Status.STOPPED.value}
 
 
 def test_a_run_in_chaos_has_skips_and_output() -> None:

@@ -14,6 +14,7 @@ from koord.runtime.protocol.events import (
     Commit,
     Disarm,
     Effect,
+    End,
     Event,
     Expired,
     Hold,
@@ -56,6 +57,7 @@ class Fleet:
     timers: dict[int, dict[Timer, float]] = field(default_factory=dict)
     work: dict[int, int | None] = field(default_factory=dict)
     holds: dict[int, list[Reason | None]] = field(default_factory=dict)
+    over: list[int] = field(default_factory=list)  #: those that were told that the run is
     effects: list[Effect] = field(default_factory=list)  #: of the last step
     now: float = 0.0
 
@@ -111,8 +113,8 @@ class Fleet:
                 self.holds[robot].append(None)
             case Install():
                 self.work[robot] = None
-            case _:
-                pass
+            case End():
+                self.over.append(robot)
 
     def _post(self, sender: int, to: int, message: Message) -> None:
         self.mail.append(Parcel(sender, self.states[sender].incarnation, to, message))

@@ -247,6 +247,15 @@ def test_another_program_s_journal_is_not_believed(tmp_path: Path) -> None:
     assert other.mute
 
 
+def test_a_robot_holds_until_it_is_told_to_go_on() -> None:
+    """(R-HOLD)"""
+    one = member("waypoints", 0, 1)
+    one.hold(Reason.UNDECIDED)
+    assert one.host.holding
+    one.hold(None)
+    assert not one.host.holding
+
+
 # --- the store and the host -----------------------------------------------------------------------
 
 

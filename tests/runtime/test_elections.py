@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from msgspec.structs import replace as changed
+
 from koord.runtime.protocol.entries import COMMITTED, Position
 from koord.runtime.protocol.events import Install, Reason, Timer
 from koord.runtime.protocol.messages import (
@@ -513,3 +515,58 @@ def test_a_majority_is_left_to_admit_those_who_are_back() -> None:
     held = robots.states[0].tentative
     assert held is not None
     assert len(held.entry.admitted) == 1
+
+
+# --- when the run is over -------------------------------------------------------------------------
+
+
+def over() -> Fleet:
+    """Two of three robots have come to the end; the coordinator is switched off since."""
+    robots = fleet(3, rounds=1)
+    robots.settle()
+    robots.run_round()
+    robots.run_round()
+    assert all(state.ended for state in robots.states.values())
+    robots.off(0)
+    robots.lose()
+    return robots
+
+
+def test_who_is_back_when_the_run_is_over_learns_that() -> None:
+    """(R-TEACH) (R-SNAPSHOT): though there is no coordinator any more to say it."""
+    robots = over()
+    robots.back(0, incarnation=5)
+    robots.settle()
+    assert robots.states[0].round == 1
+    assert robots.states[0].ended
+    assert robots.over.count(0) == 2  # before, and again
+
+
+def test_a_robot_that_has_yet_to_be_admitted_is_told_as_well() -> None:
+    """(R-TEACH)"""
+    robots = over()
+    state = fresh(robots.setup, 0, 9)
+    robots.on(0, changed(state, incarnation=9, round=0, office=Follower(None)))
+    robots.lose()
+    robots.fire(0, Timer.SILENCE)  # it is no voter, and says Hello
+    robots.settle()
+    assert robots.states[0].ended
+
+
+def test_who_holds_a_round_is_taught_that_it_is_committed() -> None:
+    """(R-TEACH): from the round on that it does not know to be committed."""
+    robots = over()
+    held = robots.states[1].log[-1]
+    state = changed(
+        fresh(robots.setup, 0, 9),
+        round=held.round,
+        chain=held.entry.previous,
+        tentative=held,
+        office=Follower(None),
+    )
+    robots.on(0, state)
+    robots.lose()
+    robots.fire(0, Timer.SILENCE)
+    robots.settle()
+    assert robots.states[0].round == held.round + 1
+    assert robots.states[0].ended
