@@ -122,13 +122,17 @@ class Observer:
         self.recorder.round(number, time_s, self._deeds(decision), changes, [*_said(shown)])
 
     def end(self, words: str) -> None:
-        """The run is over: how it ended, and the round that is not run any more, as it stands."""
-        header = self.recorder.recording.header
-        stopped = [robot.status is Status.STOPPED for robot in self.engine.robots]
-        deeds = np.where(stopped, Idle.STOPPED, Idle.SKIPPED).astype(np.int16)
+        """The run is over: how it ended, and how things stand in the round that it ended in."""
+        number, recording = self.engine.round, self.recorder.recording
         changes = [*self._shared_changes(), *self._own_changes()]
-        time_s = self.engine.round * header.delta_s
-        self.recorder.round(self.engine.round, time_s, deeds, changes)
+        ended_within = bool(recording.rounds) and recording.rounds[-1].number == number
+        if ended_within:
+            deeds = recording.rounds[-1].deeds
+        else:
+            stopped = [robot.status is Status.STOPPED for robot in self.engine.robots]
+            deeds = np.where(stopped, Idle.STOPPED, Idle.SKIPPED).astype(np.int16)
+        if changes or not ended_within:
+            self.recorder.round(number, number * recording.header.delta_s, deeds, changes)
         self.recorder.end(words)
 
     def _deeds(self, decision: Decision) -> Deeds:

@@ -162,7 +162,6 @@ class Page {
     toast.hidden = !near.length;
     if (!near.length) return;
     const shown = near[near.length - 1], others = near.filter((one) => one.time === shown.time).length - 1;
-    toast.style.bottom = `${14 + this.map.height - this.map.planHeight}px`;
     const more = others ? ` — and ${others} more, see Log` : "";
     toast.replaceChildren(made("b", {}, `▲ ${shown.claim}`), ` ${storyOf(this.run, shown)}${more}`);
   }

@@ -116,6 +116,11 @@ class Run {
     return Math.max(pose, this.rounds ? this.roundTimes[this.rounds - 1] : 0);
   }
 
+  /** What a timeline has to have room for. */
+  get span() {
+    return Math.max(this.duration, this.header.delta);
+  }
+
   /** The last round that began at a time or before. */
   roundAt(time) {
     return Math.max(lastAtMost(this.roundTimes, this.rounds, time + 1e-6), 0);

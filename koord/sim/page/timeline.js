@@ -41,12 +41,12 @@ class Timeline {
   }
 
   x(time) {
-    return LANE_LEFT + (time / Math.max(this.run.duration, 1e-9)) * (this.width - LANE_LEFT - LANE_RIGHT);
+    return LANE_LEFT + (time / this.run.span) * (this.width - LANE_LEFT - LANE_RIGHT);
   }
 
   timeAt(x) {
     const share = (x - LANE_LEFT) / (this.width - LANE_LEFT - LANE_RIGHT);
-    return Math.min(Math.max(share, 0), 1) * this.run.duration;
+    return Math.min(Math.max(share, 0), 1) * this.run.span;
   }
 
   draw(time, chosen) {
@@ -94,16 +94,16 @@ class Timeline {
   }
 
   paint_axis(pen, top, height) {
-    const steps = [0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600];
+    const steps = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600];
     const room = this.width - LANE_LEFT - LANE_RIGHT;
-    const step = steps.find((one) => (one / this.run.duration) * room > 64) ?? 7200;
+    const step = steps.find((one) => (one / this.run.span) * room > 64) ?? 7200;
     pen.font = "11px system-ui, sans-serif";
     pen.textAlign = "center";
     pen.fillStyle = theme("--faint");
-    for (let time = 0; time <= this.run.duration + 1e-9; time += step) {
+    for (let time = 0; time <= this.run.span + 1e-9; time += step) {
       const x = this.x(time);
       pen.textAlign = x > this.width - LANE_RIGHT - 16 ? "right" : "center";
-      pen.fillText(time >= 60 ? clock(time).replace(".0", "") : `${time} s`, Math.min(x, this.width - 6), top + 12);
+      pen.fillText(time >= 60 ? clock(time).replace(".0", "") : `${Math.round(time * 100) / 100} s`, Math.min(x, this.width - 6), top + 12);
       pen.fillRect(this.x(time), top + height - 4, 1, 4);
     }
   }
@@ -184,7 +184,7 @@ class Timeline {
   /** Bars of events; where several rounds share a column, what is rarest wins. */
   paintDeeds(pen, top, height, robot) {
     const { run } = this;
-    const next = (k) => (k + 1 < run.rounds ? run.roundTimes[k + 1] : run.duration);
+    const next = (k) => (k + 1 < run.rounds ? run.roundTimes[k + 1] : run.span);
     for (const events of [false, true]) {
       for (let k = 0; k < run.rounds;) {
         const deed = run.deed(robot, k);
