@@ -82,9 +82,12 @@ def verify(
         if not names or claim.name in names
     )
     vacuities = asked.vacuities
-    if liveness_of(system):
-        live = _of_whole_runs(system, bounds, None if cut else choice, deadline, seed, progress)
-        verdicts += tuple(v for v in live.verdicts if not names or v.claim.name in names)
+    if any(not names or claim.name in names for claim in liveness_of(system)):
+        held = [v for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
+        live = _of_whole_runs(
+            system, bounds, None if cut else choice, deadline, names, held, seed, progress
+        )
+        verdicts += live.verdicts
         vacuities, cut = vacuities + live.vacuities, cut or live.interrupted
     seconds = time.monotonic() - started
     every_n = choice is Choice.EVERY_N
@@ -224,6 +227,8 @@ def _of_whole_runs(
     bounds: Bounds,
     choice: Choice | None,
     deadline: Deadline,
+    names: Sequence[str],
+    held: Sequence[Verdict],
     seed: int,
     progress: Callable[[str], None],
 ) -> Settled:
@@ -232,4 +237,7 @@ def _of_whole_runs(
 
     ways = {Choice.AUTO: Ways.ALL, Choice.SEARCH: Ways.SEARCH, Choice.BITS: Ways.BITS}
     asked = ways.get(choice, Ways.NONE) if choice is not None else Ways.NONE
-    return settled(system, bounds, asked, deadline, seed=seed, progress=progress)
+    proved = [verdict.claim for verdict in held]
+    return settled(
+        system, bounds, asked, deadline, names=names, proved=proved, seed=seed, progress=progress
+    )

@@ -44,6 +44,9 @@ class _Try:
 
 #: What is tried before longer lassos are looked for, and what after that.
 QUICKLY = (_Try(False, False, True, 6, 100_000), _Try(True, False, True, 6, 20_000))
+#: What is tried instead where others wait, and how long lassos then are at most.
+AGAIN = (_Try(True, True, True, 2, 50_000),)
+FEW_ROUNDS = 12
 #: What is tried to show that no run is fair at all.
 IN_VAIN = (_Try(True, False, True, 2, 2_000),)
 AT_LENGTH = (
@@ -57,6 +60,7 @@ AT_LENGTH = (
 class LiveByBits:
     """Verdicts on whole runs from circuits. ``lemmas`` are claims that hold in every round."""
 
+    sparing: bool = False  #: only what promises to end soon
     lemmas: tuple[Claim, ...] = ()
     #: what was found out besides
     empty: list[Vacuity] = field(default_factory=list)
@@ -75,7 +79,7 @@ class LiveByBits:
                 return
             for claim in claims:
                 if claim not in ledger.verdicts:
-                    _Run(ledger, watching, claim, self.lemmas, started).work()
+                    _Run(ledger, watching, claim, self.lemmas, started).work(sparing=self.sparing)
             circuit = watching.circuit
             held = [c for c in claims if c in ledger.verdicts]
             if held and expected(ledger.system) and not self.empty:
@@ -83,7 +87,7 @@ class LiveByBits:
                 if run.is_impossible():
                     self.empty.append(NO_FAIR_RUN)
             strays = any("strays" in latch.name for latch in circuit.latches)
-            if not ledger.open() or not strays or ledger.deadline.passed():
+            if self.sparing or not ledger.open() or not strays or ledger.deadline.passed():
                 return
 
 
@@ -111,16 +115,20 @@ class _Run:
     astray: str = ""
     used: dict[str, None] = field(default_factory=dict)
 
-    def work(self) -> None:
+    def work(self, *, sparing: bool) -> None:
         """Settle the claim, or say why not."""
         assert self.claim.stated is not None
+        most = self.ledger.bounds.rounds
+        more: tuple[_Try, ...] = AT_LENGTH
+        if sparing:
+            most, more = min(most, FEW_ROUNDS), AGAIN
         rounds = 0
         for response in responses(self.watching.system, self.claim.stated):
             watched = self.watching.watched(response)
             loops = Loops(watched, reads_ran(self.watching.system, self.claim.stated))
             proved = self._looked(loops, FIRST_ROUNDS) and self._proved(response, watched, QUICKLY)
-            if not proved and self._goes_on() and self._looked(loops, self.ledger.bounds.rounds):
-                proved = self._proved(response, watched, AT_LENGTH)
+            if not proved and self._goes_on() and self._looked(loops, most):
+                proved = self._proved(response, watched, more)
             if not proved:
                 rounds = loops.rounds
                 break

@@ -15,12 +15,12 @@ from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
 from koord.verify.claims import Claim, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
-from koord.verify.ledger import Ledger, Subject, Works
+from koord.verify.ledger import Ledger, Reach, Subject
 from koord.verify.live.bits import LiveByBits
 from koord.verify.live.lassos import replayed_lasso
 from koord.verify.live.search import LiveBySearch
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Bounds, Counterexample, Vacuity, Verdict
+from koord.verify.verdicts import Bounds, Counterexample, Engine, Vacuity, Verdict
 
 
 class Ways(Enum):
@@ -30,9 +30,6 @@ class Ways(Enum):
     SEARCH = "search"
     BITS = "bits"
     NONE = "none"
-
-
-_BITS = (Ways.ALL, Ways.BITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,37 +47,29 @@ def settled(
     ways: Ways,
     deadline: Deadline,
     *,
+    names: Sequence[str] = (),
     proved: Sequence[Claim] = (),
     seed: int = 0,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Settled:
-    """Ask about everything that a program claims of whole runs.
+    """Ask about everything that a program claims of whole runs, or what is named.
 
     ``proved`` are claims that hold in every round: proofs may rely on them.
     """
-    claims = liveness_of(system)
+    claims = tuple(c for c in liveness_of(system) if not names or c.name in names)
     if not claims:
         return Settled(())
-    few = Limits(states=FEW_STATES) if ways is Ways.ALL else Limits()
-    search = LiveBySearch(few)
-    asked: list[tuple[Subject, Works]] = []
-    if ways in (Ways.ALL, Ways.SEARCH):
-        asked.append((_plainly(system), search))
-    abstract = (abstractly(system) or _plainly(system)) if ways in _BITS else _plainly(system)
-    lemmas = zip(claims_of(abstract.system), claims_of(system), strict=True)
-    known = {claim for claim in proved if claim.is_state_property}
-    bits = LiveByBits(tuple(lemma for lemma, claim in lemmas if claim in known))
-    if ways in _BITS:
-        asked.append((abstract, bits))
+    search = LiveBySearch(Limits(states=FEW_STATES) if ways is Ways.ALL else Limits())
+    bits = LiveByBits(sparing=ways is Ways.ALL)
     ledger = Ledger(_plainly(system), bounds, deadline, claims, seed, progress)
-    if not asked:
+    if ways is Ways.NONE:
         ledger.stopped = "liveness is decided by search, and by bits"
     interrupted = False
     try:
-        for subject, engine in asked:
-            if ledger.open():
-                ledger.subject = subject
-                engine.work(ledger)
+        if ways in (Ways.ALL, Ways.SEARCH):
+            search.work(ledger)
+        if ways in (Ways.ALL, Ways.BITS) and ledger.open():
+            _by_bits(ledger, bits, proved)
     except NotFiniteError as error:
         ledger.stopped = str(error)
     except NumberTooLongError as error:
@@ -93,6 +82,28 @@ def settled(
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
     empty = tuple(dict.fromkeys([*search.empty, *bits.empty]))
     return Settled(verdicts, empty, interrupted)
+
+
+def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
+    """Ask the circuit of the system, with opaque values where there are any."""
+    system = ledger.system
+    subject = abstractly(system) or ledger.subject
+    originals = dict(zip(liveness_of(subject.system), liveness_of(system), strict=True))
+    lemmas = zip(claims_of(subject.system), claims_of(system), strict=True)
+    known = {claim for claim in proved if claim.is_state_property}
+    bits.lemmas = tuple(lemma for lemma, claim in lemmas if claim in known)
+    asked = tuple(c for c, claim in originals.items() if claim in ledger.open())
+    inner = Ledger(subject, ledger.bounds, ledger.deadline, asked, ledger.seed, ledger.progress)
+    try:
+        bits.work(inner)
+    finally:
+        for claim in asked:
+            verdict = replace(inner.verdict(claim), claim=originals[claim])
+            if claim in inner.verdicts:
+                ledger.settle({verdict.claim: verdict})
+            else:
+                reach = Reach(Engine.BITS, None, verdict.reason, verdict.seconds)
+                ledger.leave([verdict.claim], reach)
 
 
 def _plainly(system: System) -> Subject:
@@ -112,6 +123,6 @@ def abstractly(system: System) -> Subject | None:
 
     def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
         real = Concretion(abstraction, system).recording(recording)
-        return replayed_lasso(system, real, originals.get(claim, claim))
+        return replayed_lasso(system, real, originals[claim])
 
     return Subject(abstract, judge, system)
