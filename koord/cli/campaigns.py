@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from fractions import Fraction
 from multiprocessing import active_children, get_context
 from statistics import fmean, stdev
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
@@ -26,12 +26,16 @@ from koord.cli.progress import Interruption, LiveLine
 from koord.cli.simulating import Asked
 from koord.cli.sweeps import check_drawable, keep_figure
 from koord.cli.terminal import Paint, style_of, visible
+from koord.runtime.motion.libraries import require
 from koord.sim.running import Ending, run
-from koord.syntax.diagnostics import Diagnostic, KoordError
+from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
 from koord.syntax.elaborate.settings import ParamValue
 
 #: What is wrong with an order.
 Refusal: TypeAlias = tuple[Diagnostic, ...]
+
+#: A scheduler that does not answer for so long is not there.
+_CONNECT_S = 10
 
 #: How sure an interval is to have the mean in it.
 _CONFIDENCE = 0.95
@@ -77,6 +81,8 @@ class Row:
 
 def check_campaign(arguments: argparse.Namespace) -> None:
     """Raises ArgumentTypeError and KoordError before long work is done."""
+    if arguments.cluster is not None:
+        require(("distributed",), "cluster")
     if arguments.trace is not None or arguments.record:
         raise ArgumentTypeError("--trace and --record are of one run: leave out --runs and --sweep")
     if arguments.csv is not None:
@@ -92,7 +98,7 @@ def campaign(arguments: argparse.Namespace, asked: Asked, first_seed: int) -> in
     rows: list[Row] = []
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
         line.show(f"0 of {len(orders)} runs")
-        for row in _rows(orders, arguments.jobs, lambda: interruption.requested):
+        for row in _rows(orders, arguments, lambda: interruption.requested):
             rows.append(row)
             line.show(f"{len(rows)} of {len(orders)} runs")
     rows.sort(key=lambda row: [order.swept for order in orders].index(row.swept))
@@ -155,15 +161,28 @@ def _shown(value: ParamValue) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _rows(orders: Sequence[Order], jobs: int, is_enough: Callable[[], bool]) -> Iterator[Row]:
-    """The rows of runs as they come, ``jobs`` at a time. Raises KoordError."""
-    if jobs == 1 or len(orders) == 1:
-        for order in orders:
-            row = row_of(order, is_enough)
-            if row is None:
-                return
-            yield row
-        return
+def _rows(
+    orders: Sequence[Order], arguments: argparse.Namespace, is_enough: Callable[[], bool]
+) -> Iterator[Row]:
+    """The rows of runs as they come. Raises KoordError."""
+    if arguments.cluster is not None:
+        outcomes = _on_cluster(orders, arguments.cluster, is_enough)
+    elif arguments.jobs > 1 and len(orders) > 1:
+        outcomes = _in_processes(orders, arguments.jobs, is_enough)
+    else:
+        outcomes = (row_of(order, is_enough) for order in orders)
+    for outcome in outcomes:
+        if isinstance(outcome, tuple):
+            raise KoordError(outcome)
+        if outcome is None:
+            return
+        yield outcome
+
+
+def _in_processes(
+    orders: Sequence[Order], jobs: int, is_enough: Callable[[], bool]
+) -> Iterator[Row | Refusal | None]:
+    """So many runs at a time on this machine."""
     # A fresh interpreter for each worker: libraries with threads do not survive a fork.
     context, ignored = get_context("spawn"), (signal.SIGINT, signal.SIG_IGN)
     with ProcessPoolExecutor(
@@ -175,15 +194,32 @@ def _rows(orders: Sequence[Order], jobs: int, is_enough: Callable[[], bool]) -> 
         while waiting:
             done, waiting = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
             for future in done:
-                outcome = future.result()
-                if isinstance(outcome, tuple):
-                    raise KoordError(outcome)
-                assert outcome is not None
-                yield outcome
+                yield future.result()
             if is_enough():
                 pool.shutdown(wait=False, cancel_futures=True)
                 for child in active_children():  # nobody waits for what they are at
                     child.terminate()
+                return
+
+
+def _on_cluster(
+    orders: Sequence[Order], address: str, is_enough: Callable[[], bool]
+) -> Iterator[Row | Refusal | None]:
+    """As many runs at a time as a Dask cluster has workers. Raises KoordError."""
+    import distributed
+
+    engine: Any = distributed  # it says nothing of its types
+    try:
+        client = engine.Client(address, timeout=_CONNECT_S)
+    except (OSError, ValueError) as error:
+        story = f"there is no Dask scheduler at {address}: {error}"
+        raise refusal("K935", "--cluster", story, "start one with: dask scheduler") from None
+    with client:
+        futures = client.map(_tried, orders, pure=False, retries=0)
+        for future in engine.as_completed(futures):
+            yield future.result()
+            if is_enough():
+                client.cancel(futures)
                 return
 
 

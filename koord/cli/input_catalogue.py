@@ -188,6 +188,14 @@ INPUT_CATALOGUE = dict(
             "and `world: {start: …}` say where they begin.",
         ),
         _entry(
+            "K935",
+            "there is no cluster at this address",
+            "`koord sim --runs K --cluster ADDRESS` hands its runs to the scheduler of a Dask "
+            "cluster, and at this address none answers.\n\n"
+            "`dask scheduler` starts one and tells its address; `dask worker ADDRESS --nthreads 1` "
+            "adds a worker, which needs koord installed as well.",
+        ),
+        _entry(
             "K940",
             "a file is not a certificate of koord",
             "A certificate is one JSON document, written by `koord verify --certificate`. This "

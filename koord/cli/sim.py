@@ -85,6 +85,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--jobs", metavar="J", type=_count, default=1, help="so many of them at a time (1)"
     )
     parser.add_argument(
+        "--cluster",
+        metavar="ADDRESS",
+        help="make the runs on a Dask cluster, as tcp://host:8786 (koord[cluster]); workers have "
+        "one thread each",
+    )
+    parser.add_argument(
         "--sweep",
         metavar="NAME=VALUES",
         type=sweep,

@@ -102,3 +102,20 @@ def test_flags_that_do_not_go_together(
 ) -> None:
     assert main(["sim", *PATH, *flags]) == Exit.BAD_INPUT
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_cluster_does_what_one_process_does(capsys: pytest.CaptureFixture[str]) -> None:
+    distributed = pytest.importorskip("distributed")
+    found = []
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        for flags in ([], ["--cluster", cluster.scheduler_address]):
+            assert main(["sim", *TASK, "--runs", "2", "--json", *flags]) == Exit.OK
+            runs = json.loads(capsys.readouterr().out)["runs"]
+            found.append(sorted((run["seed"], run["digest"]) for run in runs))
+        flags = ["--sweep", "hight=1,2", "--cluster", cluster.scheduler_address]
+        assert main(["sim", *PATH, *flags]) == Exit.BAD_INPUT
+    assert found[0] == found[1]
+    assert "no `param` named `hight`" in capsys.readouterr().err
