@@ -131,8 +131,14 @@ class Observer:
         else:
             stopped = [robot.status is Status.STOPPED for robot in self.engine.robots]
             deeds = np.where(stopped, Idle.STOPPED, Idle.SKIPPED).astype(np.int16)
+        time_s = number * recording.header.delta_s
         if changes or not ended_within:
-            self.recorder.round(number, number * recording.header.delta_s, deeds, changes)
+            self.recorder.round(number, time_s, deeds, changes)
+        ended = self.engine.ended
+        if ended is not None:
+            whose = () if ended.robot is None else (ended.robot,)
+            story = f"{ended.fault.kind.value} at {ended.fault.place}"
+            self.recorder.violation(time_s, "fault", story, whose)
         self.recorder.end(words)
 
     def _deeds(self, decision: Decision) -> Deeds:

@@ -48,6 +48,18 @@ def recorded(
 ) -> Recorded:
     """At most so many rounds of an example."""
     text = (EXAMPLES / f"{name}.krd").read_text("utf-8")
+    return recorded_text(name, text, world, team, rounds, **params)
+
+
+def recorded_text(
+    name: str,
+    text: str,
+    world: World,
+    team: tuple[Placed, ...],
+    rounds: int,
+    **params: ParamValue,
+) -> Recorded:
+    """The same of any program."""
     program = load(Source(f"{name}.krd", text), Settings(params=params)).program
     assert program is not None
     clearance = clearance_of([placed.kind.body for placed in team], tracking_m=0.15)

@@ -7,7 +7,7 @@ import pytest
 
 from koord.runtime.shapes import from_plain
 from koord.sim.recording import SHARED, WHOLE, Home, Idle, Look, Recording, TaskState
-from tests.sim.recorded import Recorded, lineform, task
+from tests.sim.recorded import TASKS, TEAM, Recorded, lineform, recorded_text, task
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +97,15 @@ def test_of_a_crowd_values_are_kept_now_and_then_and_in_the_end() -> None:
     (variable,) = run.recording.header.shared
     held = from_plain(variable.shape, shared[0], 150)
     assert held == run.engine.store.values[variable.name]
+
+
+def test_a_fault_is_told_with_its_place() -> None:
+    text = "local:\n    int n = 0\n\nGo:\n    eff:\n        n = 1\n        n = n / (n - 1)\n"
+    recording = recorded_text("bad", text, TASKS, TEAM, 9).recording
+    (fault,) = recording.violations
+    assert (fault.claim, fault.robots, fault.time_s) == ("fault", (0,), 0.0)
+    assert fault.words.startswith("division by zero at bad.krd:7:")
+    assert recording.ending == "a fault"
 
 
 def replayed(recording: Recording) -> tuple[dict[int, object], list[dict[int, object]]]:
