@@ -97,9 +97,7 @@ def squares(devices: tuple[str, ...], count: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def simulated(
-    program: str, text: str, configuration: str, seconds: float, files: bool
-) -> dict[str, Any]:
+def simulated(program: str, devices: str, count: int, seconds: float) -> dict[str, Any]:
     """What a run costs, and what it comes to. An example has its own configuration."""
     import resource
     import time
@@ -113,7 +111,13 @@ def simulated(
     from koord.sim.viewing import page_of
     from koord.syntax.source import Source
 
-    asked = Asked(Source(program, text), load(Source("fleet.yaml", configuration)), (), {})
+    if program == "squares":
+        text, configuration = SQUARES, squares(tuple(devices.split(" and ")), count)
+    else:
+        text = (EXAMPLES / f"{program}.krd").read_text("utf-8")
+        configuration = (EXAMPLES / f"{program}.yaml").read_text("utf-8")
+    source = Source(f"{program}.krd", text)
+    asked = Asked(source, load(Source("fleet.yaml", configuration)), (), {})
     job = asked.job(Diagnostics(), None, None)
     assert job is not None
     simulation = job.simulation()
@@ -125,7 +129,7 @@ def simulated(
     threads = len(list(Path("/proc/self/task").iterdir()))
     peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     sizes: dict[str, float] = {}
-    if files:
+    if count <= 16:  # files of crowds have figures of their own
         sizes["mcap_kib"] = len(mcap_of(simulation.recording)) / 1024
         sizes["html_kib"] = len(page_of(simulation.recording)) / 1024
     events = sum(robot.events for robot in simulation.figures().robots)
@@ -223,24 +227,16 @@ def fleets(report: Report) -> None:
         if report.quick and count > 100:
             continue
         note(f"{program}, {count} robots: {', '.join(devices)}")
-        is_example = program != "squares"
-        text = (EXAMPLES / f"{program}.krd").read_text("utf-8") if is_example else SQUARES
-        configuration = (
-            (EXAMPLES / f"{program}.yaml").read_text("utf-8")
-            if is_example
-            else squares(devices, count)
-        )
         span = min(seconds, 10.0) if report.quick else seconds
-        found = in_child(
-            simulated, f"{program}.krd", text, configuration, span, count <= 16, timeout_s=900.0
-        )
+        kinds = " and ".join(devices)
+        found = in_child(simulated, program, kinds, count, span, timeout_s=900.0)
         name = f"{program}, {count}"
         report.expect(found["broken"] == 0, f"{name}: {found['broken']} claims broken")
         report.expect(found["events"] > count, f"{name}: nothing happened")
         report.expect(found["time_s"] >= span - 0.01, f"{name}: ended after {found['time_s']} s")
         row: dict[str, Cell] = {
             "program": program,
-            "devices": " and ".join(devices),
+            "devices": kinds,
             "count": count,
             "seconds": span,
             "times_real": span / found["cpu_s"],
