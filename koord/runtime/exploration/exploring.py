@@ -16,10 +16,10 @@ from koord.runtime.exploration.claims import (
     one_winner,
     valid,
 )
-from koord.runtime.exploration.world import Act, Bounds, Explorer, Transition, World
+from koord.runtime.exploration.world import DOWN, Act, Bounds, Cause, Explorer, Transition, World
 from koord.runtime.protocol.entries import Held
 from koord.runtime.protocol.events import Timer
-from koord.runtime.protocol.messages import Acknowledge, Decide
+from koord.runtime.protocol.messages import Acknowledge
 from koord.runtime.protocol.setup import Setup, Timing
 
 #: How often a random walk takes a crash, and a timer, if it can.
@@ -70,10 +70,11 @@ class _Search:
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
         self._bounds = explorer.bounds
-        self._from: dict[World, tuple[World, Transition] | None] = {}
+        self._from: dict[World, tuple[World, int, Cause] | None] = {}
         self._entries: set[bytes] = set()
         self._epochs: set[int] = set()
         self._transitions = 0
+        self._lasting: set[tuple[int, int]] = set()
 
     def run(self) -> Explored:
         start = self._explorer.initial()
@@ -93,7 +94,11 @@ class _Search:
                         violation = Violation(broken, self._story(world, transition))
                         return self._explored(depth, complete=False, violation=violation)
                     if transition.world not in self._from:
-                        self._from[transition.world] = (world, transition)
+                        self._from[transition.world] = (
+                            world,
+                            transition.robot,
+                            transition.cause,
+                        )
                         following.append(transition.world)
                 if len(self._from) > self._bounds.states:
                     return self._explored(depth, complete=False)
@@ -115,7 +120,7 @@ class _Search:
                 self._transitions += 1
                 broken = next(self._broken(world, transition), None)
                 if broken is not None:
-                    lines = tuple(map(self._explorer.tell, story))
+                    lines = tuple(self._explorer.tell(t.robot, t.cause) for t in story)
                     return self._walked(len(seen), depth, Violation(broken, lines))
                 world = transition.world
                 seen.add(world)
@@ -162,15 +167,24 @@ class _Search:
             self._entries.add(held.digest)
             self._epochs.add(held.epoch)
             yield from self._of_commit(world, after, transition, held)
-        for state in self._explorer.states(after):
-            yield from lasting(state, after.acted)
+        for local in after.locals:
+            yield from self._of_coordinator(local, after)
         if after.sent != world.sent:
-            yield from self._one_entry(after)
+            rival = self._explorer.contradiction(world, after)
+            if rival is not None:
+                yield Broken("I-ONE-ENTRY", f"another entry of its epoch: {rival.message}")
+
+    def _of_coordinator(self, local: int, world: World) -> Iterable[Broken]:
+        """(I-LASTING), once for each state and history."""
+        if local == DOWN or (local, world.acted) in self._lasting:
+            return
+        self._lasting.add((local, world.acted))
+        yield from lasting(self._explorer.locals[local].state, self._explorer.acted(world))
 
     def _of_commit(
         self, world: World, after: World, transition: Transition, held: Held
     ) -> Iterable[Broken]:
-        yield from agree(after.acted[held.round + 1].entry, held.entry)
+        yield from agree(self._explorer.acted(after)[held.round + 1].entry, held.entry)
         yield from one_winner(held.entry, self._explorer.propose)
         yield from valid(held.entry, self._explorer.propose)
         local = world.locals[transition.robot]
@@ -182,19 +196,9 @@ class _Search:
         ]
         yield from acted_rightly(self._explorer.setup, held, roster, accepted)
 
-    def _one_entry(self, world: World) -> Iterable[Broken]:
-        """(I-ONE-ENTRY)"""
-        seen: dict[tuple[int, int], object] = {}
-        for parcel in self._explorer.sent(world):
-            message = parcel.message
-            if isinstance(message, Decide):
-                key = (message.epoch, message.entry.round)
-                if seen.setdefault(key, message.entry) != message.entry:
-                    yield Broken("I-ONE-ENTRY", f"epoch and round {key}: {message.entry}")
-
     def _story(self, world: World, last: Transition) -> tuple[str, ...]:
-        lines = [self._explorer.tell(last)]
+        lines = [self._explorer.tell(last.robot, last.cause)]
         while (before := self._from[world]) is not None:
-            world, transition = before
-            lines.append(self._explorer.tell(transition))
+            world, robot, cause = before
+            lines.append(self._explorer.tell(robot, cause))
         return tuple(reversed(lines))

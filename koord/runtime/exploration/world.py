@@ -40,7 +40,7 @@ from koord.runtime.protocol.events import (
     Timer,
 )
 from koord.runtime.protocol.machine import step
-from koord.runtime.protocol.messages import Message
+from koord.runtime.protocol.messages import Decide, Message
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Canvassing, Coordinator, State, fresh, returning
 
@@ -104,7 +104,7 @@ class World(msgspec.Struct, frozen=True):
     sent: int = 0
     crashes: int = 0
     restarts: int = 0
-    acted: tuple[Held, ...] = ()  #: from INIT on, what anybody has ever committed first
+    acted: int = 0  #: which history: from INIT on, what anybody has ever committed first
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +149,9 @@ class Explorer:
         self._parcel_numbers: dict[Parcel, int] = {}
         self._to = [0] * setup.robots  #: per robot, the bits of what is sent to it
         self._moves: dict[tuple[int, Cause], Move | None] = {}
+        self._histories: list[tuple[Held, ...]] = [()]
+        self._longer: dict[tuple[int, Held], int] = {}  #: histories, by what was added to which
+        self._rivals: list[int] = []  #: per message, the bits of those that contradict it
 
     def initial(self) -> World:
         """All robots have been switched on, at once."""
@@ -195,18 +198,29 @@ class Explorer:
         """Everything that was ever sent."""
         return (self.parcels[number] for number in _bits(world.sent))
 
-    def tell(self, transition: Transition) -> str:
+    def acted(self, world: World) -> tuple[Held, ...]:
+        """From INIT on, what anybody has ever committed first."""
+        return self._histories[world.acted]
+
+    def contradiction(self, before: World, after: World) -> Parcel | None:
+        """A message sent just now that decides a round otherwise than one of its epoch before."""
+        for number in _bits(after.sent & ~before.sent):
+            if self._rivals[number] & after.sent:
+                return self.parcels[number]
+        return None
+
+    def tell(self, robot: int, cause: Cause) -> str:
         """A line for a person."""
-        match transition.cause:
+        match cause:
             case int(number):
                 parcel = self.parcels[number]
-                return f"{transition.robot} gets from {parcel.sender}: {parcel.message}"
+                return f"{robot} gets from {parcel.sender}: {parcel.message}"
             case Timer() as timer:
-                return f"{transition.robot}: {timer.value} runs down"
+                return f"{robot}: {timer.value} runs down"
             case Act() as act:
-                return f"{transition.robot} {act.value}"
+                return f"{robot} {act.value}"
             case _:
-                assert_never(transition.cause)
+                assert_never(cause)
 
     # --- one robot ------------------------------------------------------------------------------
 
@@ -304,8 +318,24 @@ class Explorer:
                 number = self._parcel_numbers[parcel] = len(self.parcels)
                 self.parcels.append(parcel)
                 self._to[robot] |= 1 << number
+                self._rivals.append(self._rivals_of(parcel, number))
             bits |= 1 << number
         return bits
+
+    def _rivals_of(self, parcel: Parcel, number: int) -> int:
+        """The messages so far that are of another entry for the same epoch and round."""
+        mine, found = parcel.message, 0
+        if isinstance(mine, Decide):
+            for other, one in enumerate(self.parcels[:number]):
+                its = one.message
+                if (
+                    isinstance(its, Decide)
+                    and (its.epoch, its.entry.round) == (mine.epoch, mine.entry.round)
+                    and its.entry != mine.entry
+                ):
+                    found |= 1 << other
+                    self._rivals[other] |= 1 << number
+        return found
 
     def _number(self, local: Local) -> int:
         """The number of a robot, forgetting what makes no difference to what can happen."""
@@ -336,8 +366,14 @@ class Explorer:
     def _after(self, world: World, robot: int, move: Move) -> World:
         acted = world.acted
         for held in move.committed:
-            if held.round + 1 == len(acted):
-                acted = (*acted, held)
+            history = self._histories[acted]
+            if held.round + 1 != len(history):
+                continue
+            key = (acted, held)
+            if key not in self._longer:
+                self._longer[key] = len(self._histories)
+                self._histories.append((*history, held))
+            acted = self._longer[key]
         locals_ = _put(world.locals, robot, move.local)
         return replace(world, locals=locals_, sent=world.sent | move.sent, acted=acted)
 
