@@ -30,13 +30,19 @@ def images(
     """What a cube becomes when robots that may do so change places; for None they may not."""
     if properties is None:
         return lambda cube: None
-    # Functions that stand for list expressions come last in the program, and are spoken of before.
-    externals = tuple(sorted(system.program.externals, key=lambda e: bool(e.ensures)))
-    ordered = replace(system, program=replace(system.program, externals=externals))
-    found = symmetry_of(ordered, properties)
+    found = symmetry_of(speaking_last(system), properties)
     if not isinstance(found, Symmetry):
         return lambda cube: None
     return _Renaming(system, found, latches).of
+
+
+def speaking_last(system: System) -> System:
+    """The system with functions that have summaries behind those that these speak of.
+
+    Functions that stand for list expressions come last in the program, and are spoken of before.
+    """
+    externals = tuple(sorted(system.program.externals, key=lambda e: bool(e.ensures)))
+    return replace(system, program=replace(system.program, externals=externals))
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,13 @@ from koord.semantics.configurations import System
 from koord.semantics.liveness import Response, expected, reads_ran, responses
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.search.effects import asks
+from koord.semantics.search.symmetry import Symmetry, symmetry_of
 from koord.syntax import core
 from koord.syntax.core import QuantifierKind
 from koord.verify.bits import pdr
 from koord.verify.bits.checking import holds_always
 from koord.verify.bits.clauses import QUICK, Clauses
-from koord.verify.bits.renaming import images
+from koord.verify.bits.renaming import images, speaking_last
 from koord.verify.bits.transition import LEVELS
 from koord.verify.claims import Claim, Phase
 from koord.verify.ledger import Ledger, Reach
@@ -123,7 +124,7 @@ class _Run:
         if sparing:
             most, more = min(most, FEW_ROUNDS), AGAIN
         rounds = 0
-        for response in responses(self.watching.system, self.claim.stated):
+        for response in self._different(self.claim.stated):
             watched = self.watching.watched(response)
             loops = Loops(watched, reads_ran(self.watching.system, self.claim.stated))
             proved = self._looked(loops, FIRST_ROUNDS) and self._proved(response, watched, QUICKLY)
@@ -154,6 +155,17 @@ class _Run:
         """Whether it is quickly proved that no run is fair at all."""
         watched = self.watching.watched(NOTHING)
         return self._proved(NOTHING, watched, IN_VAIN, anew=True)
+
+    def _different(self, stated: core.Property) -> list[Response]:
+        """The responses to look at: of robots that may change places, that of one. [SYMMETRY]"""
+        system = self.watching.system
+        found = responses(system, stated)
+        if stated.each is None:
+            return list(found)
+        symmetry = symmetry_of(speaking_last(system), self._sides((stated,)))
+        groups = symmetry.groups if isinstance(symmetry, Symmetry) else ()
+        others = {robot for group in groups for robot in group[1:]}
+        return [response for response in found if response.robot not in others]
 
     def _goes_on(self) -> bool:
         settled = self.claim in self.ledger.verdicts
@@ -259,12 +271,16 @@ class _Run:
 
     def _symmetric(self, response: Response) -> tuple[core.Property, ...]:
         """What robots must look alike to: the response, and what is expected of each of them."""
-        sides = list(response.statements)
-        for stated in self.watching.system.program.expectations:
-            assert stated.trigger is not None
-            for side in (stated.trigger, stated.condition):
-                whole = _of_all(stated, side)
-                sides.append(replace(stated, condition=whole, trigger=None, each=None))
+        return (*response.statements, *self._sides(()))
+
+    def _sides(self, stated: tuple[core.Property, ...]) -> tuple[core.Property, ...]:
+        """Both sides of statements and of what is expected, said of all robots that are meant."""
+        sides = []
+        for each in (*stated, *self.watching.system.program.expectations):
+            assert each.trigger is not None
+            for side in (each.trigger, each.condition):
+                whole = _of_all(each, side)
+                sides.append(replace(each, condition=whole, trigger=None, each=None))
         return tuple(sides)
 
     def _rests_on(self, response: Response, watched: Watched, how: _Try, times: int) -> None:
