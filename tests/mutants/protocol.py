@@ -131,7 +131,7 @@ PROTOCOL = (
         "runtime/protocol/following.py",
         "if held is not None and held.digest == previous and round_ == held.round + 1:",
         "if held is not None and round_ == held.round + 1:",
-        (EXPLORATION, CHAOS),
+        (ELECTIONS, CHAOS),
     ),
     Mutant(
         "decisions of lower epochs are taken",

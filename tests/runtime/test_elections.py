@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from msgspec.structs import replace as changed
 
-from koord.runtime.protocol.entries import COMMITTED, Position
-from koord.runtime.protocol.events import Install, Reason, Timer
+from koord.runtime.proposals import Decision
+from koord.runtime.protocol.entries import COMMITTED, Entry, Position, digest
+from koord.runtime.protocol.events import Install, Reason, Received, Timer
 from koord.runtime.protocol.messages import (
     Acknowledge,
     Candidacy,
@@ -570,3 +571,25 @@ def test_who_holds_a_round_is_taught_that_it_is_committed() -> None:
     robots.settle()
     assert robots.states[0].round == held.round + 1
     assert robots.states[0].ended
+
+
+def test_an_entry_that_another_history_lacks_is_not_committed_by_what_follows() -> None:
+    """(R-COMMIT): what is held is committed by an entry whose `previous` it is, and by no other."""
+    robots = begun()
+    for robot in range(3):
+        robots.propose(robot)
+    robots.of(Propose)
+    robots.of(Decide)  # all hold the coordinator's entry for round 0
+    held = robots.states[2].tentative
+    assert held is not None
+    robots.lose()
+    other = Entry(Decision(0, (), (0, 1, 2), ()), held.entry.previous)
+    following = Entry(Decision(1, (), (0, 1, 2), ()), digest(other))
+    robots.do(2, Received(0.0, 1, 0, Decide(1, following)))
+    assert robots.states[2].round == 0
+    assert robots.states[2].tentative == held
+    assert robots.states[2].is_behind
+    fits = Entry(Decision(1, (), (0, 1, 2), ()), held.digest)
+    robots.do(2, Received(0.0, 1, 0, Decide(1, fits)))
+    assert robots.states[2].round == 1
+    assert robots.acted[2][-1] == held.entry
