@@ -13,7 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 #: What the browser is called where it is installed.
 NAMES = ("chromium", "chromium-browser", "google-chrome")
@@ -30,7 +31,7 @@ def installed() -> str | None:
 class Tab:
     """The one page of a browser. Whatever it complains of is in ``complaints``."""
 
-    def __init__(self, socket: ClientConnection) -> None:
+    def __init__(self, socket: Connection) -> None:
         self._socket, self._number = socket, 0
         self.complaints: list[str] = []
         for domain in ("Page", "Runtime", "Log", "Network"):
