@@ -146,6 +146,9 @@ def test_an_allread_variable_that_is_no_array_over_the_robots(declared: str, cur
         ("n = list.size()", "did you mean `length`?"),
         ("list.add(task)", "did you mean `append`?"),
         ("for i in range(0, 3): n = i", "a loop over numbers is written `for i = 0, n:`"),
+        ("print(n)", "write `stdout << …`, with `using Log`"),
+        ("n = null", "there is no such value: a variable is unset until it is written"),
+        ("n = self", "did you mean `pid`?"),
         ("n = list[0].asigned", "did you mean `assigned`?"),
     ],
 )

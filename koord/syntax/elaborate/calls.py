@@ -12,7 +12,7 @@ from koord.syntax.elaborate.function_calls import call, candidates
 from koord.syntax.elaborate.library import library_names
 from koord.syntax.elaborate.quantifiers import ran
 from koord.syntax.elaborate.records import construct
-from koord.syntax.elaborate.suggest import did_you_mean
+from koord.syntax.elaborate.suggest import did_you_mean, otherwise
 from koord.syntax.elaborate.symbols import RecordInfo
 from koord.syntax.types import FLOAT, INT, POS, Type
 
@@ -115,11 +115,8 @@ def _unknown(body: Body, e: ast.Call) -> core.Expr | None:
         *BUILTINS,
         *CHANGES,
     ]
-    hint = did_you_mean(name, known)
-    if name == "range":
-        hint = "a loop over numbers is written `for i = 0, n:`"
-    if hint is None:
-        hint = f"declare it: `def fun {name}(…) -> …:`"
+    hint = otherwise(name) or did_you_mean(name, known)
+    hint = hint or f"declare it: `def fun {name}(…) -> …:`"
     body.error("K202", e.function.span, f"there is no function `{name}`", hint)
     return None
 

@@ -25,6 +25,18 @@ _ELSEWHERE = {
     "dequeue": "pop",
     "size": "length",
     "count": "length",
+    "self": "pid",
+    "id": "pid",
+    "uin": "pid",
+}
+
+#: What other languages have, and Koord says otherwise.
+_OTHERWISE = {
+    "print": "write `stdout << …`, with `using Log`",
+    "range": "a loop over numbers is written `for i = 0, n:`",
+    "endl": 'write `"\\n"`',
+    "null": "there is no such value: a variable is unset until it is written",
+    "none": "there is no such value: a variable is unset until it is written",
 }
 
 #: With how many names one misspelt name is compared: all, if they are no more; else those that
@@ -95,3 +107,8 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
     elsewhere = _ELSEWHERE.get(name.lower())
     found = elsewhere if elsewhere in known else closest(name, known)
     return f"did you mean `{found}`?" if found else None
+
+
+def otherwise(name: str) -> str | None:
+    """A hint for a name of other languages for which Koord has no name, but another way."""
+    return _OTHERWISE.get(name.lower())

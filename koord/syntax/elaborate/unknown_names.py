@@ -6,7 +6,7 @@ from koord.syntax import ast
 from koord.syntax.elaborate.body import (
     Body,
 )
-from koord.syntax.elaborate.suggest import did_you_mean
+from koord.syntax.elaborate.suggest import did_you_mean, otherwise
 from koord.syntax.types import EnumType
 
 
@@ -16,7 +16,7 @@ def unknown(body: Body, e: ast.Name, field: str | None = None) -> None:
     for module, ports in body.session.library_ports.items():
         if hint is None and e.name in ports:
             hint = f"`{e.name}` is a port of `{module}`: begin the program with `using {module}`"
-    hint = hint or did_you_mean(e.name, visible(body))
+    hint = hint or otherwise(e.name) or did_you_mean(e.name, visible(body))
     if hint is None and field is not None:
         hint = f"if `{e.name}` is a module, begin the program with `using {e.name}:`"
     body.error("K201", e.span, f"`{e.name}` is not declared", hint)
