@@ -56,6 +56,7 @@ class Module:
             f'"""{file}, compiled: `koord compile` writes this file anew."""',
             "",
             *([*given, ""] if given else []),
+            *_guide(text),
             "from __future__ import annotations",
             "",
             *([f"from typing import {', '.join(typing)}", ""] if typing else []),
@@ -413,6 +414,22 @@ class Module:
 
     def line(self, span: Span) -> str:
         return f"{_one_line(span.file)}:{span.line}"
+
+
+def _guide(text: str) -> Lines:
+    """What a reader of the text may wonder about."""
+    said = []
+    if "self.enter(" in text:
+        said.append("# enter(k): an atomic block of lock class k; one robot a round is let through")
+    if "self.set(" in text:
+        said.append("# set(name, value, path): a write of a shared variable, or of a part of it")
+    if re.search(r"\bkey\b|choose\(", text):
+        said.append("# (2, i): which evaluation of choose or of an external function it is")
+    if re.search(r'"\d+:\d+"', text):
+        said.append(
+            '# "12:5": the line and the column of what may fault, or is written to a stream'
+        )
+    return [*said, ""] if said else []
 
 
 def _one_line(name: str) -> str:
