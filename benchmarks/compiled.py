@@ -74,7 +74,7 @@ def seconds(work: Callable[[], object], times: int) -> float:
 
 def event(name: str, times: int) -> dict[str, Any]:
     """Microseconds of an event, compiled and by the reference."""
-    from koord.refinement.running import target
+    from koord.refinement.running import ready
     from koord.runtime.engine.fleet import Fleet
     from koord.semantics.configurations import dealt
     from koord.semantics.domain import DOUBLES
@@ -88,7 +88,7 @@ def event(name: str, times: int) -> dict[str, Any]:
     program = load(Source("event.krd", EVENTS[name])).program
     assert program is not None
     system = dealt(program, ROBOTS)
-    fleet = Fleet(target(program).classes, system.kinds, 0.1, Nothing())
+    fleet = Fleet(ready(program).classes, system.kinds, 0.1, Nothing())
     fleet.begin()
     robot = fleet.robots[0]
     buffers = robot._buffers
@@ -118,7 +118,7 @@ def event(name: str, times: int) -> dict[str, Any]:
 
 def rounds(robots: int, turns: int) -> dict[str, Any]:
     """Robot-rounds a second of the engine, and whether everyone counted right."""
-    from koord.refinement.running import target
+    from koord.refinement.running import ready
     from koord.runtime.engine.fleet import Fleet
     from koord.runtime.engine.schedules import Deployed
     from koord.syntax.load import load
@@ -126,7 +126,7 @@ def rounds(robots: int, turns: int) -> dict[str, Any]:
 
     program = load(Source("counting.krd", COUNTING)).program
     assert program is not None
-    fleet = Fleet(target(program).classes, (0,) * robots, 0.1, Nothing())
+    fleet = Fleet(ready(program).classes, (0,) * robots, 0.1, Nothing())
     fleet.begin()
     schedule = Deployed()
 

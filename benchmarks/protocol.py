@@ -182,7 +182,7 @@ def interleavings(report: Report) -> None:
         Column("committed", "entries committed"),
         Column("cpu_s", "CPU s", 1),
     )
-    most = 20_000 if report.quick else 200_000
+    most = 20_000 if report.quick else 1_000_000
     cases = {
         "a round": Bounds(rounds=1, epoch=0, crashes=0, eager=False, states=most),
         "two rounds": Bounds(rounds=2, epoch=0, crashes=0, states=most),

@@ -21,8 +21,8 @@ from koord.runtime.protocol.setup import Setup, Timing
 _CASES = {
     "one round": Bounds(rounds=1, epoch=0, crashes=0, eager=False),
     "two rounds": Bounds(rounds=2, epoch=0, crashes=0),
-    "a crash and elections": Bounds(rounds=1, epoch=2, crashes=1, states=100_000),
-    "a crash and a restart": Bounds(rounds=1, epoch=2, crashes=1, restarts=1, states=100_000),
+    "a crash and elections": Bounds(rounds=1, epoch=2, crashes=1, states=200_000),
+    "a crash and a restart": Bounds(rounds=1, epoch=2, crashes=1, restarts=1, states=200_000),
 }
 
 NETWORKS = {"none": CALM, "loss": LOSS, "chaos": CHAOS}
