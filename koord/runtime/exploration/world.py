@@ -66,7 +66,7 @@ class Bounds:
     eager: bool = True  #: robots propose as soon as they may; the message can still be late
     resends: bool = False  #: let robots send again what is not answered; it is all there already
     depth: int | None = None  #: so many events; None: to the end
-    states: int = 1_000_000  #: give up after so many
+    states: int = 2_000_000  #: give up after so many
 
 
 class Local(msgspec.Struct, frozen=True):
