@@ -36,6 +36,7 @@ from koord.semantics.configurations import System
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
+    from koord.verify.resting import Resting
     from koord.verify.verdicts import Bounds, Verdict
     from koord.verify.verdicts import Report as Verification
 
@@ -70,6 +71,7 @@ class Request:
     certificate: str | None  #: the file for what a proof consists of
     plot: str | None  #: the file for a picture of a sweep
     found: str | None  #: the file for invariants that were found
+    rests_on: bool  #: find out what the proofs need
     explain: bool  #: show the steps that break claims which are not inductive
     as_json: bool
 
@@ -98,6 +100,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--explain",
         action="store_true",
         help="show why claims that stay unknown could not be proved by induction",
+    )
+    parser.add_argument(
+        "--rests-on",
+        action="store_true",
+        help="find out which assumptions, contracts and summaries the proofs need",
     )
     parser.add_argument(
         "--max-violations",
@@ -156,6 +163,8 @@ def main(arguments: argparse.Namespace) -> int:
         if len(arguments.files) > 1 or len(request.fleets) > 1:
             raise argparse.ArgumentTypeError("--save-invariants takes one program at a time")
         check_writable(request.found)
+    if request.rests_on and len(request.fleets) > 1:
+        raise argparse.ArgumentTypeError("--rests-on takes one number of robots at a time")
     if request.fleets[0].any_number and request.engine is not Engine.AUTO:
         raise argparse.ArgumentTypeError(
             "--robots any has an engine of its own: leave --engine out"
@@ -204,6 +213,7 @@ def _request(arguments: argparse.Namespace) -> Request:
         certificate=arguments.certificate,
         plot=arguments.plot,
         found=arguments.found,
+        rests_on=arguments.rests_on,
         explain=arguments.explain,
         as_json=arguments.json,
     )
@@ -226,8 +236,13 @@ def _verify(program: LoadedProgram, request: Request, told: list[dict[str, objec
     (fleet,) = request.fleets
     system = system_of(program.program, fleet, request.delta_s)
     bounds, report = _asked(system, request, every_n=fleet.any_number)
+    found = _resting(system, bounds, report, request) if request.rests_on else None
     if request.as_json:
         told.append(verdicts.as_json(program.source.name, system, bounds, report))
+        if found is not None:
+            from koord.cli import premises
+
+            told[-1]["rests_on"] = premises.as_json(found)
     else:
         style = style_of(sys.stdout)
         for text in verdicts.lines(program.source.name, system, report, style):
@@ -245,6 +260,12 @@ def _verify(program: LoadedProgram, request: Request, told: list[dict[str, objec
                 print()
                 for text in steps.lines(system, verdict, style):
                     print(text)
+        if found is not None:
+            from koord.cli import premises
+
+            print()
+            for text in premises.lines(program, found, style):
+                print(text)
         print()
         print(verdicts.summary(system, bounds, report, style))
     if request.trace is not None:
@@ -306,6 +327,21 @@ def _asked(
             interrupted=lambda: interruption.requested,
         )
     return bounds, report
+
+
+def _resting(
+    system: System, bounds: Bounds, report: Verification, request: Request
+) -> Resting | None:
+    """What the proofs rest on; None where Ctrl-C ended the search for proofs or for this."""
+    from koord.verify.resting import resting
+
+    if report.interrupted:
+        return None
+    try:
+        with LiveLine(sys.stderr) as line:
+            return resting(system, report.verdicts, bounds, seed=request.seed, progress=line.show)
+    except KeyboardInterrupt:
+        return None
 
 
 def _exit(report: Verification) -> Exit:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
@@ -36,7 +37,8 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
     monkeypatch.setattr(verify, "_verify", engine)
     words = ["verify", program, "--robots", "Car=2,Drone=1", "--rounds", "5", "--delta", "1/3"]
     words += ["--engine", "bmc", "--property", "Small", "--timeout", "2.5", "--seed", "9"]
-    words += ["--max-violations", "4", "--explain", "--trace", f"{program}.json", "--json"]
+    words += ["--max-violations", "4", "--explain", "--rests-on"]
+    words += ["--trace", f"{program}.json", "--json"]
     assert frame.main(words) == Exit.UNKNOWN
     assert seen == [
         (
@@ -54,6 +56,7 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
                 certificate=None,
                 plot=None,
                 found=None,
+                rests_on=True,
                 explain=True,
                 as_json=True,
             ),
@@ -214,6 +217,27 @@ def test_the_schema_describes_every_report(
     assert second["program"] == program
     told = {v["subject"]: v["certain"] for v in first["vacuities"]}  # type: ignore[attr-defined]
     assert told == {"Never": True, "Vain": True}
+
+
+def test_what_proofs_rest_on_is_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "app.krd"
+    path.write_text(
+        "local:\n  int x\n  int y\n\nGo:\n  pre: x < 9\n  eff: x = x + 1\n\n"
+        "assume: forall i: y@i == 0\nassume: forall i: x@i == 0\n"
+        "invariant Low: forall i: x@i >= 0\n",
+        encoding="utf-8",
+    )
+    assert frame.main(["verify", str(path), "--rests-on"]) == Exit.OK
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    needed = lines.index("what holds in every round rests on:")
+    spare = lines.index("and not on:")
+    assert lines[needed + 1].endswith("assume: forall i: x@i == 0")
+    assert lines[spare + 1].endswith("assume: forall i: y@i == 0")
+    assert frame.main(["verify", str(path), "--rests-on", "--json"]) == Exit.OK
+    (report,) = valid(capsys.readouterr().out)
+    told: Any = report["rests_on"]
+    assert [premise["place"] for premise in told["needed"]] == [f"{path}:10:9"]
+    assert [premise["place"] for premise in told["spare"]] == [f"{path}:9:9"]
 
 
 def test_a_sweep_is_a_row_for_each_number_of_robots(
