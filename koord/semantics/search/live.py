@@ -64,10 +64,14 @@ def lively(
     properties: Sequence[core.Property],
     limits: Limits | None = None,
     *,
+    most_edges: int | None = None,
     progress: Progress | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Lively:
-    """Settle liveness properties on all reachable states. [PROP-EVENTUALLY] [PROP-LEADS-TO]"""
+    """Settle liveness properties on all reachable states. [PROP-EVENTUALLY] [PROP-LEADS-TO]
+
+    Beside the limits there may be one of edges: many robots have many ways to go on from a state.
+    """
     asked = [s for p in properties for r in responses(system, p) for s in r.statements]
     asked += [s for r in expected(system) for s in r.statements]
     reason = not_finite(system, asked)
@@ -75,7 +79,8 @@ def lively(
         return Lively({}, {}, reason)
     meter = Meter(limits if limits is not None else Limits(), clock)
     tracks_ran = any(reads_ran(system, p) for p in properties)
-    return _Search(system, meter, progress, tracks_ran=tracks_ran).run(properties)
+    search = _Search(system, meter, progress, most_edges, tracks_ran=tracks_ran)
+    return search.run(properties)
 
 
 class _LimitError(Exception):
@@ -98,13 +103,21 @@ class _Search:
     """One search: builds the graph, then looks for cycles in it."""
 
     def __init__(
-        self, system: System, meter: Meter, progress: Progress | None, *, tracks_ran: bool
+        self,
+        system: System,
+        meter: Meter,
+        progress: Progress | None,
+        most_edges: int | None,
+        *,
+        tracks_ran: bool,
     ) -> None:
         vault = Vault(system, tracks_ran=tracks_ran)
         self._system = system
         self._vault = vault
         self._meter = meter
         self._progress = progress
+        self._most_edges = most_edges
+        self._edges = 0
         self._commits = Commits(vault)
         menus = Menus(system, vault, self._commits, relaxed=True, labelled=True)
         self._joints = Joints(system, vault, menus, self._commits, relaxed=True)
@@ -191,6 +204,9 @@ class _Search:
             meets, grants = self._label_of(node, menus, joint)
             for robots, shared in joint.successors():
                 self._system.patience.spend()
+                self._edges += 1
+                if self._most_edges is not None and self._edges > self._most_edges:
+                    raise _LimitError(f"more than {self._most_edges} ways to go on")
                 target = self._number((*robots, *shared), nodes.owed[node])
                 _add(found.setdefault(target, []), Edge(target, meets, grants))
         nodes.edges.append(tuple(edge for edges in found.values() for edge in edges))

@@ -15,12 +15,16 @@ from koord.verify.ledger import Ledger, Reach
 from koord.verify.verdicts import Emptiness, Engine, Outcome, Vacuity, Verdict
 from koord.verify.witness import NotReplayedError
 
+#: So many ways to go on are looked at where other engines wait for their turn.
+FEW_EDGES = 100_000
+
 
 @dataclass(frozen=True, slots=True)
 class LiveBySearch:
     """All configurations one by one, where they are few."""
 
     limits: Limits
+    most_edges: int | None = None
     #: what was found out besides
     empty: list[Vacuity] = field(default_factory=list)
 
@@ -32,6 +36,7 @@ class LiveBySearch:
             ledger.system,
             [claim.stated for claim in claims if claim.stated is not None],
             Limits(limits.states, limits.memory_mb, limits.rounds, ledger.deadline.at),
+            most_edges=self.most_edges,
             progress=lambda states, rounds: ledger.progress(
                 f"liveness, round {rounds}, {states} states"
             ),

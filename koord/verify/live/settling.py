@@ -18,7 +18,7 @@ from koord.verify.concretion import Concretion
 from koord.verify.ledger import Ledger, Reach, Subject
 from koord.verify.live.bits import LiveByBits
 from koord.verify.live.lassos import replayed_lasso
-from koord.verify.live.search import LiveBySearch
+from koord.verify.live.search import FEW_EDGES, LiveBySearch
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Counterexample, Engine, Vacuity, Verdict
 
@@ -59,7 +59,9 @@ def settled(
     claims = tuple(c for c in liveness_of(system) if not names or c.name in names)
     if not claims:
         return Settled(())
-    search = LiveBySearch(Limits(states=FEW_STATES) if ways is Ways.ALL else Limits())
+    search = LiveBySearch(Limits())
+    if ways is Ways.ALL:
+        search = LiveBySearch(Limits(states=FEW_STATES), FEW_EDGES)
     bits = LiveByBits(sparing=ways is Ways.ALL)
     ledger = Ledger(_plainly(system), bounds, deadline, claims, seed, progress)
     if ways is Ways.NONE:
