@@ -34,6 +34,11 @@ from koord.sim.scene import Scene
 _STILL_S = 3.0
 
 
+#: A robot that waits gets the same path to the same goal for so many rounds; then it gets another,
+#: which may be clear where that one was not. Planning in every round is most of what waiting costs.
+_KEPT_ROUNDS = 5
+
+
 class Ending(Enum):
     """How a run ended."""
 
@@ -294,7 +299,7 @@ def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
 
     reach_m = max((lidar.range_m for lidar in scene.scanners.values()), default=4.0)
     chart = Chart(scene.world.grid, reach_m)
-    library = Library(planners, pose, scene.clearance, chart, scene.seed)
+    library = Library(planners, pose, scene.clearance, chart, scene.seed, keep_rounds=_KEPT_ROUNDS)
     scanners = {
         robot: Scanner(lidar, scene.world, scene.robots[robot].start[2])
         for robot, lidar in scene.scanners.items()

@@ -41,6 +41,9 @@ SLACK_M, POINT_SLACK_M = 0.2, 1e-6
 #: Tasks of drones are at least so high above the ground, and so far below the top of the world.
 _HIGH_M, _BELOW_TOP_M = 1.0, 0.5
 
+#: What is clear by less than this may not be: robots do not stand exactly where they are to.
+_ROUNDING_M = 0.05
+
 #: Tasks and starts are at least so far from walls and obstacles.
 _FROM_WALLS_M = 0.7
 
@@ -96,7 +99,7 @@ def scene(
     draw = np.random.default_rng(np.random.SeedSequence((seed, 1)))
     starts = _starts(configuration, world, places, bodies, clearance, draw)
     _refuse(configuration, start_complaints(world, [*zip(bodies, starts, strict=True)]), places)
-    more = _scattered(world, bodies, configuration.scatter.tasks, draw)
+    more = _scattered(world, bodies, configuration.scatter.tasks, clearance, draw)
     ideal = all(isinstance(body, Ideal) for body in bodies)
     slack = configuration.monitor.slack
     scanners = {
@@ -291,12 +294,21 @@ def _inner(world: World) -> tuple[Point, Point]:
 
 
 def _scattered(
-    world: World, bodies: Sequence[Body], count: int, draw: np.random.Generator
+    world: World,
+    bodies: Sequence[Body],
+    count: int,
+    clearance: Clearance,
+    draw: np.random.Generator,
 ) -> list[Point]:
-    """Tasks anywhere in the world: for each robot in turn one that it can do."""
+    """Tasks anywhere in the world: for each robot in turn one that it can do.
+
+    Those in the air are so high that who waits there is clear of all that drive below: else a drone
+    that has nothing left to do could keep cars from what is left to them.
+    """
     (x0, y0, ground), (x1, y1, _) = _inner(world)
     top = max(world.high[2] - _BELOW_TOP_M, ground)
-    low = min(ground + _HIGH_M, top)
+    clear = clearance.safety_m + clearance.tracking_m + clearance.resting_m
+    low = min(ground + max(_HIGH_M, clear + _ROUNDING_M), top)
     found: list[Point] = []
     for number in range(count):
         flat = isinstance(bodies[number % len(bodies)], Car)

@@ -32,21 +32,30 @@ class Chart:
     range_m: float = 4.0
 
 
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """What was planned from a pose, and in which round; None: no way was found."""
+
+    pose: Pose
+    path: Path | None
+    round: int
+
+
 @dataclass(slots=True)
 class _Robot:
     planner: Planner
     seed: int
     plans: int = 0  #: so many were made in all
     left: int = 0  #: so many may still be made in this round
-    kept: dict[Point, tuple[Pose, Path | None]] = field(default_factory=dict)
+    kept: dict[Point, _Kept] = field(default_factory=dict)
 
 
 class Library:
     """The functions, for robots with these planners.
 
     ``pose`` says where a robot is and points now. A robot may plan ``plans_per_round`` times a
-    round; when it has, it gets the path again that it last got for the same start and goal, or
-    learns that there is none.
+    round; when it has, and for ``keep_rounds`` rounds anyway, it gets the path again that it last
+    got for the same start and goal, or learns that there is none.
     """
 
     def __init__(
@@ -57,9 +66,10 @@ class Library:
         chart: Chart,
         seed: int = 0,
         plans_per_round: int = 4,
+        keep_rounds: int = 0,
     ) -> None:
         self.pose, self.clearance, self.chart = pose, clearance, chart
-        self.plans_per_round = plans_per_round
+        self.plans_per_round, self.keep_rounds = plans_per_round, keep_rounds
         self._robots = {
             robot: _Robot(made, int(np.random.SeedSequence((seed, robot)).generate_state(1)[0]))
             for robot, made in planners.items()
@@ -68,10 +78,12 @@ class Library:
             robot: np.random.default_rng(np.random.SeedSequence((seed, robot, 1)))
             for robot in planners
         }
+        self._round = 0
         self.begin_round()
 
     def begin_round(self) -> None:
         """Let every robot plan again."""
+        self._round += 1
         for robot in self._robots.values():
             robot.left = self.plans_per_round
 
@@ -125,14 +137,17 @@ class Library:
 
     def _planned(self, robot: int, start: Point, goal: Point) -> Path | None:
         known, pose = self._robots[robot], self._pose_at(robot, start)
-        if known.left > 0:
-            made = self._plan(known, pose, goal, ())
-            known.kept[goal] = pose, made
-            return made
         before = known.kept.get(goal)
-        if before is None or not _alike(before[0], pose) or before[1] is None:
+        if before is not None and not _alike(before.pose, pose):
+            before = None
+        is_new = before is not None and self._round - before.round < self.keep_rounds
+        if known.left > 0 and not is_new:
+            made = self._plan(known, pose, goal, ())
+            known.kept[goal] = _Kept(pose, made, self._round)
+            return made
+        if before is None or before.path is None:
             return None
-        return start, *before[1][1:]
+        return start, *before.path[1:]
 
     def _plan(self, known: _Robot, pose: Pose, goal: Point, avoid: Sequence[Point]) -> Path | None:
         known.left -= 1
