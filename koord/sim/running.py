@@ -20,7 +20,7 @@ from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.planning import Pose, planner
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision
-from koord.runtime.robot import Host, Robot, Status
+from koord.runtime.robot import Host, Robot
 from koord.sim.digests import Digest, deeds_of
 from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted
@@ -306,6 +306,3 @@ def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
     }
     host = Hosted(cast.classes, cast.kinds, fleet, library, scene.seed, scanners)
     return host
-
-
-__all__ = ["Broken", "Cast", "Claims", "Ending", "Moment", "Simulation", "Status", "run"]

@@ -14,7 +14,7 @@ from typing import Any, assert_never
 
 import numpy as np
 
-from koord.runtime.configuration.forms import BotType, SimulationForm
+from koord.runtime.configuration.forms import BotType
 from koord.runtime.configuration.model import Configuration, RobotPlace, Vehicle
 from koord.runtime.configuration.reading import problem
 from koord.runtime.motion.automaton import Visit
@@ -342,6 +342,3 @@ def _refuse(configuration: Configuration, complaints: Any, places: Sequence[Robo
         problems.append(problem(span, f"{who}{complaint.message}"))
     if problems:
         raise KoordError(tuple(problems[:100]))
-
-
-__all__ = ["Scene", "SimulationForm", "params", "scene"]
