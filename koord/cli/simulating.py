@@ -154,6 +154,7 @@ class Asked:
     configuration: Configuration | None  #: None: the plainest that suits the program
     properties: tuple[Source, ...]
     params: Mapping[str, ParamValue]
+    delta_s: float | None = None  #: None: as the configuration says
 
     def job(self, report: Report, robots: int | None, seed: int | None) -> Job | None:
         """The job, for so many robots and with that seed; None if there are errors in the report.
@@ -170,6 +171,8 @@ class Asked:
         else:
             configuration = self.configuration
             chosen = {**params(configuration), **chosen}
+        if self.delta_s is not None:
+            configuration = replace(configuration, delta_s=self.delta_s)
         configuration = _with_tasks(configuration, program, sized="tasks" in chosen)
         made = scene(configuration, seed, robots)
         kinds, problems = kinds_by_role(program, made.roles, configuration.name)
@@ -233,9 +236,8 @@ def asked(arguments: argparse.Namespace, report: Report) -> Asked | None:
         except KoordError as error:
             report.add(error.diagnostics, text)
             return None
-        if arguments.delta is not None:
-            configuration = replace(configuration, delta_s=float(arguments.delta))
-    return Asked(source, configuration, properties, settings(arguments.settings))
+    delta_s = None if arguments.delta is None else float(arguments.delta)
+    return Asked(source, configuration, properties, settings(arguments.settings), delta_s)
 
 
 def _beside(path: str) -> str | None:

@@ -92,6 +92,8 @@ def test_robots_and_params_may_be_others(
     program.write_text((EXAMPLES / "task.krd").read_text("utf-8"), encoding="utf-8")
     _, plain = simulated(capsys, str(program), "--set", "tasks=4", "--rounds", "3")
     assert len(plain["tasks"]) == 4
+    _, slow = simulated(capsys, str(program), "--set", "tasks=4", "--delta", "0.5", "--rounds", "3")
+    assert (slow["rounds"], slow["time_s"]) == (3, 1.5)
 
 
 # --- what is broken -------------------------------------------------------------------------------
