@@ -112,6 +112,8 @@ def _empty(vacuity: dict[str, object]) -> str:
 def _said(claim: dict[str, object]) -> str:
     """A verdict in the words of expected.yaml."""
     violated = claim["violated"]
+    if isinstance(violated, dict) and violated["loop"] is not None:
+        return f"violated by a loop of rounds {violated['loop']} to {violated['round']}"
     if isinstance(violated, dict):
         return f"violated in round {violated['round']}"
     if claim["outcome"] == "holds" and claim["all_rounds"]:

@@ -139,7 +139,8 @@ def test_the_verdicts_listed_are_those_that_are_tested() -> None:
     expected = yaml.safe_load((EXAMPLES / "expected.yaml").read_text(encoding="utf-8"))
     for path, verdict in listed().items():
         runs = expected[path]["runs"]
-        violated = re.findall(r"`([^`]+)` (violated in round \d+)", verdict)
+        how = r"violated in round \d+|violated by a loop of rounds \d+ to \d+"
+        violated = re.findall(rf"`([^`]+)` ({how})", verdict)
         assert violated or verdict == "holds in every round"
         for claim, where in violated:
             assert any(run.get("says", {}).get(claim) == where for run in runs), (path, claim)
