@@ -10,9 +10,23 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass, field
+from statistics import geometric_mean
 from typing import Any
 
-from harness import EXAMPLES, TIMES, Column, Measured, Report, gave_up, koord, main, note, times
+from harness import (
+    EXAMPLES,
+    RESULTS,
+    TIMES,
+    Column,
+    Measured,
+    Report,
+    Table,
+    gave_up,
+    koord,
+    main,
+    note,
+    times,
+)
 
 PATIENCE_S = 120.0
 
@@ -142,7 +156,7 @@ def reach(row: Published, found: Any) -> str:
     return f"{min(claim['through_round'] or 0 for claim in claims)} rounds, {engines}"
 
 
-def compare(report: Report, title: str, rows: list[Published], *flags: str) -> None:
+def compare(report: Report, title: str, rows: list[Published], *flags: str) -> Table:
     table = report.table(
         title,
         Column("program", "program"),
@@ -186,14 +200,69 @@ def compare(report: Report, title: str, rows: list[Published], *flags: str) -> N
                 "reach": reach(row, found),
             }
         )
+    return table
+
+
+def sum_up(report: Report, compared: dict[str, Table]) -> None:
+    """How much quicker than published, over the rows of a table."""
+    table = report.table(
+        "Published time over ours",
+        Column("rows", "rows"),
+        Column("count", "how many"),
+        Column("right", "as published"),
+        Column("least", "least", 0),
+        Column("mean", "geometric mean", 0),
+        Column("most", "most", 0),
+        Column("longest_s", "longest of ours, s", 2),
+    )
+    for name, of in compared.items():
+        ratios = [float(row["ratio"] or 0) for row in of.rows]
+        table.rows.append(
+            {
+                "rows": name,
+                "count": len(of.rows),
+                "right": sum(row["verdict"] == row["expected"] for row in of.rows),
+                "least": min(ratios),
+                "mean": geometric_mean(ratios),
+                "most": max(ratios),
+                "longest_s": max(float(row["wall_s"] or 0) for row in of.rows),
+            }
+        )
+
+
+def draw(compared: dict[str, Table]) -> None:
+    """Published times and ours beside the results, if matplotlib is there."""
+    try:
+        from matplotlib.figure import Figure
+    except ModuleNotFoundError:
+        return
+    rows = [row for table in compared.values() for row in table.rows][::-1]
+    figure = Figure(figsize=(8, 0.22 * len(rows) + 1), layout="constrained")
+    axes = figure.subplots()
+    at = range(len(rows))
+    published = [float(row["published_s"] or 0) for row in rows]
+    ours = [float(row["wall_s"] or 0) for row in rows]
+    axes.hlines(at, ours, published, color="0.8", zorder=1)
+    axes.scatter(published, at, marker="s", color="tab:red", label="published", zorder=2)
+    axes.scatter(ours, at, marker="o", color="tab:blue", label="koord verify", zorder=2)
+    axes.set_yticks(at, [f"{row['program']}, {row['robots']}, δ {row['delta']}" for row in rows])
+    axes.tick_params(axis="y", labelsize=7)
+    axes.set_xscale("log")
+    axes.set_xlabel("seconds, from start to end")
+    axes.legend(loc="upper left")
+    figure.savefig(RESULTS / "verify_examples.svg", metadata={"Date": None})
 
 
 def verify_examples(report: Report) -> None:
     most = 4 if report.quick else 100
     rows = [row for row in bounded() if row.robots <= most]
-    compare(report, "Bounded: koord verify --rounds R", rows)
+    compared = {"bounded": compare(report, "Bounded: koord verify --rounds R", rows)}
     rows = [row for row in inductive() if row.robots <= most]
-    compare(report, "Inductive: koord verify --engine induction", rows, "--engine", "induction")
+    title = "Inductive: koord verify --engine induction"
+    compared["inductive"] = compare(report, title, rows, "--engine", "induction")
+    sum_up(report, compared)
+    if not report.quick:
+        draw(compared)
 
 
 if __name__ == "__main__":
