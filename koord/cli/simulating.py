@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -20,6 +20,7 @@ from koord.runtime.compile.watching import Sort, Watched, watched
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import Configuration, Scatter
 from koord.sim.claims import Checked, Watching
+from koord.sim.hosting import ANSWERED, plain_name
 from koord.sim.running import Cast, Simulation
 from koord.sim.scene import Scene, params, scene
 from koord.syntax import core
@@ -176,7 +177,7 @@ class Asked:
         configuration = _with_tasks(configuration, program, sized="tasks" in chosen)
         made = scene(configuration, seed, robots)
         kinds, problems = kinds_by_role(program, made.roles, configuration.name)
-        report.add(problems)
+        report.add((*problems, *_unanswered(program)))
         tasks = made.world.tasks
         chosen |= self._sizes(program, chosen, len(tasks))
         places = tuple((Fraction(x), Fraction(y), Fraction(z)) for x, y, z in tasks)
@@ -271,14 +272,26 @@ def _with_tasks(
     return replace(configuration, scatter=Scatter(count, scatter.start))
 
 
+def _unanswered(program: core.Program) -> Iterator[Diagnostic]:
+    """The functions that nothing in a simulated world answers."""
+    for function in program.externals:
+        if plain_name(function.name) not in ANSWERED:
+            story = f"the simulated world does not know what `{plain_name(function.name)}` answers"
+            hint = "write the function in Koord, with a body"
+            yield Diagnostic("K932", Severity.ERROR, function.span, story, hint)
+
+
 def _size(program: core.Program) -> int | None:
-    """How many tasks a program has a list of; 0 for a list of any length, None without a list."""
+    """How many tasks a program has a list of; 0 for a list of any length, None without a list.
+
+    That of a list whose length an assumption fixes is known.
+    """
     for entry in program.allwrite:
         match entry.variable.type:
             case ArrayType(element=element, size=int() as size) if _is_task(element):
                 return size
             case ListType(element=element) if _is_task(element):
-                return 0
+                return entry.length or 0
             case _:
                 pass
     return None

@@ -36,6 +36,14 @@ from koord.sim.lidar import Scanner
 #: Actuators that send a robot somewhere; the last that changed counts.
 _GOALS = ("route", "path", "target", "waypoint", "goal")
 
+#: The functions that the simulated world answers.
+ANSWERED = frozenset(
+    {
+        *("sqrt", "findPath", "getPathFromTask", "pathsClear", "onPath", "apart", "willCollide"),
+        *("scanToMap", "pickFrontierPos", "findObs", "world"),
+    }
+)
+
 #: What cells of a map are called where nothing is known of them, and where nothing stands.
 _UNKNOWN, _FREE = "unknown", "free"
 
@@ -121,7 +129,7 @@ class Hosted:
         """[EXTERNAL]: the answers of the library, on real geometry."""
         library, clearance = self.library, self.library.clearance
         result = self._result(robot, function)
-        match re.sub(r"_\d+$", "", function), arguments:
+        match plain_name(function), arguments:
             case "sqrt", (x,):
                 return math.sqrt(x)
             case "findPath", (start, goal):
@@ -201,6 +209,11 @@ class Hosted:
                 return known
         (shape,) = [v.shape for v in program.SHARED.variables if v.name == name]
         return shape if robot is None else element_of(shape)
+
+
+def plain_name(function: str) -> str:
+    """The name of a function in the text: of functions with one name all but the first count."""
+    return re.sub(r"_\d+$", "", function)
 
 
 def _goals(one: type[Robot]) -> Iterator[tuple[str, Shape]]:

@@ -265,3 +265,18 @@ def test_a_program_with_mistakes_is_not_simulated(
     program.write_text("Go:\n    eff: x = 1\n", encoding="utf-8")
     assert main(["sim", str(program)]) == Exit.BAD_INPUT
     assert "bad.krd:2:" in capsys.readouterr().err
+
+
+def test_a_function_that_no_world_answers_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sim", example("shortest_path_any_graph.krd")]) == Exit.BAD_INPUT
+    _, err = capsys.readouterr()
+    assert "K932" in err
+    assert "`linked`" in err
+
+
+def test_a_list_has_the_tasks_that_its_program_assumes(capsys: pytest.CaptureFixture[str]) -> None:
+    code, run = simulated(capsys, example("task_as_printed.krd"), "--time", "1")
+    assert len(run["tasks"]) == 20
+    # What the verifier says of the program as it is printed shows at once.
+    assert code == Exit.VIOLATED
+    assert run["broken"][0]["claim"] == "invariant EachIsVisited"
