@@ -152,6 +152,7 @@ def tokenise(source: Source, report: Report) -> Text:
     tabs: list[Span] = []
     line = 1
     start = 0  # offset of column 1 of the line
+    foreign = -1  # where the last word ends that is not of the language
     if text[position : position + 1] == "\t":
         tabs.append(Span(file, 1, 1, 1, position + 2))
     for match in _TOKEN.finditer(text, position):
@@ -162,6 +163,9 @@ def tokenise(source: Source, report: Report) -> Text:
         column = begin - start + 1
         if kind == "NAME" or kind == "SIGN":
             word = match.group()
+            if begin == foreign and kind == "NAME":
+                _join(tokens[-1], word)
+                continue
             tokens.append(Token(types.get(word, "NAME"), word, file, line, column, end - start + 1))
         elif kind == "NEWLINE":
             line += 1
@@ -182,8 +186,12 @@ def tokenise(source: Source, report: Report) -> Text:
                 tokens.append(_string(token, match.group("QUOTE"), report))
             elif kind == "FOREIGN":
                 tokens.append(_foreign(token, report))
-            else:
-                tokens.extend(_bad(token, report))
+            elif _bad(token, report):
+                foreign = end
+                if tokens and tokens[-1].type == "NAME" and tokens[-1].end_column == column:
+                    _join(tokens[-1], token.text)
+                else:
+                    tokens.append(token)
     if tabs:
         _refuse_tabs(tabs, report)
     return Text([line for line in lines if line.tokens], tuple(comments), bool(tabs))
@@ -275,8 +283,18 @@ def _foreign(token: Token, report: Report) -> Token:
     return token.meant(meant)
 
 
-def _bad(token: Token, report: Report) -> list[Token]:
-    """Tell of characters that the language does not have; as a name if they look like one."""
+def _join(name: Token, rest: str) -> None:
+    """A name goes on behind letters that it cannot have: nothing else is to be said of it.
+
+    Beyond a length that no name has its text is cut off, lest a hostile one take long.
+    """
+    if len(name.text) < MAX_DIGITS:
+        name.text += rest[:MAX_DIGITS]
+    name.end_column += len(rest)
+
+
+def _bad(token: Token, report: Report) -> bool:
+    """Tell of characters that the language does not have; whether they look like a name."""
     character = token.text[0]
     code = f"U+{ord(character):04X}"
     what = f"`{character}` ({code})" if character.isprintable() else f"the character {code}"
@@ -292,7 +310,7 @@ def _bad(token: Token, report: Report) -> list[Token]:
         hint = "names are made of the letters a to z, digits and `_`"
     report.damaged.add(token.line)
     report.error("K101", token.span, f"{what} is not part of the language", hint)
-    return [token] if word else []
+    return word
 
 
 def _unprintable(character: str) -> bool:

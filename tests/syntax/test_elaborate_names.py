@@ -84,6 +84,11 @@ def test_settings_that_do_not_fit_are_told() -> None:
     assert (unknown.code, unknown.hint) == ("K236", "did you mean `tasks`?")
 
 
+def test_letters_that_names_cannot_have_are_all_that_is_told_of_a_name() -> None:
+    text = "local: int größe = 0\nlocal: int 数 = 0\nGo: eff: größe = größe + 数 + 1\n"
+    assert codes(text) == ["K101"] * 5
+
+
 def test_members_of_enumerations() -> None:
     above = """
         enum Mode: idle, pick, drop
