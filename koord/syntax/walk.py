@@ -28,6 +28,17 @@ def nodes(node: object) -> Iterator[object]:
             yield from nodes(getattr(node, name))
 
 
+def reached(program: core.Program, part: object) -> Iterator[object]:
+    """The nodes of a part, and those of the functions that it calls, each function once."""
+    bodies = {function.name: function.body for function in program.functions}
+    pending = [part]
+    while pending:
+        for node in nodes(pending.pop()):
+            yield node
+            if isinstance(node, core.Call) and node.function in bodies:
+                pending.append(bodies.pop(node.function))
+
+
 def statements(block: core.Block) -> Iterator[core.Stmt]:
     """The statements of a block and of the blocks in it, each before those below it."""
     for s in block:

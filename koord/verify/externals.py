@@ -9,7 +9,7 @@ from koord.semantics.crowds import NotFiniteError
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core
 from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Robots, Type
-from koord.syntax.walk import nodes
+from koord.syntax.walk import nodes, reached
 from koord.verify.terms import Sort, Term, Terms
 
 Symbolic: TypeAlias = "Value[Term]"
@@ -34,20 +34,13 @@ def asked_of_all(program: core.Program) -> frozenset[str]:
     What they answer depends on a variable then, so no constant can stand for it.
     """
     summaries = tuple((external.requires, external.ensures) for external in program.externals)
-    pending: list[object] = [
+    bodies = tuple(
         node.body
         for node in nodes(summaries)
         if isinstance(node, core.Quantified) and isinstance(node.domain, core.AllValues)
-    ]
-    bodies = {function.name: function.body for function in program.functions}
-    found: set[str] = set()
-    while pending:
-        for node in nodes(pending.pop()):
-            if isinstance(node, core.ExternalCall):
-                found.add(node.function)
-            elif isinstance(node, core.Call) and node.function in bodies:
-                pending.append(bodies.pop(node.function))
-    return frozenset(found)
+    )
+    calls = (n for n in reached(program, bodies) if isinstance(n, core.ExternalCall))
+    return frozenset(call.function for call in calls)
 
 
 def quantifies(node: object) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from koord.semantics.configurations import System
 from koord.syntax import core
 from koord.syntax.core import Home
-from koord.syntax.walk import nodes
+from koord.syntax.walk import reached
 from koord.verify.bmc import Unrolling
 from koord.verify.claims import NO_FAULT, Claim
 from koord.verify.footprint import footprint
@@ -125,21 +125,10 @@ def _untouched(ledger: Ledger) -> Iterator[Vacuity]:
     for claim, verdict in ledger.verdicts.items():
         if claim.stated is None or verdict.outcome is not Outcome.HOLDS:
             continue
-        below = list(nodes((claim.stated.condition, *_called(program, claim.stated.condition))))
+        below = list(reached(program, claim.stated.condition))
         read = {(n.home, n.slot) for n in below if isinstance(n, core.Variable)}
         read = {(home, slot) for home, slot in read if home is not Home.BOUND}
         if not read & written and not any(isinstance(n, core.Ran | core.Stopped) for n in below):
             detail = "nothing that it reads changes after the start"
             span = claim.stated.span
             yield Vacuity(Emptiness.UNTOUCHED, claim.name, detail, certain=True, span=span)
-
-
-def _called(program: core.Program, e: object) -> tuple[core.Function, ...]:
-    """The functions that an expression calls, and those that they call."""
-    names = {n.function for n in nodes(e) if isinstance(n, core.Call)}
-    found: tuple[core.Function, ...] = ()
-    for function in reversed(program.functions):
-        if function.name in names:
-            found += (function,)
-            names |= {n.function for n in nodes(function.body) if isinstance(n, core.Call)}
-    return found

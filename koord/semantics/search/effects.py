@@ -23,7 +23,7 @@ from koord.semantics.storage import Storage, Tree
 from koord.semantics.traces.recording import Answer
 from koord.semantics.turns import Turned, guard_of, program_turn
 from koord.syntax import core
-from koord.syntax.walk import nodes
+from koord.syntax.walk import reached
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,12 +271,8 @@ class Effects:
 
 def asks(program: core.Program, part: core.Expr | core.Block) -> bool:
     """Whether a part of a program leaves something open."""
-    for node in nodes(part):
-        if isinstance(node, core.ExternalCall | core.Choose):
-            return True
-        if isinstance(node, core.Call) and asks(program, program.function(node.function).body):
-            return True
-    return False
+    open_ = core.ExternalCall | core.Choose
+    return any(isinstance(node, open_) for node in reached(program, part))
 
 
 def _put(

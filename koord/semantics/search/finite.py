@@ -24,7 +24,7 @@ from koord.syntax import core
 from koord.syntax.core import Direction, ExternalKind, Home, PropertyKind, Start
 from koord.syntax.source import Span
 from koord.syntax.types import INT, Type
-from koord.syntax.walk import nodes, statements, written
+from koord.syntax.walk import nodes, reached, statements, written
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +61,10 @@ def _open_statement(
     program: core.Program, statement: core.Property | core.Assumption
 ) -> Iterator[NotFinite]:
     """Statements that leave something open are not evaluated here."""
-    parts: list[object] = [statement.condition]
-    while parts:
-        for node in nodes(parts.pop()):
-            if isinstance(node, core.Choose | core.ExternalCall):
-                what = "choose" if isinstance(node, core.Choose) else node.function
-                yield NotFinite(f"{statement.name} leaves open what {what} gives", node.span)
-            elif isinstance(node, core.Call):
-                parts.append(program.function(node.function).body)
+    for node in reached(program, statement.condition):
+        if isinstance(node, core.Choose | core.ExternalCall):
+            what = "choose" if isinstance(node, core.Choose) else node.function
+            yield NotFinite(f"{statement.name} leaves open what {what} gives", node.span)
 
 
 # --- starts ---------------------------------------------------------------------------------------
