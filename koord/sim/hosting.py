@@ -70,6 +70,10 @@ class Hosted:
             for robot in self.scanners
         }
         self._goals = [list(_goals(one)) for one in self.classes]
+        self._sensors = [
+            [(name, one.PORTS[name], name.rpartition("_")[2]) for name in one.SENSORS]
+            for one in self.classes
+        ]
         self._sent: dict[tuple[int, str], Any] = {}
         self.sensed: tuple[Sensed, ...] = fleet.sensed()  #: what robots know of themselves
         self._walls = occupied(fleet.world) if fleet.world.obstacles else frozenset()
@@ -106,9 +110,8 @@ class Hosted:
         """[ENV-FREE]: what the sensors of a robot say at the end of the round."""
         sensed = self.sensed[robot.pid]
         readings: dict[str, Any] = {}
-        for name in robot.SENSORS:
-            shape = robot.PORTS[name]
-            match name.rpartition("_")[2]:
+        for name, shape, port in self._sensors[self.kinds[robot.pid]]:
+            match port:
                 case "psn" | "position":
                     readings[name] = placed(shape, sensed.psn)
                 case "reached" | "done":
