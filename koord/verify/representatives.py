@@ -15,7 +15,7 @@ from koord.semantics.search.symmetry import Symmetry, symmetry_of
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, QuantifierKind
 from koord.syntax.types import INT
-from koord.verify.claims import Claim
+from koord.verify.claims import Claim, claims_of
 
 
 def representatives(system: System) -> Callable[[Claim], Claim]:
@@ -24,7 +24,8 @@ def representatives(system: System) -> Callable[[Claim], Claim]:
     The two are of one configuration only up to the names of its robots, and of sets that are
     closed under renaming: of all that can be reached, or of all in which other claims hold.
     """
-    symmetry = symmetry_of(system, system.program.properties)
+    asked = tuple(claim.stated for claim in claims_of(system) if claim.stated is not None)
+    symmetry = symmetry_of(system, asked)
     everyone = (tuple(range(system.robots)),)
     if not isinstance(symmetry, Symmetry) or symmetry.groups != everyone:
         return lambda claim: claim
