@@ -75,6 +75,7 @@ def searched(
 ) -> dict[str, Any]:
     """One search to its end, or for so many seconds of CPU time, with all reductions or none."""
     from koord.semantics.configurations import dealt
+    from koord.semantics.liveness import LIVENESS
     from koord.semantics.search.engine import survey
     from koord.semantics.search.findings import Exhausted, OutOfBounds
     from koord.semantics.search.limits import Limits, resident_mb
@@ -90,7 +91,7 @@ def searched(
     begun = time.process_time()
     found = survey(
         system,
-        program.properties,
+        [p for p in program.properties if p.kind not in LIVENESS],
         Limits(states=10_000_000, deadline_s=begun + patience_s),
         symmetry=reduced,
         order_reduction=reduced,
