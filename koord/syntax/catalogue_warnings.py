@@ -34,8 +34,9 @@ ENTRIES: dict[str, Entry] = {
             "K402",
             "an event is never enabled",
             """The guard is false whatever the values of the variables, so that the event never
-            runs. Perhaps a param has a value that nobody thought of. Events that never run for a
-            deeper reason are found by `koord verify`.""",
+            runs: it is false as such, or its parts leave no value to something. Perhaps a param has
+            a value that nobody thought of. Events that never run for a deeper reason are found
+            by `koord verify`.""",
             """
             param int limit = 0
             local:
@@ -77,8 +78,9 @@ ENTRIES: dict[str, Entry] = {
             "K404",
             "an assumption or a contract contradicts itself",
             """What is required can never hold, so that what follows from it means nothing: with an
-            assumption that is false no run begins, and every property holds of none. Contradictions
-            between several statements are found by `koord verify`.""",
+            assumption that is false no run begins, and every property holds of none. Told is what
+            is false as such, and statements that leave no value to something (`n == 0` and
+            `n > 3`); deeper contradictions are found by `koord verify`.""",
             """
             param int tasks = 0
             assume: tasks > 0

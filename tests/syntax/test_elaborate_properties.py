@@ -5,6 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from koord.syntax import core
 from koord.syntax.elaborate import Elaborated, Settings
@@ -303,6 +305,76 @@ def test_an_array_of_tasks_has_the_worlds_size() -> None:
 
 def test_a_false_assumption_is_warned_of() -> None:
     assert codes("param int n = 0\nassume: n > 1\nGo:\n  eff: stop\n") == ["K404"]
+
+
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        ["n == 0 and n == 1"],
+        ["n == 0", "forall i: m[i] > 0", "n > 3"],
+        ["n < 4 and n > 3"],
+        ["2 <= n", "n != 2", "n <= 2"],
+        ["f < 1.5", "1.5 <= f"],
+        ["b and not b"],
+        ["mode == idle", "mode == busy"],
+        ["forall i: m[i] > 3 and m[i] < n and m[i] <= 3"],
+    ],
+)
+def test_assumptions_that_leave_no_value_are_warned_of(conditions: list[str]) -> None:
+    assert codes(_WITH + "".join(f"assume: {each}\n" for each in conditions)) == ["K404"]
+
+
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        ["n == 0 or n == 1"],
+        ["n == 0", "forall i: m[i] > 3"],
+        ["n < 5 and n > 3"],
+        ["f < 1.5", "1.4 <= f"],
+        ["f > 1.0 and f < 2.0"],
+        ["b implies not b"],
+        ["mode != idle", "mode != busy"],
+        ["forall k in 0, n: n == 0 and n == 1"],
+        ["choose(0, 1) == 0 and choose(0, 1) == 1"],
+    ],
+)
+def test_assumptions_that_leave_some_value_are_not(conditions: list[str]) -> None:
+    assert codes(_WITH + "".join(f"assume: {each}\n" for each in conditions)) == []
+
+
+_WITH = """\
+enum Mode: idle, busy, done
+allwrite:
+  int n
+  float f
+  bool b
+  Mode mode
+allread:
+  int[] m
+Go:
+  eff:
+    atomic:
+      n = m[pid]
+      f = 1.0
+      b = true
+      mode = done
+"""
+
+
+COMPARISONS = st.tuples(
+    st.sampled_from(["==", "!=", "<", "<=", ">", ">="]), st.integers(-2, 2), st.booleans()
+)
+
+
+@given(st.lists(COMPARISONS, min_size=1, max_size=5))
+def test_what_contradicts_has_no_solution(parts: list[tuple[str, int, bool]]) -> None:
+    texts = [f"{value} {op} n" if turned else f"n {op} {value}" for op, value, turned in parts]
+    solved = any(all(eval(text, {"n": n}) for text in texts) for n in range(-9, 10))
+    found = codes(_WITH + "".join(f"assume: {text}\n" for text in texts))
+    if solved:
+        assert found == []
+    elif all(op != "!=" for op, _, _ in parts):
+        assert found == ["K404"]
 
 
 # --- files of properties ------------------------------------------------------------------------

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaborate.body import Body
 from koord.syntax.elaborate.folding import constant
+from koord.syntax.elaborate.ranges import contradicting
 from koord.syntax.elaborate.session import Confusion, Session
 from koord.syntax.elaborate.symbols import Named, ParamSymbol, VariableSymbol
 from koord.syntax.types import ArrayType, show
@@ -16,7 +17,7 @@ from koord.syntax.walk import nodes
 
 def never_enabled(session: Session, event: ast.Event, guard: core.Expr) -> None:
     """An event whose guard is false in every configuration."""
-    if constant(guard) is False:
+    if constant(guard) is False or contradicting([guard]) is not None:
         assert event.pre is not None
         session.findings.warning(
             "K402",
@@ -65,25 +66,27 @@ def contradictions(
     externals: Iterable[core.External],
 ) -> None:
     """Conditions that never hold make empty what depends on them."""
-    for assumption in assumptions:
-        _never(session, assumption.condition, "this assumption", "nothing can begin")
+    _never(session, [a.condition for a in assumptions], "this assumption", "nothing can begin")
     for agent in agents:
         for module in agent.modules:
             for contract in module.contracts:
-                for condition in contract.requires:
-                    _never(session, condition, "this `requires:`", "the contract promises nothing")
-                for condition in contract.ensures:
-                    _never(session, condition, "this `ensures:`", "no environment can keep it")
+                empty = "the contract promises nothing"
+                _never(session, contract.requires, "this `requires:`", empty)
+                kept = "no environment can keep it"
+                _never(session, contract.ensures, "this `ensures:`", kept)
     for external in externals:
-        for condition in external.requires:
-            _never(session, condition, "this `requires:`", "every call is a fault")
-        for condition in external.ensures:
-            _never(session, condition, "this `ensures:`", "no function can keep it")
+        _never(session, external.requires, "this `requires:`", "every call is a fault")
+        _never(session, external.ensures, "this `ensures:`", "no function can keep it")
 
 
-def _never(session: Session, condition: core.Expr, what: str, consequence: str) -> None:
-    if constant(condition) is False:
+def _never(session: Session, conditions: Sequence[core.Expr], what: str, consequence: str) -> None:
+    false = [condition for condition in conditions if constant(condition) is False]
+    for condition in false:
         session.findings.warning("K404", condition.span, f"{what} is always false: {consequence}")
+    part = contradicting(conditions) if not false else None
+    if part is not None:
+        story = f"{what} contradicts what is said before it: {consequence}"
+        session.findings.warning("K404", part.span, story)
 
 
 def unused(session: Session, scopes: Iterable[dict[str, Named]]) -> None:
