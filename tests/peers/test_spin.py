@@ -1,0 +1,120 @@
+"""SPIN on generated finite programs against the explicit search: the first round of each violation.
+
+Compared are properties, faults and the contracts of models, through :data:`ROUNDS` rounds. Lost
+updates are not translated. What is not compared is counted by its reason.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.programs import system
+from koord.semantics.configurations import System
+from koord.semantics.search.engine import survey
+from koord.semantics.search.findings import Claim, OutOfBounds, Subject
+from koord.semantics.search.finite import NotFinite
+from koord.semantics.search.limits import Limits
+from tests.peers import model, spin
+from tests.peers.shapes import NotCoveredError
+
+ROUNDS = 2
+
+SUBJECTS = frozenset({Subject.PROPERTY, Subject.FAULT, Subject.CONTRACT})
+
+needs_spin = pytest.mark.skipif(
+    bool(spin.missing()),
+    reason=f"{spin.missing()} not installed (Debian: apt-get install spin gcc)",
+)
+
+
+def searched(made: System) -> dict[str, int] | str:
+    """What the search sees broken, and when; or why it does not know."""
+    found = survey(
+        made, made.program.properties, Limits(states=20_000, rounds=ROUNDS), subjects=SUBJECTS
+    )
+    if isinstance(found.end, NotFinite):
+        return "search: not finite"
+    if isinstance(found.end, OutOfBounds) and found.end.depth < ROUNDS:
+        return f"search: {found.end.reason}"
+    return {_name(violated.claim): violated.rounds for violated in found.violated}
+
+
+def _name(claim: Claim) -> str:
+    match claim.subject:
+        case Subject.FAULT:
+            return model.NO_FAULT
+        case Subject.CONTRACT:
+            return f"contract {claim.name}"
+        case _:
+            return claim.name
+
+
+def compare(seeds: Iterable[int], folder: Path) -> Counter[str]:
+    """Ask both about each program. The counts: agreements, violations, and what was left out."""
+    counts: Counter[str] = Counter()
+    for seed in seeds:
+        made = system(Random(seed), FINITE)
+        expected = searched(made)
+        if isinstance(expected, str):
+            counts[expected] += 1
+            continue
+        try:
+            translated = model.translate(made.program, made.kinds, ROUNDS)
+            answer = spin.ask(translated, folder)
+        except NotCoveredError as reason:
+            counts[f"not translated: {reason}"] += 1
+            continue
+        except spin.UnsureError as reason:
+            counts[f"unsure: {reason}"] += 1
+            continue
+        assert answer.first == expected, f"seed {seed}, robots {made.kinds}: {made.program}"
+        counts["agree"] += 1
+        counts["violated"] += len(expected)
+        counts["violated inside"] += sum(r > 0 for r in expected.values())
+        counts["hold"] += len(translated.claims) - len(expected)
+    print(dict(counts))  # shown with -s, and where an assertion fails
+    return counts
+
+
+@needs_spin
+def test_spin_agrees_on_a_handful(tmp_path: Path) -> None:
+    """Among them a fault, a broken contract of a model, locks, and an assumption."""
+    counts = compare((1, 8, 16, 26), tmp_path)
+    assert counts["agree"] == 4
+    assert counts["violated inside"] >= 2
+    assert counts["hold"] >= 4
+
+
+@needs_spin
+@pytest.mark.slow
+@pytest.mark.parametrize("block", range(5))
+def test_spin_agrees_on_many(block: int, tmp_path: Path) -> None:
+    """More than a hundred programs in all."""
+    counts = compare(range(50 * block, 50 * block + 50), tmp_path)
+    assert counts["agree"] >= 20
+    assert counts["violated inside"] >= 1
+    assert counts["hold"] >= 20
+
+
+def test_what_is_not_translated_is_refused_by_name() -> None:
+    """A program with floats, one with a list literal that is shorter than its array."""
+    refused = Counter[str]()
+    for seed in range(100):
+        made = system(Random(seed), FINITE)
+        try:
+            model.translate(made.program, made.kinds, ROUNDS)
+        except NotCoveredError as reason:
+            refused[str(reason)] += 1
+    assert refused["FloatType"] >= 5
+    assert sum(refused.values()) <= 40
+
+
+def test_the_search_for_a_peer_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    assert spin.missing() == "spin and a C compiler"
