@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tests.mutants.catalogue_bits import BITS
 from tests.mutants.catalogue_compiled import COMPILED
+from tests.mutants.catalogue_liveness import LIVENESS
 from tests.mutants.deployed import DEPLOYED
 from tests.mutants.every_n import EVERY_N
 from tests.mutants.mutant import Mutant
@@ -593,4 +594,6 @@ VERIFY = (
     ),
 )
 
-MUTANTS = SEMANTICS + VERIFY + EVERY_N + BITS + PROTOCOL + WIRE_MISTAKES + DEPLOYED + COMPILED
+MUTANTS = (
+    SEMANTICS + VERIFY + EVERY_N + BITS + LIVENESS + PROTOCOL + WIRE_MISTAKES + DEPLOYED + COMPILED
+)

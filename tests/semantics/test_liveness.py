@@ -140,6 +140,91 @@ def test_expectations_of_what_cannot_be_leave_no_run() -> None:
     assert not asked(system(ONCE + "    eventually: done\n")).is_empty
 
 
+def test_what_was_begun_once_is_owed_until_it_comes() -> None:
+    text = """
+        using Road:
+          sensors:
+            bool reached
+        local:
+          bool gone = false
+        Go:
+          pre: not gone
+          eff: gone = true
+        eventually There: exists i: Road.reached@i
+        """
+    assert asked(system(text, 1)).violated.keys() == {"There"}
+    of = system(text + "assume Arrives: ran(Go) leadsto Road.reached\n", 1)
+    assert asked(of).needs == {"There": Fairness(robots=True, expectations=("Arrives",))}
+
+
+def test_what_is_owed_may_be_paid_rounds_later() -> None:
+    text = """
+        local:
+          int n = 0
+        First:
+          pre: n == 0
+          eff: n = 1
+        Second:
+          pre: n == 1
+          eff: n = 2
+        assume Paid: ran(First) leadsto n == 2
+        eventually Never: n == 3
+        """
+    found = asked(system(text, 1))
+    assert found.violated.keys() == {"Never"}
+    assert not found.is_empty
+
+
+def test_what_is_urgent_needs_no_fairness() -> None:
+    text = """
+        local:
+          int n = 0
+        urgent Step:
+          pre: n < 3
+          eff: n = n + 1
+        eventually Three: n == 3
+        """
+    assert asked(system(text)).needs == {"Three": Fairness()}
+
+
+def test_robots_take_turns_where_all_rounds_lead_to_the_same() -> None:
+    """Either robot may have the lock, and nothing changes: a fair run lets both have it."""
+    text = """
+        allwrite:
+          int x = 0
+        Tick:
+          eff:
+            atomic: x = 0
+        eventually Never: x == 1
+        """
+    lasso = asked(system(text)).violated["Never"]
+    assert {round_.events for round_ in lasso.rounds} == {(0, None), (None, 0)}
+
+
+def test_who_stops_asking_need_not_be_granted() -> None:
+    """The door may open and close for ever, and then who waits gets in; or it stays closed."""
+    text = """
+        allwrite:
+          bool open = true
+        local:
+          bool inside = false
+        Toggle:
+          pre: pid == 0
+          eff: open = not open
+        Idle:
+          pre: pid == 0
+          eff: pass
+        Enter:
+          pre: pid == 1 and open and not inside
+          eff:
+            atomic: inside = true
+        eventually In: exists i: inside@i
+        """
+    lasso = asked(system(text)).violated["In"]
+    assert lasso.loop is not None
+    assert all(round_.events == (1, None) for round_ in lasso.rounds[lasso.loop :])
+
+
 def test_a_stopped_robot_is_not_passed_over() -> None:
     text = """
         local:

@@ -148,6 +148,20 @@ def test_without_what_is_expected_nobody_need_arrive(expected: str) -> None:
     assert verdict.counterexample.recording.loop is not None
 
 
+def test_a_stopped_robot_is_not_passed_over() -> None:
+    text = """
+        local:
+          bool done = false
+        Quit:
+          eff: stop
+        Do:
+          pre: not done
+          eff: done = true
+        eventually Done: done
+        """
+    assert only(text, 1).outcome is Outcome.VIOLATED
+
+
 def test_each_robot_by_itself() -> None:
     text = """
         local:
