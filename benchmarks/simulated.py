@@ -59,7 +59,7 @@ Next:
         Motion.target = corner(home, visited)
 
 invariant Told: corners[pid] == visited
-invariant Near: abs(Motion.psn.x - home.x) <= 3 and abs(Motion.psn.y - home.y) <= 3
+invariant Near: abs(Motion.psn.x - home.x) <= 5 and abs(Motion.psn.y - home.y) <= 5
 """
 
 DEVICES = {
@@ -232,7 +232,7 @@ def fleets(report: Report) -> None:
         found = in_child(simulated, program, kinds, count, span, timeout_s=900.0)
         name = f"{program}, {count}"
         report.expect(found["broken"] == 0, f"{name}: {found['broken']} claims broken")
-        report.expect(found["events"] > count, f"{name}: nothing happened")
+        report.expect(found["events"] >= count, f"{name}: nothing happened")
         report.expect(found["time_s"] >= span - 0.01, f"{name}: ended after {found['time_s']} s")
         row: dict[str, Cell] = {
             "program": program,
