@@ -41,6 +41,9 @@ SLACK_M, POINT_SLACK_M = 0.2, 1e-6
 #: Tasks of drones are at least so high above the ground, and so far below the top of the world.
 _HIGH_M, _BELOW_TOP_M = 1.0, 0.5
 
+#: So many places are looked at for a task.
+_DRAWS = 200
+
 #: What is clear by less than this may not be: robots do not stand exactly where they are to.
 _ROUNDING_M = 0.05
 
@@ -302,8 +305,9 @@ def _scattered(
 ) -> list[Point]:
     """Tasks anywhere in the world: for each robot in turn one that it can do.
 
-    Those in the air are so high that who waits there is clear of all that drive below: else a drone
-    that has nothing left to do could keep cars from what is left to them.
+    Those in the air are so high that who waits there is clear of all that drive below, and tasks
+    are so far apart, if there is room, that who waits at one is clear of who comes to another:
+    else robots that have nothing left to do could keep the others from what is left to them.
     """
     (x0, y0, ground), (x1, y1, _) = _inner(world)
     top = max(world.high[2] - _BELOW_TOP_M, ground)
@@ -313,12 +317,18 @@ def _scattered(
     for number in range(count):
         flat = isinstance(bodies[number % len(bodies)], Car)
         free = field(world, flat=flat)
-        for _ in range(2000):
+        best, widest = (0.0, 0.0, low), -math.inf
+        for _ in range(_DRAWS):
             x, y = draw.uniform((x0, y0), (x1, y1)).tolist()
-            z = ground if flat else float(draw.uniform(low, top))
-            if free.clearance(x, y, z) >= _FROM_WALLS_M / 2:
+            place = (x, y, ground if flat else float(draw.uniform(low, top)))
+            if free.clearance(*place) < _FROM_WALLS_M / 2:
+                continue
+            gap = min((math.dist(place, other) for other in found), default=math.inf)
+            if gap > widest:
+                best, widest = place, gap
+            if gap > clear + _ROUNDING_M:
                 break
-        found.append((x, y, z))
+        found.append(best)
     return found
 
 
