@@ -90,6 +90,9 @@ def test_a_loop_in_other_tools_forms(gate: str, capsys: pytest.CaptureFixture[st
     assert first["holder"] == last["holder"]
     assert first["inside"] == last["inside"]
     assert frame.main(["replay", "t.itf.json"]) == Exit.OK
+    document["loop"] = 3
+    Path("t.itf.json").write_text(json.dumps(document), encoding="utf-8")
+    assert frame.main(["replay", "t.itf.json"]) == Exit.BAD_INPUT
 
 
 def test_what_never_happens_leads_anywhere(gate: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -245,6 +245,10 @@ def embedded_trace(document: Reader, load: Load | None = None) -> Trace:
         )
     inner = Reader(meta[EMBEDDED], f"$.#meta.{EMBEDDED}", document.file)
     trace = decode_document(inner, load)
+    loop = trace.recording.loop
+    given_loop = parts["loop"].value if "loop" in parts else None
+    if given_loop != (None if loop is None else _Exporting(trace).looped(loop)):
+        raise document.refuse("the field 'loop' is not that of the recording", "K917")
     try:
         expected = [json.loads(json.dumps(state)) for state in _Exporting(trace).states()]
     except IllegalStepError:

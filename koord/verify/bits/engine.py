@@ -124,10 +124,8 @@ class _Run:
                 _leave(ledger, [claim], None, f"bits: {why}{self._open_values()}", self.started)
 
     def _open_values(self) -> str:
-        names = list(self.circuit.d.looser)
-        if not names:
-            return ""
-        return f"; infinitely many values: {', '.join(dict.fromkeys(map(_plain, names)))}"
+        names = loose_variables(self.circuit)
+        return f"; infinitely many values: {', '.join(names)}" if names else ""
 
     # --- unrolling ------------------------------------------------------------------------------
 
@@ -260,6 +258,11 @@ class _Run:
         found = search.run()
         clauses.close()
         return found
+
+
+def loose_variables(circuit: Circuit) -> list[str]:
+    """The variables whose values are not all followed."""
+    return list(dict.fromkeys(map(_plain, circuit.d.looser)))
 
 
 def _plain(name: str) -> str:

@@ -16,6 +16,7 @@ from koord.syntax.core import QuantifierKind
 from koord.verify.bits import pdr
 from koord.verify.bits.checking import holds_always
 from koord.verify.bits.clauses import QUICK, Clauses
+from koord.verify.bits.engine import loose_variables
 from koord.verify.bits.renaming import images, speaking_last
 from koord.verify.bits.transition import LEVELS
 from koord.verify.claims import Claim, Phase
@@ -149,6 +150,9 @@ class _Run:
             reason = self.astray
         elif self.ledger.deadline.passed():
             reason = f"timeout; {reason}"
+        loose = loose_variables(self.watching.circuit)
+        if loose:
+            reason += f"; infinitely many values: {', '.join(loose)}"
         _leave(self.ledger, [self.claim], reason, self.started)
 
     def is_impossible(self) -> bool:
