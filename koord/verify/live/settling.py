@@ -65,7 +65,7 @@ def settled(
     bits = LiveByBits(sparing=ways is Ways.ALL)
     ledger = Ledger(_plainly(system), bounds, deadline, claims, seed, progress)
     if ways is Ways.NONE:
-        ledger.stopped = "liveness is decided by search, and by bits"
+        ledger.stopped = "liveness is decided by search and bits, for some number of robots"
     interrupted = False
     try:
         if ways in (Ways.ALL, Ways.SEARCH):
