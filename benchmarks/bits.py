@@ -1,16 +1,13 @@
 """The engine on bits: rounds by SAT alone, and proofs for all rounds by IC3 alone.
 
 Each row is a process of its own, start-up included. `Exclusive` of task.krd is asked alone, so no
-other claim serves as a lemma; paths are opaque values. Where `abc` is installed, its PDR gets the
-same circuit (`koord verify --export aiger`).
+other claim serves as a lemma; paths are opaque values. `peers.py` has abc beside it.
 """
 
 from __future__ import annotations
 
 import math
-import shutil
 import sys
-import tempfile
 from pathlib import Path
 
 from harness import (
@@ -20,8 +17,6 @@ from harness import (
     Column,
     Measured,
     Report,
-    Row,
-    koord,
     limited,
     main,
     measure,
@@ -137,24 +132,6 @@ def bits(report: Report) -> None:
                 **limited(done.wall_s if "checked" in answer else math.inf, limit),
             }
         )
-        beside_abc(robots, tasks, unbounded.rows)
-
-
-def beside_abc(robots: int, tasks: int, rows: list[Row]) -> None:
-    """The same circuit for abc, where there is one."""
-    abc = shutil.which("berkeley-abc") or shutil.which("abc")
-    if abc is None:
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "task.aag"
-        words = ("verify", str(EXAMPLES / "task.krd"), "--property", "Exclusive")
-        size = ("--robots", str(robots), "--set", f"tasks={tasks}")
-        made = koord(*words, *size, "--export", "aiger", "-o", str(path))
-        if made.code != 0:
-            return
-        done = measure([abc, "-c", f"read {path}; fold; pdr"], timeout_s=PATIENCE_S)
-        answer = "proved" if "Property proved" in done.output else "no answer"
-    rows.append({"file": "abc", "robots": robots, "tasks": tasks, "answer": answer, **times(done)})
 
 
 if __name__ == "__main__":

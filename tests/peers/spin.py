@@ -11,9 +11,7 @@ from pathlib import Path
 from tests.peers.model import Model
 
 #: What a translated program is compiled with: all states in full, no reduction of any kind.
-_FLAGS = ("-w", "-DNOREDUCE", "-DSAFETY", "-DNOFAIR", "-DVECTORSZ=32768", "-DMEMLIM=1500")
-
-_SECONDS = 120.0
+_FLAGS = ("-w", "-DNOREDUCE", "-DSAFETY", "-DNOFAIR", "-DVECTORSZ=32768")
 
 
 class UnsureError(Exception):
@@ -35,14 +33,18 @@ def missing() -> str:
     return " and ".join(lacking + ([] if compilers else ["a C compiler"]))
 
 
-def ask(model: Model, folder: Path) -> Answer:
-    """Every run of a model. Raises UnsureError; RuntimeError if SPIN refuses the model."""
+def ask(model: Model, folder: Path, *, seconds: float = 30.0, large: bool = False) -> Answer:
+    """Every run of a model. Raises UnsureError; RuntimeError if SPIN refuses the model.
+
+    ``large`` models are compiled for speed and may use gigabytes; small ones are compiled quickly.
+    """
+    build = ("-O2", "-DMEMLIM=8000") if large else ("-O0", "-DMEMLIM=200")
     (folder / "model.pml").write_text(model.promela, "utf-8")
     (folder / "rules.h").write_text(model.rules, "utf-8")
     compiler = shutil.which("gcc") or "cc"
-    _run(folder, "spin", "-a", "model.pml")
-    _run(folder, compiler, *_FLAGS, "-o", "pan", "pan.c")
-    told = _run(folder, "./pan", "-E", "-m100000", "-w20")
+    _run(folder, seconds, "spin", "-a", "model.pml")
+    _run(folder, seconds, compiler, *_FLAGS, *build, "-o", "pan", "pan.c")
+    told = _run(folder, seconds, "./pan", "-E", "-m100000", "-w24" if large else "-w20")
     if "max search depth too small" in told or "Search not completed" in told:
         raise UnsureError("the search was not completed")
     if "unsure 0" not in told:
@@ -57,13 +59,15 @@ def ask(model: Model, folder: Path) -> Answer:
     return Answer(first, int(states[1]))
 
 
-def _run(folder: Path, *command: str) -> str:
+def _run(folder: Path, seconds: float, *command: str) -> str:
     try:
         done = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, timeout=_SECONDS, check=False
+            command, cwd=folder, capture_output=True, text=True, timeout=seconds, check=False
         )
     except subprocess.TimeoutExpired:
-        raise UnsureError(f"{command[0]} took longer than {_SECONDS:g} s") from None
+        raise UnsureError(f"{command[0]} took longer than {seconds:g} s") from None
+    if "reached -DMEMLIM bound" in done.stdout:
+        raise UnsureError("too many states")
     if done.returncode != 0:
         raise RuntimeError(f"{command[0]}: {(done.stdout + done.stderr)[-3000:]}")
     return done.stdout
