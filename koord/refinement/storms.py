@@ -18,6 +18,9 @@ from koord.runtime.chaos.faults import Faults
 from koord.runtime.deploy.local import Fleet, Launch, launched
 from koord.runtime.deploy.running import Job
 
+#: The first coordinator is killed after so long.
+_SETTLE_S = 4.0
+
 #: Processes that have not begun after so long do not begin.
 _BEGIN_S = 20.0
 
@@ -43,7 +46,7 @@ def storm(
 ) -> Stormy:
     """Let robots run in namespaces of their own, for so long or until all have stopped.
 
-    Every so often the coordinator's process is killed, and started anew. Raises
+    The coordinator's process is killed soon, and then every so often, and started anew. Raises
     DisagreementError, TransportError, OSError.
     """
     with TemporaryDirectory() as name:
@@ -89,7 +92,9 @@ def _watched(
     fleet: Fleet, hub: BaseProcess, lasts_s: float, kill_every_s: float | None
 ) -> list[tuple[int, float]]:
     """Who was killed, and when."""
-    begun = killed_at = time.monotonic()
+    begun = time.monotonic()
+    # The first one soon, since robots of some programs stop before long.
+    killed_at = begun + _SETTLE_S - (kill_every_s or 0.0)
     killed: list[tuple[int, float]] = []
     is_told = False
     while not fleet.is_over:
