@@ -172,6 +172,8 @@ class Body:
                 return f"({int(value)})"
             case core.Const(value=str() as value):
                 return str(self.texts.setdefault(value, len(self.texts)))
+            case core.Const():
+                raise NotCoveredError("FloatType")
             case core.Pid():
                 return "cx->pid"
             case core.NumAgents():

@@ -8,18 +8,22 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from random import Random
+from textwrap import dedent
 
 import pytest
 
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
-from koord.semantics.configurations import System
+from koord.semantics.configurations import System, dealt
 from koord.semantics.search.engine import survey
 from koord.semantics.search.findings import Claim, OutOfBounds, Subject
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
+from koord.syntax.load import load
+from koord.syntax.source import Source
 from tests.peers import model, spin
 from tests.peers.shapes import NotCoveredError
 
@@ -118,3 +122,96 @@ def test_what_is_not_translated_is_refused_by_name() -> None:
 def test_the_search_for_a_peer_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     assert spin.missing() == "spin and a C compiler"
+
+
+#: What a rule decides, a program in which it shows, and a mistake in the C of ``rounds.h``.
+RULES = {
+    "ATOMIC": (
+        """
+        local:
+            boolean won = false
+        allwrite:
+            int winner = 0
+        Take:
+            pre: not won
+            eff:
+                atomic:
+                    won = true
+                    winner = pid
+        invariant One: not (won@0 and won@1)
+        """,
+        "if (cx.entered & work.taken) return BLOCKED;",
+        "",
+    ),
+    "SKIP": (
+        """
+        local:
+            int steps = 0
+        urgent Step:
+            pre: steps < 2
+            eff: steps = steps + 1
+        invariant Together at round: steps@0 == steps@1
+        """,
+        "guards_of[kind][e](&cx)) return 0;",
+        "0) return 0;",
+    ),
+    "EVENT-TRANS": (
+        """
+        allwrite:
+            int phase = 0
+        Up:
+            pre: phase == 0
+            eff: phase = 1
+        Down:
+            pre: phase == 1
+            eff: phase = 0
+        invariant Alike: not (ran(Up)@0 and ran(Down)@1)
+        """,
+        "s->robots[i].ran = 0;",
+        ";",
+    ),
+    "END-PROG": (
+        """
+        local:
+            int n = 0
+        Ask:
+            pre: n == 0
+            eff: trystop()
+        invariant Runs: not stopped@0
+        """,
+        "s->robots[i].status = STOPPED;",
+        ";",
+    ),
+    "LOOKUP": (
+        """
+        local:
+            int seen = 0
+        allwrite:
+            int x = 0
+        Look:
+            pre: true
+            eff:
+                seen = x
+                x = 1
+        invariant Unseen: seen@0 == 0
+        """,
+        "{ s, me, me, &me->copy, &s->store,",
+        "{ s, me, me, &s->store, &s->store,",
+    ),
+}
+
+
+@needs_spin
+@pytest.mark.parametrize("rule", RULES)
+def test_a_mistake_in_the_translation_shows(rule: str, tmp_path: Path) -> None:
+    """Agreement means something: each rule has a program of which a wrong model tells."""
+    text, right, wrong = RULES[rule]
+    program = load(Source("rule.krd", dedent(text))).program
+    assert program is not None
+    made = dealt(program, 2)
+    translated = model.translate(made.program, made.kinds, ROUNDS)
+    expected = searched(made)
+    assert spin.ask(translated, tmp_path).first == expected
+    assert right in translated.rules
+    mistaken = replace(translated, rules=translated.rules.replace(right, wrong))
+    assert spin.ask(mistaken, tmp_path).first != expected
