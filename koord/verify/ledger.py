@@ -5,11 +5,15 @@ Engines work on a ledger and write down each answer as it comes, so that stoppin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
 from koord.semantics.configurations import System
+from koord.semantics.domain import NumberTooLongError
+from koord.semantics.machine import NotFiniteError
+from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.traces.recording import Recording
 from koord.verify.claims import Claim, Phase
 from koord.verify.solving import Deadline
@@ -62,6 +66,7 @@ class Ledger:
     report: Callable[[str], None] = lambda text: None
     verdicts: dict[Claim, Verdict] = field(default_factory=dict)
     stopped: str = ""  #: why all engines were stopped, if they were
+    interrupted: bool = False  #: whether that was Ctrl-C
     _reaches: dict[Claim, dict[Engine, Reach]] = field(default_factory=dict)
 
     @property
@@ -72,6 +77,20 @@ class Ledger:
         """Say what is being done, and what is known to be violated by now."""
         violated = [c.name for c, v in self.verdicts.items() if v.outcome is Outcome.VIOLATED]
         self.report(f"{text}; violated: {', '.join(violated)}" if violated else text)
+
+    @contextmanager
+    def stopping(self) -> Iterator[None]:
+        """While this lasts, what stops all engines ends it, and the ledger says what it was."""
+        try:
+            yield
+        except NotFiniteError as error:
+            self.stopped = str(error)
+        except NumberTooLongError as error:
+            self.stopped = error.diagnostics[0].message
+        except OutOfPatienceError:
+            self.stopped = "timeout"
+        except KeyboardInterrupt:
+            self.stopped, self.interrupted = "interrupted", True
 
     def open(self) -> list[Claim]:
         """The claims that are not settled, in order."""

@@ -11,9 +11,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, assert_never
 
 from koord.semantics.configurations import System
-from koord.semantics.domain import NumberTooLongError
-from koord.semantics.machine import NotFiniteError
-from koord.semantics.patience import OutOfPatienceError, Patience
+from koord.semantics.patience import Patience
 from koord.semantics.search.limits import FEW_STATES, Limits
 from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
@@ -152,9 +150,8 @@ def _ask(
         if verdict.outcome is not Outcome.UNKNOWN:
             ledger.settle({claim: verdict})
     unrolling = ByUnrolling()
-    interrupted = False
     empty: tuple[Vacuity, ...] = ()
-    try:
+    with ledger.stopping():
         if known is not None and known.suspected is not None:
             unrolling.through(ledger, min(known.suspected, bounds.rounds))
         in_turn = engines(choice, unrolling)
@@ -163,17 +160,8 @@ def _ask(
         _find_others(ledger)
         if known is None:
             empty = vacuities(ledger)
-    except NotFiniteError as error:
-        ledger.stopped = str(error)
-    except NumberTooLongError as error:
-        ledger.stopped = error.diagnostics[0].message
-    except OutOfPatienceError:
-        ledger.stopped = "timeout"
-    except KeyboardInterrupt:
-        interrupted = True
-        ledger.stopped = "interrupted"
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
-    return _Asked(verdicts, empty, interrupted, unrolling.suspected)
+    return _Asked(verdicts, empty, ledger.interrupted, unrolling.suspected)
 
 
 def _find_others(ledger: Ledger) -> None:

@@ -446,6 +446,8 @@ class _Step:
                 return [round_.calm, round_.loses(robot, other, claim.subject)]
             case ClaimKind.CONTRACT:
                 return [*before, round_.gentle, round_.fails(robot, claim.subject)]
+            case ClaimKind.LIVENESS:
+                raise AssertionError("of whole runs nothing is asked here")
 
     def _configuration(self, moment: Phase) -> Configuration[Term]:
         match moment:

@@ -7,9 +7,6 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from koord.semantics.configurations import System
-from koord.semantics.domain import NumberTooLongError
-from koord.semantics.machine import NotFiniteError
-from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.search.limits import FEW_STATES, Limits
 from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
@@ -66,24 +63,14 @@ def settled(
     ledger = Ledger(_plainly(system), bounds, deadline, claims, seed, progress)
     if ways is Ways.NONE:
         ledger.stopped = "liveness is decided by search and bits, for some number of robots"
-    interrupted = False
-    try:
+    with ledger.stopping():
         if ways in (Ways.ALL, Ways.SEARCH):
             search.work(ledger)
         if ways in (Ways.ALL, Ways.BITS) and ledger.open():
             _by_bits(ledger, bits, proved)
-    except NotFiniteError as error:
-        ledger.stopped = str(error)
-    except NumberTooLongError as error:
-        ledger.stopped = error.diagnostics[0].message
-    except OutOfPatienceError:
-        ledger.stopped = "timeout"
-    except KeyboardInterrupt:
-        interrupted = True
-        ledger.stopped = "interrupted"
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
     empty = tuple(dict.fromkeys([*search.empty, *bits.empty]))
-    return Settled(verdicts, empty, interrupted)
+    return Settled(verdicts, empty, ledger.interrupted)
 
 
 def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
