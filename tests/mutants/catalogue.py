@@ -420,7 +420,7 @@ VERIFY = (
     Mutant(
         "claims that hold through some rounds are lemmas for all",
         "verify/ledger.py",
-        "return [claim for claim in held if self.verdicts[claim].outcome is Outcome.HOLDS]",
+        "return [c for c, v in settled if v.outcome is Outcome.HOLDS and v.rounds is None]",
         "return list(self.claims)",
         (PORTFOLIO,),
     ),
@@ -454,16 +454,16 @@ VERIFY = (
     ),
     Mutant(
         "what is written in atomic blocks is never written",
-        "verify/footprint.py",
-        "case core.ForRange(body=body) | core.ForEach(body=body) | core.Atomic(body=body):",
-        "case core.ForRange(body=body) | core.ForEach(body=body):",
+        "syntax/walk.py",
+        "elif isinstance(s, core.ForRange | core.ForEach | core.Atomic):",
+        "elif isinstance(s, core.ForRange | core.ForEach):",
         (FOOTPRINT,),
     ),
     Mutant(
         "lists keep their length whatever is written",
         "verify/footprint.py",
-        "written = Written.PARTS if _inside_list(place) else Written.WHOLE",
-        "written = Written.PARTS",
+        "how = Written.PARTS if _inside_list(place) else Written.WHOLE",
+        "how = Written.PARTS",
         (FOOTPRINT,),
     ),
     Mutant(
