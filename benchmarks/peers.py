@@ -43,7 +43,7 @@ CIRCUITS: tuple[tuple[str, int, int, tuple[str, ...]], ...] = (
     ("task.krd", 10, 10, ("Exclusive",)),
 )
 
-PATIENCE_S = 300.0
+PATIENCE_S = 120.0
 QUICK_S = 30.0
 
 COLUMNS = (
