@@ -63,6 +63,7 @@ class LiveByBits:
     """Verdicts on whole runs from circuits. ``lemmas`` are claims that hold in every round."""
 
     sparing: bool = False  #: only what promises to end soon
+    quick: bool = False  #: only what is tried first
     lemmas: tuple[Claim, ...] = ()
     #: what was found out besides
     empty: list[Vacuity] = field(default_factory=list)
@@ -81,7 +82,7 @@ class LiveByBits:
                 return
             for claim in claims:
                 if claim not in ledger.verdicts:
-                    _Run(ledger, watching, claim, self.lemmas, started).work(sparing=self.sparing)
+                    _Run(ledger, watching, claim, self.lemmas, started).work(*self._means(ledger))
             circuit = watching.circuit
             held = [c for c in claims if c in ledger.verdicts]
             if held and expected(ledger.system) and not self.empty:
@@ -89,8 +90,21 @@ class LiveByBits:
                 if run.is_impossible():
                     self.empty.append(NO_FAIR_RUN)
             strays = any("strays" in latch.name for latch in circuit.latches)
-            if self.sparing or not ledger.open() or not strays or ledger.deadline.passed():
+            if (
+                self.sparing
+                or self.quick
+                or not ledger.open()
+                or not strays
+                or ledger.deadline.passed()
+            ):
                 return
+
+    def _means(self, ledger: Ledger) -> tuple[int, tuple[_Try, ...]]:
+        """How long lassos may be, and which proofs are tried once there are none of these."""
+        if self.quick:
+            return FIRST_ROUNDS, ()
+        most = ledger.bounds.rounds
+        return (min(most, FEW_ROUNDS), AGAIN) if self.sparing else (most, AT_LENGTH)
 
 
 def _leaves_open(system: System, claim: Claim) -> bool:
@@ -117,13 +131,9 @@ class _Run:
     astray: str = ""
     used: dict[str, None] = field(default_factory=dict)
 
-    def work(self, *, sparing: bool) -> None:
+    def work(self, most: int, more: tuple[_Try, ...]) -> None:
         """Settle the claim, or say why not."""
         assert self.claim.stated is not None
-        most = self.ledger.bounds.rounds
-        more: tuple[_Try, ...] = AT_LENGTH
-        if sparing:
-            most, more = min(most, FEW_ROUNDS), AGAIN
         rounds = 0
         for response in self._different(self.claim.stated):
             watched = self.watching.watched(response)

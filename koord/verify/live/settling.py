@@ -78,13 +78,19 @@ def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
     system = ledger.system
     subject = abstractly(system) or ledger.subject
     originals = dict(zip(liveness_of(subject.system), liveness_of(system), strict=True))
-    lemmas = zip(claims_of(subject.system), claims_of(system), strict=True)
+    pairs = zip(claims_of(subject.system), claims_of(system), strict=True)
     known = {claim for claim in proved if claim.is_state_property}
-    bits.lemmas = tuple(lemma for lemma, claim in lemmas if claim in known)
+    lemmas = tuple(lemma for lemma, claim in pairs if claim in known)
     asked = tuple(c for c, claim in originals.items() if claim in ledger.open())
     inner = Ledger(subject, ledger.bounds, ledger.deadline, asked, ledger.seed, ledger.progress)
+    # Lemmas make the circuit larger, and may not be needed.
+    quickly = LiveByBits(quick=True, empty=bits.empty)
     try:
-        bits.work(inner)
+        if lemmas:
+            quickly.work(inner)
+        if inner.open():
+            bits.lemmas = lemmas
+            bits.work(inner)
     finally:
         for claim in asked:
             verdict = replace(inner.verdict(claim), claim=originals[claim])
