@@ -13,12 +13,12 @@ from itertools import islice
 from koord.semantics.configurations import NO_EVENT, Configuration, Status, System
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.liveness import LIVENESS, Response, expected, locks_of, responses
-from koord.semantics.oracle import NoOracle, Oracle, Phase
+from koord.semantics.search.checking import NoInputs
 from koord.semantics.search.effects import asks
 from koord.semantics.search.exploring import ExploringInputs, UnboundedError, explored
 from koord.semantics.traces.changes import differences
 from koord.semantics.traces.names import Names
-from koord.semantics.traces.recording import Concrete, Recording, Round
+from koord.semantics.traces.recording import Recording, Round
 from koord.semantics.turns import guard_of, holds_in
 from koord.syntax import core
 
@@ -154,7 +154,7 @@ def _since(lasso: _Lasso, response: Response) -> int | None:
 def _holds(lasso: _Lasso, statement: core.Property, number: int) -> bool:
     configuration = lasso.configurations[number]
     holds, _ = holds_in(
-        EXACT, lasso.system, configuration, statement.condition, statement.bound, _Nothing()
+        EXACT, lasso.system, configuration, statement.condition, statement.bound, NoInputs()
     )
     return holds is True
 
@@ -162,19 +162,6 @@ def _holds(lasso: _Lasso, statement: core.Property, number: int) -> bool:
 def _is_open(system: System, stated: core.Property) -> bool:
     sides = [stated.condition, *([stated.trigger] if stated.trigger is not None else [])]
     return any(asks(system.program, side) for side in sides)
-
-
-class _Nothing:
-    """Inputs for statements that leave nothing open."""
-
-    def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
-        raise AssertionError(declaration.variable.name)
-
-    def sensor(self, robot: int, port: core.Port) -> Concrete:
-        raise AssertionError(port.declaration.variable.name)
-
-    def oracle(self, phase: Phase, robot: int) -> Oracle[Constant]:
-        return NoOracle()
 
 
 # --- fairness -------------------------------------------------------------------------------------
