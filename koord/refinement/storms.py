@@ -35,11 +35,6 @@ class Stormy:
     successions: tuple[float, ...]
     judged: Judged
 
-    @property
-    def per_s(self) -> float:
-        """Rounds a second."""
-        return self.rounds / self.took_s
-
 
 def storm(
     expedition: Expedition, faults: Faults, lasts_s: float, kill_every_s: float | None = None

@@ -211,10 +211,6 @@ class Recording:
     violations: list[Violation] = field(default_factory=list)
     ending: str | None = None  #: how the run ended, in words; None: it has not yet
 
-    @property
-    def duration_s(self) -> float:
-        return self.times_s[-1] if self.times_s else 0.0
-
     def stacked(self) -> Pose:
         """All poses, shape ``(times, n, 4)``."""
         if not self.poses:

@@ -7,7 +7,7 @@ from hashlib import blake2b
 import msgspec
 
 from koord.runtime.encoding import encode, flat_decision
-from koord.runtime.proposals import INIT_ROUND, Decision
+from koord.runtime.proposals import Decision
 
 DIGEST_BYTES = 16
 
@@ -85,6 +85,3 @@ class Position(msgspec.Struct, frozen=True, order=True):
 
 #: Above every epoch.
 COMMITTED = 2**62
-
-#: The position of a robot that holds nothing.
-NOTHING_HELD = Position(INIT_ROUND - 1, COMMITTED)
