@@ -172,6 +172,7 @@ class Robot:
 
     _numbers: ClassVar[dict[str, int]] = {}
     _urgent: ClassVar[tuple[int, ...]] = ()
+    _blanks: ClassVar[dict[int, dict[str, Any]]] = {}
 
     __slots__ = (
         "__dict__",
@@ -192,6 +193,7 @@ class Robot:
     def __init_subclass__(cls) -> None:
         cls._numbers = {v.name: k for k, v in enumerate(cls.SHARED.variables)}
         cls._urgent = tuple(k for k, event in enumerate(cls.EVENTS) if event.urgent)
+        cls._blanks = {}
 
     def __init__(self, pid: int, kinds: Sequence[int], delta: float, host: Host) -> None:
         """``kinds`` are those of all robots of the run; ``delta`` is the round's length in s."""
@@ -207,10 +209,7 @@ class Robot:
         self._answers: dict[Key, Any] = {}
         self._buffer = Buffer(None)
         self._buffers: dict[int | None, Buffer] = {}
-        for variable in self.SHARED.variables:
-            self.__dict__[variable.name] = blank(variable.shape, self.numAgents)
-        for name, shape in (*self.LOCALS.items(), *self.PORTS.items()):
-            self.__dict__[name] = blank(shape, self.numAgents)
+        self.__dict__.update(self._blank(self.numAgents))
 
     @classmethod
     def owes(cls) -> bool:
@@ -407,6 +406,15 @@ class Robot:
 
     # --- inside -----------------------------------------------------------------------------------
 
+    @classmethod
+    def _blank(cls, robots: int) -> dict[str, Any]:
+        """What the attributes hold at first: for all robots the same, as values never change."""
+        if robots not in cls._blanks:
+            shared = {variable.name: variable.shape for variable in cls.SHARED.variables}
+            shapes = {**shared, **cls.LOCALS, **cls.PORTS}
+            cls._blanks[robots] = {name: blank(shape, robots) for name, shape in shapes.items()}
+        return cls._blanks[robots]
+
     def _run(self, buffer: Buffer, body: Callable[[Any], None], turn: Turn) -> Buffer:
         """Run a body on a copy of the attributes."""
         before = self.__dict__
@@ -419,6 +427,10 @@ class Robot:
         finally:
             buffer.state = self.__dict__
             self.__dict__ = before
+        # A decision that lets it through says what became of these; until then a copy of an array
+        # over all robots would be kept for each of them.
+        for name, _, _ in buffer.writes:
+            buffer.state[name] = before[name]
         return buffer
 
     def _attempt(self, buffer: Buffer) -> Attempt:

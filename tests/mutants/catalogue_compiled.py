@@ -221,8 +221,8 @@ ENGINE = (
     Mutant(
         "an event runs on the robot itself",
         "runtime/robot.py",
-        "            self.__dict__ = before\n        return buffer",
-        "            self.__dict__ = buffer.state\n        return buffer",
+        "            self.__dict__ = before\n        # A decision",
+        "            self.__dict__ = buffer.state\n        # A decision",
         (ROUNDS,),
     ),
     Mutant(

@@ -68,6 +68,19 @@ def test_nothing_happens_before_the_decision() -> None:
     assert dict(vars(it.robots[0])) == before[0]
 
 
+def test_robots_share_the_values_that_are_the_same() -> None:
+    """Else what is one entry for each robot of an array would be a whole array for each of them."""
+    made = ready(program(COUNTER))
+    robots = Fleet(made.classes, dealt(made.program, 3).kinds, 0.1, Nothing()).robots
+    assert len({id(vars(robot)["seen"]) for robot in robots}) == 1
+    it = fleet(COUNTER, 3)
+    for robot in it.robots:
+        robot.propose(0)
+        tried = robot.try_event(0)
+        assert tried is not None
+        assert tried.state["seen"] is it.store.values["seen"]
+
+
 def test_every_robot_holds_the_same_store_after_a_round() -> None:
     """[REFRESH]"""
     it = fleet(COUNTER.replace("atomic:", "if true:"), 3)
