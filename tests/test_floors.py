@@ -51,6 +51,7 @@ GUARDED = (
     ("shapely", ("koord/runtime/motion/",), 1),
     ("pymunk", ("koord/sim/",), 1),
     ("numba", ("koord/sim/",), 1),
+    ("mujoco", ("koord/sim/",), 1),
     ("mcap", ("koord/runtime/",), 1),
     ("rerun", ("koord/sim/files/",), 1),
     ("rosbags", ("koord/sim/files/",), 1),

@@ -18,6 +18,7 @@ class Level(Enum):
     SIMPLE = "simple"  #: a bicycle that meets nothing; a drone without attitude
     FULL = "full"  #: cars push and block each other; drones are rigid bodies
     FAST = "fast"  #: as ``full``, drones compiled by numba
+    MUJOCO = "mujoco"  #: wheels, tyres, rotors, and contact of all with all, by MuJoCo
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ its controller take a step, and its vehicle moves under the command in smaller s
 
 from __future__ import annotations
 
-from typing import Protocol, TypeAlias, assert_never
+from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from koord.sim.disturbances import Delay, Disturbances, Fixes, Gusts
 from koord.sim.kinds import Kind, Level
 from koord.sim.vehicles.bicycles import Bicycles
 from koord.sim.vehicles.quadrotors import PointDrones, Quadrotors
+
+if TYPE_CHECKING:
+    from koord.sim.vehicles.physics import Arena
 
 Seed: TypeAlias = np.random.SeedSequence
 
@@ -59,8 +62,18 @@ class Squad(Protocol):
         ...
 
 
-def squad(kind: Kind, world: World, start: Floats, heading_rad: Floats, seeds: list[Seed]) -> Squad:
-    """A squad at rest at positions ``(n, 3)``. Raises KoordError for libraries that are missing."""
+def squad(
+    kind: Kind,
+    world: World,
+    start: Floats,
+    heading_rad: Floats,
+    seeds: list[Seed],
+    arena: Arena | None = None,
+) -> Squad:
+    """A squad at rest at positions ``(n, 3)``. Raises KoordError for libraries that are missing.
+
+    Those of the level ``mujoco`` share an arena.
+    """
     group = Group(
         len(start),
         kind.body,
@@ -71,9 +84,9 @@ def squad(kind: Kind, world: World, start: Floats, heading_rad: Floats, seeds: l
     )
     match kind.body:
         case Car():
-            return CarSquad(kind, kind.body, group, start, heading_rad, seeds)
+            return CarSquad(kind, kind.body, group, start, heading_rad, seeds, arena)
         case Drone():
-            return DroneSquad(kind, kind.body, group, start, heading_rad, seeds)
+            return DroneSquad(kind, kind.body, group, start, heading_rad, seeds, arena)
         case Ideal():
             return IdealSquad(kind, group, start, heading_rad)
         case _:
@@ -91,9 +104,10 @@ class CarSquad:
         start: Floats,
         heading_rad: Floats,
         seeds: list[Seed],
+        arena: Arena | None,
     ) -> None:
         self.group = group
-        self.vehicles = _cars(kind.level, car, start, heading_rad, group.world)
+        self.vehicles = _cars(kind.level, car, start, heading_rad, group.world, arena)
         predictive = kind.steering is Steering.PREDICTIVE
         self._every = _PREDICTIVE_TICKS if predictive else 1
         self.driving = Driving(group, kind.steering, Horizon(step_s=self._every * STEPS * STEP_S))
@@ -135,9 +149,10 @@ class DroneSquad:
         start: Floats,
         heading_rad: Floats,
         seeds: list[Seed],
+        arena: Arena | None,
     ) -> None:
         self.group = group
-        self.vehicles = _drones(kind.level, drone, start, group.world.ground)
+        self.vehicles = _drones(kind.level, drone, start, group.world.ground, arena)
         self.flying = Flying(group, start)
         noise, wind = _children(seeds)
         self._fixes = Fixes(kind.disturbances.positioning, noise, flat=False)
@@ -202,15 +217,40 @@ class IdealSquad:
         return _upright(self._heading)
 
 
-def _cars(level: Level, car: Car, start: Floats, heading_rad: Floats, world: World) -> Bicycles:
-    if level is Level.SIMPLE:
-        return Bicycles(car, start, heading_rad)
-    from koord.sim.vehicles.contact import CollidingCars
+class Cars(Protocol):
+    """Cars of any level. All arrays have a row for each."""
 
-    return CollidingCars(car, start, heading_rad, world)
+    position: Floats  #: of the middle of the rear axle, shape ``(n, 3)``
+    heading: Floats
+    speed: Floats  #: along the heading
+
+    def advance(self, command: Floats, dt_s: float, steps: int) -> None:
+        """Go on for some steps with commanded speeds and steering angles, shape ``(n, 2)``."""
+        ...
 
 
-def _drones(level: Level, drone: Drone, start: Floats, ground_m: float) -> Quadrotors:
+def _cars(
+    level: Level, car: Car, start: Floats, heading_rad: Floats, world: World, arena: Arena | None
+) -> Cars:
+    match level:
+        case Level.SIMPLE:
+            return Bicycles(car, start, heading_rad)
+        case Level.FULL | Level.FAST:
+            from koord.sim.vehicles.contact import CollidingCars
+
+            return CollidingCars(car, start, heading_rad, world)
+        case Level.MUJOCO:
+            from koord.sim.vehicles.physics import PhysicalCars
+
+            assert arena is not None
+            return PhysicalCars(car, start, heading_rad, arena)
+        case _:
+            assert_never(level)
+
+
+def _drones(
+    level: Level, drone: Drone, start: Floats, ground_m: float, arena: Arena | None
+) -> Quadrotors:
     match level:
         case Level.SIMPLE:
             return PointDrones(drone, start, ground_m)
@@ -220,6 +260,11 @@ def _drones(level: Level, drone: Drone, start: Floats, ground_m: float) -> Quadr
             from koord.sim.vehicles.compiled import CompiledQuadrotors
 
             return CompiledQuadrotors(drone, start, ground_m)
+        case Level.MUJOCO:
+            from koord.sim.vehicles.physics import PhysicalDrones
+
+            assert arena is not None
+            return PhysicalDrones(drone, start, arena)
         case _:
             assert_never(level)
 

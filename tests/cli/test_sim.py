@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -280,3 +281,20 @@ def test_a_list_has_the_tasks_that_its_program_assumes(capsys: pytest.CaptureFix
     # What the verifier says of the program as it is printed shows at once.
     assert code == Exit.VIOLATED
     assert run["broken"][0]["claim"] == "invariant EachIsVisited"
+
+
+def test_a_level_without_its_library_is_refused_with_the_cure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    monkeypatch.delitem(sys.modules, "koord.sim.vehicles.physics", raising=False)
+    config = tmp_path / "task.yaml"
+    config.write_text(
+        "robot: {pid: 0, on_device: car}\n"
+        "device: {bot_name: car, bot_type: CAR, planner: RRT_CAR, simulation: {level: mujoco}}\n"
+        "num_robots: 2\n"
+    )
+    assert main(["sim", example("task.krd"), str(config), "--no-html"]) == Exit.BAD_INPUT
+    err = capsys.readouterr().err
+    assert "K950" in err
+    assert "pip install 'koord[mujoco]'" in err

@@ -49,7 +49,7 @@ _UNKNOWN = re.compile(r"Object contains unknown field `([^`]*)`")
 _CHOICES: Mapping[str, Iterable[str]] = {
     "bot_type": [one.value for one in BotType],
     "transport": [one.value for one in Carrier],
-    "level": ["simple", "full", "fast"],
+    "level": ["simple", "full", "fast", "mujoco"],
     "steering": ["MPC", "PURSUIT"],
 }
 _MISSING = re.compile(r"Object missing required field `([^`]*)`")

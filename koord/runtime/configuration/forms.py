@@ -100,7 +100,7 @@ class EffortForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 class SimulationForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How a device is simulated."""
 
-    level: Literal["simple", "full", "fast"] = "full"
+    level: Literal["simple", "full", "fast", "mujoco"] = "full"
     steering: Literal["MPC", "PURSUIT"] = "MPC"  #: of cars
     noise: NoiseForm = NoiseForm()
     delay: NotNegative = 0.0  #: s, from a command to the actuator

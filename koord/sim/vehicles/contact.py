@@ -16,12 +16,13 @@ from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.field import GROUND_ROBOT_M
 from koord.runtime.motion.libraries import missing
-from koord.runtime.motion.world import Box, Disc, Obstacle, Polygon, World
+from koord.runtime.motion.world import Box, Disc, Flat, Obstacle, Polygon, World
 from koord.sim.vehicles.bicycles import Bicycles
 
 try:
     import pymunk
     from pymunk import batch
+    from pymunk.autogeometry import convex_decomposition
 except ImportError as error:
     raise missing("pymunk", "sim") from error
 
@@ -138,17 +139,20 @@ def _solid(obstacle: Obstacle, ground: pymunk.Body) -> list[pymunk.Shape]:
         case Box(corners=corners):
             return [pymunk.Poly(ground, corners)]
         case Polygon(corners=corners):
-            from pymunk.autogeometry import convex_decomposition
-
-            ring = [*corners, corners[0]]
-            if _turns_right(corners):
-                ring.reverse()
-            return [pymunk.Poly(ground, part) for part in convex_decomposition(ring, 0.0)]
+            return [pymunk.Poly(ground, part) for part in convex_parts(corners)]
         case _:
             assert_never(obstacle)
 
 
-def _turns_right(corners: tuple[tuple[float, float], ...]) -> bool:
+def convex_parts(corners: tuple[Flat, ...]) -> list[list[Flat]]:
+    """Convex polygons that cover a simple one, whichever way round it is, and nothing else."""
+    ring = [*corners, corners[0]]
+    if _turns_right(corners):
+        ring.reverse()
+    return [[(x, y) for x, y in part] for part in convex_decomposition(ring, 0.0)]
+
+
+def _turns_right(corners: tuple[Flat, ...]) -> bool:
     after = (*corners[1:], corners[0])
     area = math.fsum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, after, strict=True))
     return area < 0

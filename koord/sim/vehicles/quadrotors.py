@@ -75,6 +75,24 @@ class Quadrotors:
             self._step(position, velocity, gain, air, dt_s)
 
     def _step(self, goal: Floats, pace: Floats, gain: Floats, air: Floats, dt_s: float) -> None:
+        s, drone = self.state, self.drone
+        thrust, tau, couple = self.control(goal, pace, gain, dt_s)
+        s.rates = s.rates + dt_s * (tau - couple) / self._inertia
+        s.attitude = turned(s.attitude, s.rates, dt_s)
+        s.thrust = s.thrust + (thrust - s.thrust) * (1.0 - math.exp(-dt_s / drone.rotor_lag_s))
+        w, x, y, z = s.attitude
+        force = np.empty_like(s.velocity)
+        force[0] = s.thrust * (2.0 * (x * z + w * y))
+        force[1] = s.thrust * (2.0 * (y * z - w * x))
+        force[2] = s.thrust * (1.0 - 2.0 * (x * x + y * y)) - GRAVITY
+        move(s, force, air, drone, self.ground_m, dt_s)
+
+    def control(
+        self, goal: Floats, pace: Floats, gain: Floats, dt_s: float
+    ) -> tuple[Floats, Floats, Floats]:
+        """The thrust per mass ``(n,)`` and the torques ``(3, n)`` that are asked for, and behind
+        them the torques with which a spinning body turns itself.
+        """
         s, drone, gains = self.state, self.drone, self.gains
         wanted = position_control(gains, s, goal, pace, gain, drone, dt_s)
         axis, thrust = cascade.axis_and_thrust(wanted, drone)
@@ -86,16 +104,7 @@ class Quadrotors:
         couple[1] = s.rates[2] * spin[0] - s.rates[0] * spin[2]
         couple[2] = s.rates[0] * spin[1] - s.rates[1] * spin[0]
         tau = inertia * (gains.rate * (asked - s.rates)) + couple
-        tau = np.minimum(np.maximum(tau, -torque), torque)
-        s.rates = s.rates + dt_s * (tau - couple) / inertia
-        s.attitude = turned(s.attitude, s.rates, dt_s)
-        s.thrust = s.thrust + (thrust - s.thrust) * (1.0 - math.exp(-dt_s / drone.rotor_lag_s))
-        w, x, y, z = s.attitude
-        force = np.empty_like(s.velocity)
-        force[0] = s.thrust * (2.0 * (x * z + w * y))
-        force[1] = s.thrust * (2.0 * (y * z - w * x))
-        force[2] = s.thrust * (1.0 - 2.0 * (x * x + y * y)) - GRAVITY
-        move(s, force, air, drone, self.ground_m, dt_s)
+        return thrust, np.minimum(np.maximum(tau, -torque), torque), couple
 
 
 class PointDrones(Quadrotors):
