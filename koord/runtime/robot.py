@@ -318,9 +318,8 @@ class Robot:
         The first enabled one in ``order`` (that of the program) is chosen. A robot that is not
         ``willing`` skips, if no urgent event obliges it.
         """
-        self._answers = {}
+        self._answers, self._buffers = {}, {}
         self._turn = Turn.PROG
-        self._buffers = {}
         if self.status is Status.STOPPED:
             return Proposal(self.pid, round_)
         owed = [b for k in self._urgent if (b := self.try_event(k)) is not None and not b.in_pre]
@@ -331,6 +330,8 @@ class Robot:
                 if tried is not None:
                     chosen.append(tried)
                     break
+        if not chosen:
+            return Proposal(self.pid, round_)
         chosen += [buffer for buffer in owed if buffer not in chosen]
         attempts = tuple(map(self._attempt, chosen))
         return Proposal(self.pid, round_, attempts, urgent=bool(owed))
@@ -339,14 +340,15 @@ class Robot:
         """The event run into a buffer, once a round; None if it is not enabled."""
         if position in self._buffers:
             return self._buffers[position]
-        event, buffer = self.EVENTS[position], Buffer(position)
+        event = self.EVENTS[position]
         try:
             if event.pre is not None and not event.pre(self):
                 return None
         except FaultError as error:
+            buffer = Buffer(position)
             buffer.fault, buffer.in_pre = error.fault, True
         else:
-            self._run(buffer, event.effect, Turn.PROG)
+            buffer = self._run(Buffer(position), event.effect, Turn.PROG)
         self._buffers[position] = buffer
         return buffer
 
@@ -389,7 +391,8 @@ class Robot:
     def evolve(self, readings: Mapping[str, Any]) -> Fault | None:
         """The environment's turn: models first, from the ports before it; then sensors. [ENV-TRANS]
 
-        Raises ShapeError for a reading of another shape than its sensor's.
+        What is read again stays the same object, so that nobody need look at it again. Raises
+        ShapeError for a reading of another shape than its sensor's.
         """
         self._answers = {}
         self._turn = Turn.ENV
@@ -397,11 +400,11 @@ class Robot:
             after = self.environment()
         except FaultError as error:
             return error.fault
-        self.__dict__.update(after)
+        held = self.__dict__
+        held.update(after)
         for name in self.SENSORS:
-            if name in readings:
-                value = from_plain(self.PORTS[name], readings[name], self.numAgents)
-                self.__dict__[name] = value
+            if name in readings and ((value := readings[name]) != held[name] or value is None):
+                held[name] = from_plain(self.PORTS[name], value, self.numAgents)
         return None
 
     # --- inside -----------------------------------------------------------------------------------

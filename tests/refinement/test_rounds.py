@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 from koord.refinement.cases import Policy
 from koord.refinement.running import ready
 from koord.runtime.engine.fleet import Fleet
 from koord.runtime.engine.schedules import Deployed
 from koord.runtime.robot import Robot, Status
+from koord.runtime.shapes import ShapeError
 from koord.semantics.configurations import dealt
 from tests.refinement.running import agrees, program, ran
 
@@ -91,6 +94,25 @@ def test_every_robot_holds_the_same_store_after_a_round() -> None:
             held = {name: vars(robot)[name] for name in it.store.values}
             assert held == it.store.values
     assert it.store.values == {"seen": (3, 3, 3), "sum": 4}
+
+
+def test_what_is_read_again_stays_the_same_object() -> None:
+    """[ENV-FREE]: so it is seen at once that nothing has changed."""
+    text = "using Motion:\n  sensors:\n    pos psn\nSay:\n  eff:\n    stdout << 1\n"
+    made = ready(program(text))
+    (robot,) = Fleet(made.classes, dealt(made.program, 1).kinds, 0.1, Nothing()).robots
+    (name,) = robot.SENSORS
+    seen = []
+    for x in (1.0, 1.0, 2.0):
+        assert robot.evolve({name: (x, 0.0, 0.0)}) is None
+        seen.append(vars(robot)[name])
+    assert robot.evolve({}) is None
+    assert seen[0] is seen[1]
+    assert [tuple(value) for value in seen[1:]] == [(1.0, 0.0, 0.0), (2.0, 0.0, 0.0)]
+    assert vars(robot)[name] is seen[2]
+    for wrong in (None, (3, 0.0, 0.0), (3.0, 0.0)):
+        with pytest.raises(ShapeError):
+            robot.evolve({name: wrong})
 
 
 def test_a_robot_reads_what_was_there_when_the_round_began() -> None:
