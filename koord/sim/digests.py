@@ -13,12 +13,12 @@ from koord.runtime.proposals import Decision
 SKIPPED, BEGAN = -1, -2
 
 
-def deeds_of(decision: Decision, robots: int) -> Ints:
+def events_of(decision: Decision, robots: int) -> Ints:
     """The position of the event that each robot ran."""
-    deeds = np.full(robots, SKIPPED, np.int64)
+    events = np.full(robots, SKIPPED, np.int64)
     for taken in decision.ran:
-        deeds[taken.robot] = BEGAN if taken.event is None else taken.event
-    return deeds
+        events[taken.robot] = BEGAN if taken.event is None else taken.event
+    return events
 
 
 class Digest:
@@ -27,10 +27,10 @@ class Digest:
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
 
-    def note(self, round_: int, deeds: Ints) -> None:
-        """What robots did in a round, by the position of the event, shape ``(n,)``."""
+    def note(self, round_: int, events: Ints) -> None:
+        """What robots ran in a round, by the position of the event, shape ``(n,)``."""
         self._hash.update(np.int64(round_).tobytes())
-        self._hash.update(deeds.tobytes())
+        self._hash.update(events.tobytes())
 
     def place(self, positions: Floats) -> None:
         """Where robots were, shape ``(n, 3)``."""

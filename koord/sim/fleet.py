@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import repeat
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 #: A tick of control.
 TICK_S = STEP_S * STEPS
 
+#: By number; to look one up here is quicker than to make it.
+_STATES = tuple(State)
+
 
 @dataclass(frozen=True, slots=True)
 class Placed:
@@ -38,8 +42,7 @@ class Placed:
     heading_rad: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Sensed:
+class Sensed(NamedTuple):
     """The motion sensors of a robot: what its program reads."""
 
     psn: Point
@@ -145,17 +148,16 @@ class Fleet:
         for members, numbers in self._squads:
             position, heading = members.fixes(self.now_s)
             automata = members.group.automata
+            planner = self.robots[int(numbers[0])].kind.planner
             rows = zip(
-                numbers.tolist(),
-                position.tolist(),
+                map(tuple, position.tolist()),
                 heading.tolist(),
                 automata.reached.tolist(),
-                automata.state.tolist(),
-                strict=True,
+                repeat(planner),
+                map(_STATES.__getitem__, automata.state.tolist()),
             )
-            for number, (x, y, z), angle, reached, state in rows:
-                planner = self.robots[number].kind.planner
-                found[number] = Sensed((x, y, z), angle, reached, planner, State(state))
+            for number, sensed in zip(numbers.tolist(), map(Sensed._make, rows), strict=True):
+                found[number] = sensed
         known = tuple(sensed for sensed in found if sensed is not None)
         return known if self._only is None else known * len(self.robots)
 

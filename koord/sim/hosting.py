@@ -74,7 +74,7 @@ class Hosted:
             [(name, one.PORTS[name], name.rpartition("_")[2]) for name in one.SENSORS]
             for one in self.classes
         ]
-        self._sent: dict[tuple[int, str], Any] = {}
+        self._sent: list[dict[str, Any]] = [{} for _ in kinds]
         self.sensed: tuple[Sensed, ...] = fleet.sensed()  #: what robots know of themselves
         self._walls = occupied(fleet.world) if fleet.world.obstacles else frozenset()
 
@@ -86,10 +86,10 @@ class Hosted:
     ) -> None:
         """Hand over what robots were told since last time, then let time pass up to ``time_s``."""
         for robot in robots:
-            held = vars(robot)
-            for name, shape in self._goals[self.kinds[robot.pid]]:
+            held, sent = vars(robot), self._sent[robot.pid]
+            for name, shape in self._goals[robot.KIND]:
                 value = held[name]
-                if value is not self._sent.get((robot.pid, name)):
+                if value is not sent.get(name):
                     self._order(robot.pid, name, shape, value)
         self.library.begin_round()
         self.fleet.advance_to(time_s, watch)
@@ -171,9 +171,9 @@ class Hosted:
     # --- inside ---------------------------------------------------------------------------------
 
     def _order(self, robot: int, name: str, shape: Shape, value: Any) -> None:
-        if value is None or self._sent.get((robot, name)) == value:
+        if value is None or self._sent[robot].get(name) == value:
             return
-        self._sent[robot, name] = value
+        self._sent[robot][name] = value
         if isinstance(shape, ListOf | Array):
             self.fleet.follow(robot, [_point(p) for p in value if _is_set(p)])
         elif _is_set(value):

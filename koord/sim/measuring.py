@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +16,8 @@ from koord.runtime.proposals import Decision
 from koord.runtime.robot import Status
 from koord.runtime.shapes import Array, Record
 from koord.runtime.shapes import Sequence as ListOf
-from koord.sim.fleet import Fleet
-from koord.sim.recording import Recorder, TaskState
+from koord.sim.fleet import Fleet, Sensed
+from koord.sim.recording import Deeds, Idle, Recorder, TaskState
 from koord.sim.scene import Scene
 from koord.sim.separation import Nearest, nearest
 
@@ -94,6 +94,7 @@ class Gauge:
         self._waited, self._events = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._skips, self._blocked = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._near: Near | None = None
+        self._nearest: Nearest | None = None
         self._tasks = _task_list(engine)
         self._owner: list[int | None] = []
         self._assigned: list[float | None] = []
@@ -116,25 +117,23 @@ class Gauge:
         gap = here - self._last
         self._distance += np.sqrt(np.einsum("ij,ij->i", gap, gap))
         self._last = here
-        near = nearest(here)
+        near = self._nearest = nearest(here, self._nearest)
         if near is not None and (self._near is None or near.distance_m < self._near.distance_m):
             self._near = Near(near.distance_m, (near.one, near.other), self.fleet.now_s)
         return near
 
-    def events(self, decision: Decision) -> None:
-        """The robots' events of a round are over."""
+    def events(self, decision: Decision, deeds: Deeds) -> None:
+        """The robots' events of a round are over; ``deeds`` are what they did."""
         self._events[[taken.robot for taken in decision.ran]] += 1
-        for robot in decision.skipped:
-            if self.engine.robots[robot].status is Status.STOPPED:
-                continue
-            self._skips[robot] += 1
-            self._blocked[robot] += self.engine.robots[robot].had_an_event
+        skipped = list(decision.skipped)
+        self._skips[skipped] += deeds[skipped] != Idle.STOPPED
+        self._blocked[skipped] += deeds[skipped] == Idle.BLOCKED
         self._note_assigned()
 
-    def round(self, states: tuple[State, ...]) -> None:
-        """A round is over, and its robots are in these states."""
-        robots = zip(states, self.engine.robots, strict=True)
-        waits = [s is State.IDLE and r.status is not Status.STOPPED for s, r in robots]
+    def round(self, sensed: Sequence[Sensed]) -> None:
+        """A round is over, and its robots know this of themselves."""
+        robots = zip(sensed, self.engine.robots, strict=True)
+        waits = [s.state is State.IDLE and r.status is not Status.STOPPED for s, r in robots]
         self._waited += np.array(waits, np.int64)
         if self._tasks is not None:
             self._note_visits(self._tasks)

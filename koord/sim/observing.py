@@ -94,7 +94,7 @@ class Observer:
     def begun(self, decision: Decision) -> None:
         """INIT is over."""
         self.tick(self.fleet)
-        self.round(decision)
+        self.round(decision, deeds_of(decision, self.engine.robots))
 
     def tick(self, fleet: Fleet, separation_m: float = math.nan) -> None:
         """A tick of control is over. ``separation_m`` is that of the two nearest robots."""
@@ -109,7 +109,7 @@ class Observer:
                 self.recorder.path(now_s, robot, fleet.path(robot))
             self._given = given
 
-    def round(self, decision: Decision) -> None:
+    def round(self, decision: Decision, deeds: Deeds) -> None:
         """A decision was acted on; the environment has not had its turn yet."""
         number = decision.round
         time_s = max(number, 0) * self.recorder.recording.header.delta_s
@@ -119,7 +119,7 @@ class Observer:
             changes = [*self._shared_changes(), *self._own_changes()]
         shown = self.engine.shown[self._shown :]
         self._shown += len(shown)
-        self.recorder.round(number, time_s, self._deeds(decision), changes, [*_said(shown)])
+        self.recorder.round(number, time_s, deeds, changes, [*_said(shown)])
 
     def end(self, words: str) -> None:
         """The run is over: how it ended, and how things stand in the round that it ended in."""
@@ -140,20 +140,6 @@ class Observer:
             story = f"{ended.fault.kind.value} at {ended.fault.place}"
             self.recorder.violation(time_s, "fault", story, whose)
         self.recorder.end(words)
-
-    def _deeds(self, decision: Decision) -> Deeds:
-        deeds = np.full(len(self._own), Idle.SKIPPED, np.int16)
-        if decision.round == INIT_ROUND:
-            return deeds
-        for robot in decision.skipped:
-            if self.engine.robots[robot].status is Status.STOPPED:
-                deeds[robot] = Idle.STOPPED
-            elif self.engine.robots[robot].had_an_event:
-                deeds[robot] = Idle.BLOCKED
-        for taken in decision.ran:
-            if taken.event is not None:
-                deeds[taken.robot] = taken.event
-        return deeds
 
     def _own_changes(self) -> list[Change]:
         """Asked for in every round, of every variable of every robot: it has to be quick."""
@@ -184,6 +170,19 @@ class Observer:
                 whole = to_plain(variable.shape, value)
                 changes.append(Change(SHARED, number, WHOLE, whole))
         return changes
+
+
+def deeds_of(decision: Decision, robots: Sequence[Robot]) -> Deeds:
+    """What robots did in a round that was decided; in INIT, nothing."""
+    deeds = np.full(len(robots), Idle.SKIPPED, np.int16)
+    if decision.round == INIT_ROUND:
+        return deeds
+    deeds[[k for k in decision.skipped if robots[k].had_an_event]] = Idle.BLOCKED
+    deeds[[k for k in decision.skipped if robots[k].status is Status.STOPPED]] = Idle.STOPPED
+    for taken in decision.ran:
+        if taken.event is not None:
+            deeds[taken.robot] = taken.event
+    return deeds
 
 
 def _plain_of(shape: Shape) -> Callable[[Any], Plain]:
@@ -257,4 +256,4 @@ def _said(shown: Sequence[Shown]) -> Iterator[Said]:
             yield Said(one.robot, written.stream, " ".join(map(str, written.values)))
 
 
-__all__ = ["Observer", "header_of"]
+__all__ = ["Observer", "deeds_of", "header_of"]

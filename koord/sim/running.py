@@ -21,12 +21,12 @@ from koord.runtime.motion.planning import Pose, planner
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host, Robot
-from koord.sim.digests import Digest, deeds_of
+from koord.sim.digests import Digest, events_of
 from koord.sim.fleet import Fleet
 from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
 from koord.sim.measuring import Figures, Gauge
-from koord.sim.observing import Observer, header_of
+from koord.sim.observing import Observer, deeds_of, header_of
 from koord.sim.recording import Recorder, Recording
 from koord.sim.scene import Scene
 
@@ -161,15 +161,16 @@ class Simulation:
         """The robots' events, then the environment's turn, δ long."""
         engine = self.engine
         decision = engine.program_turns(self.schedule)
-        self.observer.round(decision)
-        self.gauge.events(decision)
+        deeds = deeds_of(decision, engine.robots)
+        self.observer.round(decision, deeds)
+        self.gauge.events(decision, deeds)
         self._note(decision)
         if engine.ended is None:
             self._look(Moment.EVENTS)
         if engine.ended is None and self.goes_on:
             self.pass_time()
             engine.environment_turn()
-            self.gauge.round(tuple(sensed.state for sensed in self.host.sensed))
+            self.gauge.round(self.host.sensed)
             self._look(Moment.ROUND)
         self._conclude()
         return decision
@@ -234,7 +235,7 @@ class Simulation:
         )
 
     def _note(self, decision: Decision) -> None:
-        self._digest.note(decision.round, deeds_of(decision, len(self.cast.kinds)))
+        self._digest.note(decision.round, events_of(decision, len(self.cast.kinds)))
         self._digest.place(self.fleet.positions())
 
     def _conclude(self) -> None:
