@@ -21,8 +21,11 @@ class Nearest:
     other: int
 
 
-def nearest(positions: Floats) -> Nearest | None:
-    """The nearest pair among positions ``(n, 3)``; None if there is no pair."""
+def nearest(positions: Floats, before: Nearest | None = None) -> Nearest | None:
+    """The nearest pair among positions ``(n, 3)``, of several the first; None if there is no pair.
+
+    The pair that was nearest ``before`` says among many robots how far one need look.
+    """
     n = len(positions)
     if n < 2:
         return None
@@ -34,11 +37,16 @@ def nearest(positions: Floats) -> Nearest | None:
         return Nearest(float(np.sqrt(square[one, other])), min(one, other), max(one, other))
     from scipy.spatial import cKDTree
 
-    distances, neighbours = cKDTree(positions).query(positions, k=2)
-    one = int(distances[:, 1].argmin())
-    # Of two robots at one place the tree may name either first.
-    other = next(int(k) for k in neighbours[one] if k != one)
-    return Nearest(float(distances[one, 1]), min(one, other), max(one, other))
+    tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
+    if before is None:
+        reach_m = float(tree.query(positions, k=2)[0][:, 1].min())
+    else:
+        reach_m = float(np.linalg.norm(positions[before.one] - positions[before.other]))
+    pairs = tree.query_pairs(reach_m * (1 + 1e-9), output_type="ndarray")
+    gap = positions[pairs[:, 0]] - positions[pairs[:, 1]]
+    square = np.einsum("ij,ij->i", gap, gap)
+    one, other = min(map(sorted, pairs[square == square.min()].tolist()))
+    return Nearest(float(np.sqrt(square.min())), one, other)
 
 
 def outside(positions: Floats, low: Floats, high: Floats, slack_m: float = 0.0) -> Bools:
