@@ -24,6 +24,8 @@ from koord.runtime.motion.world import Point, World
 #: A path that begins so near to a robot begins where it is.
 _BESIDE_M = 0.1
 
+_STILL: Floats = np.zeros(3)
+
 
 def pace_of(body: Body) -> Pace:
     """How fast a body follows paths."""
@@ -82,7 +84,8 @@ class Group:
         if leads_nowhere(path, self.world.ground):
             self._orders.failed[robot], self._orders.routed[robot] = True, False
             return
-        velocity = self._velocity(np.array([robot]))[0]
+        moves = self.speed[robot] > 0
+        velocity = self._velocity(np.array([robot]))[0] if moves else _STILL
         self.routes.put(robot, path, heading_rad)
         self.s[robot] = 0.0
         self.speed[robot] = max(0.0, float(velocity @ self.routes.tangent[robot, 0]))

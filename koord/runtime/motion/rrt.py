@@ -90,7 +90,7 @@ class SpacePlanner:
         if path is None:
             return None
         geometric.PathSimplifier(query.information).reduceVertices(path, maxSteps=30)
-        states = (path.getState(k) for k in range(path.getStateCount()))
+        states = path.getStates()
         return _pinned(np.array([(s[0], s[1], s[2]) for s in states]), start.position, goal)
 
 
@@ -120,7 +120,7 @@ class CurvePlanner:
             bounds.setLow(axis, world.low[axis])
             bounds.setHigh(axis, world.high[axis])
         space.setBounds(bounds)
-        valid = _car_fits(free, self.car, start)
+        valid = car_fits(free, self.car, start)
         query = _Query(space, valid, self.effort, self.optimal, range_m=2.5)
         begin = query.state()
         _place(begin, start.position, start.heading_rad)
@@ -134,8 +134,7 @@ class CurvePlanner:
             return None
         geometric.PathSimplifier(query.information).partialShortcutPath(path, maxSteps=30)
         path.interpolate(max(8, math.ceil(path.length() / 0.02)))
-        states = (path.getState(k) for k in range(path.getStateCount()))
-        fine = np.array([(s.getX(), s.getY(), s.getYaw()) for s in states])
+        fine = np.array([(s.getX(), s.getY(), s.getYaw()) for s in path.getStates()])
         flat = spaced(fine)
         points = np.column_stack([flat, np.full(len(flat), world.ground)])
         return _pinned(points, start.position, goal)
@@ -215,7 +214,7 @@ def _leaving(free: Field, start: Point, reach_m: float) -> Callable[[float, floa
     return enough
 
 
-def _car_fits(free: Field, car: Car, start: Pose) -> Callable[[Any], bool]:
+def car_fits(free: Field, car: Car, start: Pose) -> Callable[[Any], bool]:
     """Whether a car fits at a state: two discs cover it, half its length apart."""
     half = car.length_m / 4
     reach = math.hypot(half, car.width_m / 2) + MARGIN_M
@@ -224,9 +223,13 @@ def _car_fits(free: Field, car: Car, start: Pose) -> Callable[[Any], bool]:
     cos0, sin0 = math.cos(start.heading_rad), math.sin(start.heading_rad)
     front = _leaving(free, (x0 + ahead_m * cos0, y0 + ahead_m * sin0, z), reach)
     back = _leaving(free, (x0 - behind_m * cos0, y0 - behind_m * sin0, z), reach)
+    far = reach + max(abs(ahead_m), abs(behind_m)) + 1e-6
 
     def valid(state: Any) -> bool:
-        x, y, yaw = state.getX(), state.getY(), state.getYaw()
+        x, y = state.getX(), state.getY()
+        if free.clearance(x, y, z) > far:  # wherever it points
+            return True
+        yaw = state.getYaw()
         cos, sin = math.cos(yaw), math.sin(yaw)
         return front(x + ahead_m * cos, y + ahead_m * sin, z) and back(
             x - behind_m * cos, y - behind_m * sin, z

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.planning import Effort, PlannerName, Pose, planner, suits
-from koord.runtime.motion.rrt import spaced
+from koord.runtime.motion.rrt import MARGIN_M, car_fits, spaced
 from koord.runtime.motion.world import Box, World
 from tests.runtime.motion.worlds import CLUTTERED, EMPTY, places
 
@@ -140,6 +141,25 @@ def test_a_car_too_near_to_a_wall_may_still_leave() -> None:
     made = planner(PlannerName.RRT_CAR, EMPTY, CAR, FEW)
     path = made.plan(Pose((3.2, 0.0, 0.0), math.pi / 2), (0.0, 0.0, 0.0), seed=4)
     assert path is not None
+
+
+def test_a_car_fits_where_both_of_its_discs_do() -> None:
+    """Also where one look is enough, far from everything."""
+    free = field(CLUTTERED, flat=True)
+    half = CAR.length_m / 4
+    reach = math.hypot(half, CAR.width_m / 2) + MARGIN_M
+    fits = car_fits(free, CAR, Pose(places(free, 1, seed=1, height_m=0.0, room_m=0.9)[0]))
+    draw = np.random.default_rng(5)
+    answers = []
+    for x, y, yaw in draw.uniform((-3.4, -3.9, -math.pi), (3.4, 3.9, math.pi), (2000, 3)).tolist():
+        discs = [
+            free.clearance(x + at * math.cos(yaw), y + at * math.sin(yaw), 0.0)
+            for at in (CAR.middle_m + half, CAR.middle_m - half)
+        ]
+        state = SimpleNamespace(getX=lambda x=x: x, getY=lambda y=y: y, getYaw=lambda yaw=yaw: yaw)
+        answers.append(fits(state))
+        assert answers[-1] == (min(discs) > reach)
+    assert 200 < sum(answers) < 1800
 
 
 def test_turns_about_are_kept_as_points() -> None:
