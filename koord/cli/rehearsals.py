@@ -44,7 +44,7 @@ def rehearsal(arguments: argparse.Namespace) -> tuple[Job, Staged]:
         turned,
         cut=any(round_.cut for round_ in trace.recording.rounds),
     )
-    watching(staged, program, Fraction(repr(POINT_SLACK_M)))
+    watching(staged, program, max(Fraction(repr(POINT_SLACK_M)), trace.slack))
     reading = Reading(Settings(dict(trace.sources.params), trace.sources.tasks), ())
     nothing = load_configuration(Source(NO_FILE, f"num_robots: {len(kinds)}\n"))
     return Job(LoadedProgram(source, program, reading), nothing, staged.scene, kinds), staged

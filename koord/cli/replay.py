@@ -6,10 +6,11 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import assert_never
 
-from koord.cli.arguments import add_json, check_files
+from koord.cli.arguments import add_json, check_files, number
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_program
@@ -37,6 +38,7 @@ class Request:
     program: InputFile | None  #: instead of the one that the trace holds
     as_json: bool
     show: bool = False
+    slack: Fraction | None = None  #: None: what the trace says
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -47,8 +49,22 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--program", metavar="FILE", help="the program to replay it with (the one in the trace)"
     )
     parser.add_argument("--show", action="store_true", help="show the rounds as a table")
+    parser.add_argument(
+        "--slack",
+        metavar="S",
+        type=_slack,
+        help="let floats be off by so much in assumptions and contracts (as the trace says: traces "
+        "of vehicles say how far these may be off); 0 takes them at their word",
+    )
     add_json(parser, "the answer")
     parser.epilog = "exit codes: 0 every step is legal, 1 a step is not, 2 errors in the input"
+
+
+def _slack(text: str) -> Fraction:
+    amount = number(text)
+    if amount < 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is less than 0")
+    return amount
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -61,6 +77,7 @@ def main(arguments: argparse.Namespace) -> int:
             program=read_program(given) if given is not None else None,
             as_json=arguments.json,
             show=arguments.show,
+            slack=arguments.slack,
         )
     )
 
@@ -73,17 +90,29 @@ def _replay(request: Request) -> Exit:
         sources = [given] if given is not None else []
         report_error(error, as_json=request.as_json, sources=sources)
         return Exit.BAD_INPUT
+    if request.slack is not None:
+        trace = replace(trace, slack=request.slack)
     shown = _Shown(trace) if request.show and not request.as_json else None
-    found = replay(trace, shown.step if shown is not None else _unseen)
+    found = replay(_loosened(trace), shown.step if shown is not None else _unseen)
     if shown is not None:
         shown.close()
     if request.as_json:
-        json.dump(as_json(found), sys.stdout, indent=2)
+        json.dump(as_json(trace, found), sys.stdout, indent=2)
         print()
     else:
         for line in verdict(request.name, trace, found, style_of(sys.stdout)):
             print(line)
     return Exit.OK if found.refused is None else Exit.VIOLATED
+
+
+def _loosened(trace: Trace) -> Trace:
+    """The trace, of a program whose assumptions and contracts have the trace's slack."""
+    if not trace.slack:
+        return trace
+    from koord.runtime.compile.slack import loosened
+
+    program = loosened(trace.system.program, trace.slack)
+    return replace(trace, system=replace(trace.system, program=program))
 
 
 class _Shown:
@@ -120,6 +149,9 @@ def verdict(name: str, trace: Trace, found: Replayed, style: Style) -> Iterator[
         yield f"{visible(name)}: {_where(refused)}: {bad}"
         yield f"  {visible(refused.reason)}"
         yield from _told_apart(refused)
+    if trace.slack:
+        how = f"{float(trace.slack):g}"
+        yield f"  with a slack of {how} in assumptions and contracts, as vehicles keep them"
     if found.trusted:
         names = ", ".join(found.trusted)
         yield f"  taken on trust, since all values of a type cannot be tried: {names}"
@@ -172,7 +204,7 @@ def _told_apart(refused: Refused) -> Iterator[str]:
         yield "  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
 
 
-def as_json(found: Replayed) -> dict[str, object]:
+def as_json(trace: Trace, found: Replayed) -> dict[str, object]:
     """What a replay found, as ``--json`` prints it; rounds count from 0, as in traces."""
     refused = found.refused
     return {
@@ -193,5 +225,6 @@ def as_json(found: Replayed) -> dict[str, object]:
                 for c in refused.differences
             ],
         },
+        "slack": float(trace.slack),
         "trusted": list(found.trusted),
     }

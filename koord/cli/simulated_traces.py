@@ -65,6 +65,6 @@ class Tracing:
         return judge(ran)
 
     def trace(self, ran: Ran) -> Trace:
-        """The trace of a run, of the program as it is written."""
+        """The trace of a run, of the program as it is written, and with the slack that it had."""
         system = replace(self.system, program=self.job.loaded.program)
-        return replace(ran.trace, system=system)
+        return replace(ran.trace, system=system, slack=self.job.slack)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -83,9 +84,7 @@ def test_vehicles_that_leave_their_paths_are_refused() -> None:
     original = simulation.fleet.sensed
 
     def elsewhere() -> Any:
-        from dataclasses import replace
-
-        return tuple(replace(s, psn=(s.psn[0] + 1.0, *s.psn[1:])) for s in original())
+        return tuple(s._replace(psn=(s.psn[0] + 1.0, *s.psn[1:])) for s in original())
 
     simulation.fleet.sensed = elsewhere  # type: ignore[method-assign]
     for decision in run(simulation, 1.0):
@@ -101,6 +100,32 @@ def test_a_trace_is_written_and_replays(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["sim", *files, "--time", "2", "--trace", path, "--no-html"]) == Exit.OK
     assert main(["replay", path]) == Exit.OK
     assert "legal: 101 steps, 20 rounds, 4 robots" in capsys.readouterr().out
+
+
+def test_a_trace_says_what_slack_its_vehicles_need(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """[REPLAY] [ENV-CONTRACT]: what was clean for the simulator is legal for the judge."""
+    path, program = tmp_path / "trace.json", str(EXAMPLES / "follow_path.krd")
+    flags = ["--time", "4", "--no-html"]
+    assert main(["sim", program, *flags, "--trace", str(path)]) == Exit.OK
+    capsys.readouterr()
+    assert main(["replay", str(path)]) == Exit.OK
+    assert "with a slack of 0.2" in capsys.readouterr().out
+    assert main(["replay", str(path), "--slack", "0"]) == Exit.VIOLATED
+    assert "ENV-CONTRACT" in capsys.readouterr().out
+    assert main(["sim", program, "--schedule", str(path), "--no-html"]) == Exit.OK
+    capsys.readouterr()
+    # A vehicle that is further off than that is no vehicle that keeps its contract.
+    document = json.loads(path.read_text("utf-8"))
+    last = document["run"]["rounds"][-1]
+    reading, port = last["readings"][0], "Motion.psn"
+    assert (reading["robot"], reading["port"]) == (0, port)
+    reading["value"]["x"] += 2.0
+    last["after"]["robots"][0]["ports"][port]["x"] += 2.0
+    path.write_text(json.dumps(document), "utf-8")
+    assert main(["replay", str(path)]) == Exit.VIOLATED
+    assert "ENV-CONTRACT" in capsys.readouterr().out
 
 
 # --- summaries ------------------------------------------------------------------------------------

@@ -170,6 +170,10 @@ def test_texts_and_settings_come_back() -> None:
     )
     violation = Violation(ViolationKind.LOST_UPDATE, "total", 0, 2)
     trace = replace(example(), sources=sources, violation=violation)
+    assert json.loads(encode(trace))["version"] == 1
+    slack = replace(trace, slack=Fraction(1, 5))
+    assert through(slack) == slack
+    assert next(VALID.iter_errors(json.loads(encode(slack))), None) is None
     back = through(trace)
     assert back == trace
     assert [type(value) for _, value in back.sources.params] == [int, Fraction, bool, str, tuple]
@@ -279,6 +283,8 @@ def test_a_trace_of_the_future() -> None:
         (put("delta", value=0.1), "K913", "$.delta"),
         (put("delta", value="9" * 5000), "K913", "$.delta"),
         (put("numbers", value="real"), "K913", "$.numbers"),
+        (put("slack", value="-1"), "K913", "$.slack"),
+        (put("slack", value=0.2), "K913", "$.slack"),
         (put("params", value={"x": None}), "K913", "$.params.x"),
         (put("params", value={"x": {"int": "1/2"}}), "K913", "$.params.x.int"),
         (put("tasks", value=[["1", "2"]]), "K913", "$.tasks[0]"),

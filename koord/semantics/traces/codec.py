@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -28,10 +28,11 @@ if TYPE_CHECKING:
 FORMAT = "koord trace"
 
 #: Raised with every change that an older reader would misunderstand.
-VERSION = 2
+VERSION = 3
 
-#: What has nothing new in it is written as older readers know it: 2 is a run that repeats itself.
-_PLAIN = 1
+#: What has nothing new in it is written as older readers know it: 2 is a run that repeats itself,
+#: 3 one with slack.
+_PLAIN, _LOOP = 1, 2
 
 Load: TypeAlias = Callable[[Sources], core.Program]
 
@@ -66,7 +67,7 @@ def to_json(trace: Trace) -> dict[str, Json]:
     tasks = sources.tasks
     document: dict[str, Json] = {
         "format": FORMAT,
-        "version": _PLAIN if trace.recording.loop is None else VERSION,
+        "version": _version(trace),
         "program": _encode_text(sources.program),
         "properties": [_encode_text(source) for source in sources.properties],
         "params": {name: _encode_param(value) for name, value in sources.params},
@@ -76,9 +77,16 @@ def to_json(trace: Trace) -> dict[str, Json]:
         "robots": list(trace.system.kinds),
         "delta": encode_fraction(trace.system.delta_s),
         "numbers": trace.numbers.value,
+        **({"slack": encode_fraction(trace.slack)} if trace.slack else {}),
         "run": encode_run(trace),
     }
     return document
+
+
+def _version(trace: Trace) -> int:
+    if trace.slack:
+        return VERSION
+    return _PLAIN if trace.recording.loop is None else _LOOP
 
 
 def render(document: dict[str, Json]) -> bytes:
@@ -131,6 +139,7 @@ class Header:
     kinds: tuple[int, ...]
     delta_s: Fraction
     numbers: Numbers
+    slack: Fraction
     run: Reader
 
 
@@ -153,13 +162,14 @@ def decode_document(document: Reader, load: Load | None = None) -> Trace:
         raise document.refuse(
             f"the robots are of {max(header.kinds) + 1} kinds, but the program has {known}", "K914"
         )
-    return decode_run(header.run, header.sources, system, header.numbers)
+    trace = decode_run(header.run, header.sources, system, header.numbers)
+    return replace(trace, slack=header.slack)
 
 
 def decode_header(document: Reader) -> Header:
     """All of a trace but its run. Raises KoordError."""
     _check_format(document)
-    parts = document.fields(_FIELDS)
+    parts = document.fields(_FIELDS, ("slack",))
     properties = tuple(_decode_text(item) for item in parts["properties"].items())
     params = tuple((name, _decode_param(part)) for name, part in parts["params"].entries())
     sources = Sources(_decode_text(parts["program"]), properties, params, _tasks(parts["tasks"]))
@@ -169,7 +179,11 @@ def decode_header(document: Reader) -> Header:
     delta_s = decode_fraction(parts["delta"])
     if delta_s <= 0:
         raise parts["delta"].refuse("the length of a round should be more than 0 seconds")
-    return Header(sources, kinds, delta_s, parts["numbers"].member(Numbers), parts["run"])
+    slack = decode_fraction(parts["slack"]) if "slack" in parts else Fraction(0)
+    if slack < 0:
+        raise parts["slack"].refuse("the slack should be at least 0")
+    numbers = parts["numbers"].member(Numbers)
+    return Header(sources, kinds, delta_s, numbers, slack, parts["run"])
 
 
 def _check_format(document: Reader) -> None:
@@ -182,7 +196,7 @@ def _check_format(document: Reader) -> None:
             "name a file that `koord run --trace` or `koord verify --trace` wrote",
         )
     version = value.get("version")
-    if version in (_PLAIN, VERSION) and not isinstance(version, bool):
+    if version in (_PLAIN, _LOOP, VERSION) and not isinstance(version, bool):
         return
     if isinstance(version, int) and not isinstance(version, bool) and version > VERSION:
         raise refusal(

@@ -98,6 +98,9 @@ class Trace:
     ``configurations[k]`` is the one before round k; the last one is where the run ended, be it
     between two rounds or, after a fault or a violation, inside one. So there is one more of them
     than rounds in the recording.
+
+    ``slack`` is by how much floats may be off in what the program claims, for vehicles that made
+    the run keep no claim to the letter.
     """
 
     sources: Sources
@@ -107,6 +110,7 @@ class Trace:
     configurations: tuple[Configuration[Constant], ...]
     outputs: tuple[Emitted, ...] = ()
     violation: Violation | None = None
+    slack: Fraction = Fraction(0)
 
 
 @dataclass(slots=True)
