@@ -174,7 +174,7 @@ class Observer:
 
 def deeds_of(decision: Decision, robots: Sequence[Robot]) -> Deeds:
     """What robots did in a round that was decided; in INIT, nothing."""
-    deeds = np.full(len(robots), Idle.SKIPPED, np.int16)
+    deeds = np.full(len(robots), int(Idle.SKIPPED), np.int16)
     if decision.round == INIT_ROUND:
         return deeds
     deeds[[k for k in decision.skipped if robots[k].had_an_event]] = Idle.BLOCKED

@@ -237,7 +237,7 @@ class Recorder:
 
     def __init__(self, header: Header) -> None:
         self.recording = Recording(header)
-        self._next_s = -math.inf
+        self._sample_s, self._next_s = header.sample_s, -math.inf
 
     def is_due(self, time_s: float) -> bool:
         """Whether a sample is wanted now; between samples nothing need be worked out."""
@@ -253,7 +253,7 @@ class Recorder:
         recording.poses.append(pose)
         recording.separations_m.append(separation_m)
         recording.times_s.append(time_s)  # last: a reader goes by the number of times
-        self._next_s = time_s + recording.header.sample_s
+        self._next_s = time_s + self._sample_s
 
     def round(
         self,
