@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
+from textwrap import dedent
 
 import pytest
 
@@ -17,10 +18,13 @@ from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.verify import induction
+from koord.verify.abstraction import abstracted
 from koord.verify.claims import Claim, claims_of
 from koord.verify.induction import Inductive, prove
 from koord.verify.representatives import representatives
 from koord.verify.solving import Deadline
+from koord.verify.verdicts import Outcome
+from tests.verify.asking import ask
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
@@ -104,3 +108,29 @@ def test_proofs_of_generated_programs_are_the_same(monkeypatch: pytest.MonkeyPat
     assert count["systems"] >= 20
     assert count["proved"] >= 10
     assert count["not proved"] >= 10
+
+
+def test_opaque_values_to_start_with_are_no_obstacle() -> None:
+    """They come of functions that the program itself does not have."""
+    text = """
+    allwrite:
+        pos home = pos(0.0, 0.0, 0.0)
+        int visits = 0
+    local:
+        pos mine = pos(0.0, 0.0, 0.0)
+    Visit:
+        pre: true
+        eff:
+            mine = home
+            visits = visits + 1
+    invariant Home: forall i: mine@i == home
+    invariant Few: visits < 2
+    """
+    program = load(Source("home.krd", dedent(text))).program
+    assert program is not None
+    abstraction = abstracted(program)
+    assert abstraction is not None
+    found = dealt(abstraction.program, 3)
+    claim = named(found, "Home")
+    assert representatives(found)(claim) != claim
+    assert ask(program, 3).outcome("Few") is Outcome.VIOLATED

@@ -31,11 +31,11 @@ class Sorting:
         """Why robots may not change places; empty if they may."""
         program, system = self._system.program, self._system
         nobody = Body(Sure(system, None, in_init=True))
-        for entry, of in zip(program.allwrite, self.book.allwrite, strict=True):
-            self._start(entry, of, nobody)
         for function in program.externals:
             parameters = [self.book.fresh(p.type) for p in function.parameters]
             self.book.externals[function.name] = parameters, self.book.held(function.result.type)
+        for entry, of in zip(program.allwrite, self.book.allwrite, strict=True):
+            self._start(entry, of, nobody)
         for function in program.externals:
             self._external(function)
         for kind in sorted(set(system.kinds)):
