@@ -113,13 +113,14 @@ def test_proofs_of_generated_programs_are_the_same(monkeypatch: pytest.MonkeyPat
 def test_opaque_values_to_start_with_are_no_obstacle() -> None:
     """They come of functions that the program itself does not have."""
     text = """
+    def fun safe(pos p) -> bool: extern
     allwrite:
         pos home = pos(0.0, 0.0, 0.0)
         int visits = 0
     local:
         pos mine = pos(0.0, 0.0, 0.0)
     Visit:
-        pre: true
+        pre: safe(home)
         eff:
             mine = home
             visits = visits + 1
