@@ -23,19 +23,21 @@ def racy_variables(program: core.Program) -> frozenset[int]:
 
     Atomic blocks that write a common variable are of one lock class, so those exclude each other.
     """
-    return frozenset(
-        slot
-        for agent in program.agents
-        for event in agent.events
-        for slot in _unguarded(event.effect)
-    )
+    return frozenset(place.variable.slot for place in racy_places(program))
 
 
-def _unguarded(block: core.Block) -> Iterator[int]:
+def racy_places(program: core.Program) -> Iterator[core.Place]:
+    """What events write of allwrite variables outside of ``atomic``."""
+    for agent in program.agents:
+        for event in agent.events:
+            yield from _unguarded(event.effect)
+
+
+def _unguarded(block: core.Block) -> Iterator[core.Place]:
     for statement in block:
         for place in written(statement):
             if place.variable.home is Home.ALLWRITE:
-                yield place.variable.slot
+                yield place
         match statement:
             case core.If(then=then, otherwise=otherwise):
                 yield from _unguarded(then)

@@ -53,6 +53,9 @@ class Terms:
         self._sorts: dict[str, z3.SortRef] = {}
         self._lists: dict[str, z3.DatatypeSortRef] = {}
         self._counter = 0
+        self._nowhere: dict[int, z3.ExprRef] = {}
+        #: whether unknown reals were multiplied, which solvers rarely come to an end with
+        self.has_products = False
 
     # --- the five methods of a domain -----------------------------------------------------------
 
@@ -217,16 +220,10 @@ class Terms:
         """A term with other integers in the place of some, otherwise as it is."""
         if not isinstance(term, z3.ExprRef) or not values:
             return term
-        count = len(values)
-        before, after = (z3.Ast * count)(), (z3.Ast * count)()
-        # Not by z3.substitute, which looks at the sorts of everything each time.
-        made = [self.lifted(new, self._int) for _, new in values]
-        for k, (old, _) in enumerate(values):
-            assert isinstance(old, z3.ExprRef)
-            before[k], after[k] = old.as_ast(), made[k].as_ast()
-        ctx = self.context
-        found = z3.Z3_substitute(ctx.ref(), term.as_ast(), count, before, after)
-        put = z3.z3._to_expr_ref(found, ctx)
+        old = [term for term, _ in values if isinstance(term, z3.ExprRef)]
+        assert len(old) == len(values)
+        found = _substituted(term, old, [self.lifted(new, self._int) for _, new in values])
+        put = z3.z3._to_expr_ref(found, self.context)
         assert isinstance(put, z3.ExprRef)
         return put
 
@@ -289,10 +286,19 @@ class Terms:
 
     def mentions(self, term: Term, constants: Sequence[Term]) -> bool:
         """Whether one of some constants occurs in a term."""
-        wanted = {c.get_id() for c in constants if isinstance(c, z3.ExprRef)}
+        wanted = [c for c in constants if isinstance(c, z3.ExprRef)]
         if not isinstance(term, z3.ExprRef) or not wanted:
             return False
-        return any(part.get_id() in wanted for part in _parts_of(term))
+        # Putting others in their place changes a term that has them, and is quicker than looking.
+        others = [self._elsewhere(c.sort()) for c in wanted]
+        return bool(_substituted(term, wanted, others).value != term.as_ast().value)
+
+    def _elsewhere(self, sort: z3.SortRef) -> z3.ExprRef:
+        """A constant of a sort that occurs in no term."""
+        key = sort.get_id()
+        if key not in self._nowhere:
+            self._nowhere[key] = z3.Const(self.unused("elsewhere"), sort)
+        return self._nowhere[key]
 
     def parts_like(self, term: Term) -> list[Term]:
         """The parts of a term that are of its sort, each once, itself first."""
@@ -363,6 +369,8 @@ class Terms:
             case BinaryOp.SUB:
                 return left - right
             case BinaryOp.MUL:
+                plain = left.sort() == self._int or _is_value(left) or _is_value(right)
+                self.has_products = self.has_products or not plain
                 return left * right
             case BinaryOp.LT:
                 return left < right
@@ -436,8 +444,20 @@ class Terms:
         return not isinstance(other, z3.ExprRef) and then == other
 
 
+def _is_value(term: z3.ExprRef) -> bool:
+    return bool(z3.is_int_value(term) or z3.is_rational_value(term))
+
+
 def _is_zero(value: z3.ExprRef) -> bool:
     return bool(z3.is_rational_value(value) and value.numerator_as_long() == 0)
+
+
+def _substituted(term: z3.ExprRef, old: Sequence[z3.ExprRef], new: Sequence[z3.ExprRef]) -> z3.Ast:
+    """A term with others in the place of some (not by z3.substitute, which looks at each sort)."""
+    before, after = (z3.Ast * len(old))(), (z3.Ast * len(new))()
+    for k, (one, other) in enumerate(zip(old, new, strict=True)):
+        before[k], after[k] = one.as_ast(), other.as_ast()
+    return z3.Z3_substitute(term.ctx.ref(), term.as_ast(), len(old), before, after)
 
 
 def _parts_of(term: z3.ExprRef) -> Iterator[z3.ExprRef]:

@@ -67,9 +67,23 @@ EVERY_N = (
     ),
     Mutant(
         "every N: one robot at most writes a variable without a lock",
-        "verify/every_n/rounds.py",
-        "if slots[name] not in racy",
-        "if slots[name] not in racy or racy",
+        "verify/every_n/commits.py",
+        "if slot in self.guards.classes and not self.guards.is_racy(slot):",
+        "if slot in self.guards.classes:",
+        (PROVING,),
+    ),
+    Mutant(
+        "every N: no location is racy that some block writes",
+        "verify/every_n/commits.py",
+        "all(a is None or a == b for",
+        "all(a == b for",
+        (PROVING,),
+    ),
+    Mutant(
+        "every N: a whole is racy only where it is written as a whole",
+        "verify/every_n/commits.py",
+        "            slot == its_slot and all(a is None",
+        "            slot == its_slot and len(way) in (0, len(place)) and all(a is None",
         (PROVING,),
     ),
     Mutant(

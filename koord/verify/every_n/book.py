@@ -61,6 +61,7 @@ class Book:
     _names: dict[object, tuple[Term, int]] = field(default_factory=dict)
     _schemes: list[Scheme] = field(default_factory=list)
     _frames: list[Scheme] = field(default_factory=list)
+    _glimpses: dict[tuple[object, ...], Scheme] = field(default_factory=dict)
     _now: int = 0
     _wanted: set[tuple[str, bool]] = field(default_factory=set)
     _seen: set[tuple[int, int]] = field(default_factory=set)
@@ -118,9 +119,15 @@ class Book:
         return holds
 
     def glimpse(self, body: Callable[[Term], Term]) -> Term:
-        """What a body gives of an integer of which nothing is known."""
-        _, seen = self._worked_out(1, lambda names: body(names[0]))
-        return seen
+        """What a body gives of an integer of which nothing is known.
+
+        What it notes is thrown away, so that one blank does for all glimpses at a place.
+        """
+        d = self.unknowns.terms
+        place = tuple(d.key(blank) for blank in d.open)
+        frame = self._glimpses.get(place) or Scheme(d.open, (d.blank(),))
+        self._glimpses[place] = frame
+        return self._work_out(frame, lambda names: body(names[0]))
 
     @contextmanager
     def about(self, term: Term) -> Iterator[None]:
@@ -135,14 +142,17 @@ class Book:
 
     def _worked_out(self, arity: int, says: Callable[[Names], Term]) -> tuple[Scheme, Term]:
         """What a statement says of blanks, with what is noted on the way."""
-        d, frames = self.unknowns.terms, self._frames
-        blanks = tuple(d.blank() for _ in range(arity))
-        frame = Scheme(d.open, blanks)
+        d = self.unknowns.terms
+        frame = Scheme(d.open, tuple(d.blank() for _ in range(arity)))
+        return frame, self._work_out(frame, says)
+
+    def _work_out(self, frame: Scheme, says: Callable[[Names], Term]) -> Term:
+        frames = self._frames
         constraints = len(self.unknowns.constraints)
         self._reopen([*frames, frame])
         try:
-            with d.depending_on(None):
-                fact = says(blanks)
+            with self.unknowns.terms.depending_on(None):
+                fact = says(frame.own)
         finally:
             self._reopen(frames)
         new = self.unknowns.constraints[constraints:]
@@ -151,7 +161,7 @@ class Book:
             # Facts about blanks are facts about every name.
             mine = self._mentions(constraint, frame)
             (frame.facts if mine else self.unknowns.constraints).append(constraint)
-        return frame, fact
+        return fact
 
     def _reopen(self, frames: list[Scheme]) -> None:
         self._frames = frames

@@ -11,11 +11,12 @@ from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.masks import Mask, joined, restricted
 from koord.semantics.storage import Many, Storage, Tree, merge_storage_known
 from koord.semantics.turns import Turned
+from koord.syntax import core
 from koord.syntax.core import BinaryOp
 from koord.syntax.types import INT
 from koord.verify.every_n.crowd import World
 from koord.verify.footprint import Written
-from koord.verify.races import is_flat
+from koord.verify.races import is_flat, racy_places
 from koord.verify.terms import Term, Terms
 
 #: Of variables with more locations than this it is not said who wrote which of them last.
@@ -36,18 +37,51 @@ class Move:
     turned: Turned[Term]
 
 
+@dataclass(frozen=True, slots=True)
+class Guards:
+    """Which locations only atomic blocks write: then one robot at most does so in a round.
+
+    ``classes`` are the lock classes of the blocks that write a slot; ``racy`` are the places that
+    events write outside of any block, as the way down: a position, or None for any index.
+    """
+
+    classes: Mapping[int, int]
+    racy: frozenset[tuple[int, tuple[int | None, ...]]]
+
+    @staticmethod
+    def of(program: core.Program) -> Guards:
+        """The guards of the events of a program. [ATOMIC]"""
+        slots = {entry.variable.name: entry.variable.slot for entry in program.allwrite}
+        classes = {slots[name]: c.index for c in program.lock_classes for name in c.variables}
+        return Guards(classes, frozenset(_way(place) for place in racy_places(program)))
+
+    def is_racy(self, slot: int, place: tuple[int, ...] = ()) -> bool:
+        """Whether robots may write (a part of, all of) a location at the same time."""
+        return any(
+            slot == its_slot and all(a is None or a == b for a, b in zip(way, place, strict=False))
+            for its_slot, way in self.racy
+        )
+
+
+NO_GUARDS = Guards({}, frozenset())
+
+
+def _way(place: core.Place) -> tuple[int, tuple[int | None, ...]]:
+    way = (step.position if isinstance(step, core.FieldStep) else None for step in place.steps)
+    return place.variable.slot, tuple(way)
+
+
 @dataclass(slots=True)
 class Commits:
     """The writes of all robots, put into a store.
 
-    ``guarded`` says for slots that are written in atomic blocks only which lock class these are
-    of. ``moves`` are the turns that a robot may take; ``everybody`` takes one of them in INIT.
+    ``moves`` are the turns that a robot may take; ``everybody`` takes one of them in INIT.
     """
 
     world: World
     store: Store[Term]
     moves: Callable[[Term], list[Move]]
-    guarded: Mapping[int, int]
+    guards: Guards
     label: str
     everybody: bool = False
     winners: dict[int, Term] = field(default_factory=dict)
@@ -94,8 +128,8 @@ class Commits:
         """An allwrite variable after the round. [T-ONE-WINNER] [T-COMMIT]"""
         if not self._is_written(slot):
             return self.store.allwrite[slot]
-        if slot in self.guarded:
-            return self._put(slot, self.winner(self.guarded[slot]), None)
+        if slot in self.guards.classes and not self.guards.is_racy(slot):
+            return self._put(slot, self.winner(self.guards.classes[slot]), None)
         return self._raced(slot)
 
     def winner(self, lock_class: int) -> Term:
@@ -163,12 +197,24 @@ class Commits:
         before = self.store.allwrite[slot]
         type_ = self.world.program.allwrite[slot].variable.type
         places = list(locations(before)) if is_flat(type_) else []
-        if not 0 < len(places) <= MOST_RACING:
+        lock_class = self.guards.classes.get(slot)
+        guarded = [
+            place
+            for place in places
+            if lock_class is not None and not self.guards.is_racy(slot, place)
+        ]
+        if not places or len(places) - len(guarded) > MOST_RACING:
             with self.world.d.depending_on(None):
                 name = f"raced {self.world.program.allwrite[slot].variable.name} {self.label}"
                 return self.world.unknowns.storage(name, type_, before, Written.WHOLE)
         after = before
+        for place in guarded:
+            assert lock_class is not None
+            patched = self._put(slot, self.winner(lock_class), mask_of(before, place))
+            after = taken(after, patched, place)
         for place in places:
+            if place in guarded:
+                continue
             writer = self._somebody(f"last {slot}")
             patched = self._put(slot, writer, mask_of(before, place))
             after = taken(after, patched, place)

@@ -51,6 +51,9 @@ class Loop:
     _kept: Memory[Term] = field(init=False)
     _old: dict[Path, Term] = field(default_factory=dict)  #: what the changed scalars held before
     _any: dict[Path, Term] = field(default_factory=dict)  #: the new terms in their place
+    _trips: dict[tuple[object, ...], tuple[tuple[Term, ...], Machine[Term]]] = field(
+        default_factory=dict
+    )
 
     def run(self) -> None:
         """Do to the machine what the loop does. [S-FOR] [S-BREAK]"""
@@ -75,11 +78,19 @@ class Loop:
 
     # --- trips ----------------------------------------------------------------------------------
 
-    def _trip(self, number: Term, memory: Memory[Term] | None = None) -> Machine[Term]:
+    def _trip(self, number: Term) -> Machine[Term]:
         """A machine that has made one trip, from where anything may have changed before."""
+        d = self._d
+        # What is new in a trip depends on the blanks that are open.
+        key = tuple(d.key(term) for term in (number, *d.open))
+        if key not in self._trips:
+            self._trips[key] = (number, *d.open), self._trip_from(self._kept, number)
+        return self._trips[key][1]
+
+    def _trip_from(self, memory: Memory[Term], number: Term) -> Machine[Term]:
         inner = self.m.apart()
         inner.oracle = TripOracle(self.crowd.unknowns)
-        inner.memory = (memory or self._kept).copied()
+        inner.memory = memory.copied()
         self.body(inner, number)
         if inner.entered or inner.allread_masks or inner.allwrite_masks:
             what = "a loop over all robots writes shared variables"
@@ -116,6 +127,7 @@ class Loop:
                     self._old[path] = old
                 self._any[path] = self._d.fresh_like("loop", old)
             self._kept = with_scalars(self._kept, self._any)
+            self._trips.clear()
         raise NotFiniteError(self.span, "a loop over all robots changes ever more")
 
     def _same(self, left: Term, right: Term) -> bool:
@@ -178,7 +190,7 @@ class Loop:
         at_last = [book.between(self.low, last, self.high), m.negated(goes_on(last)), before]
         book.note(m.either(through, conjunction(d, at_last)))
         start = m.memory
-        left = self._trip(last, start)
+        left = self._trip_from(start, last)
         left.memory.broke = False
         m.memory = (
             start if d.known(through) is True else left.memory.merged(d, m.negated(through), start)

@@ -13,7 +13,7 @@ from koord.semantics.turns import declared, initial_turn
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.types import BOOL, INT, ArrayType, Type
-from koord.verify.every_n.commits import Commits, Move
+from koord.verify.every_n.commits import NO_GUARDS, Commits, Move
 from koord.verify.every_n.crowd import World
 from koord.verify.every_n.functions import RobotInputs
 from koord.verify.footprint import Footprint, Written, footprint, statuses
@@ -39,7 +39,7 @@ class Opening:
         self._store, faults = declared(d, world.everywhere, inputs)
         self.fault = disjunction(d, [fault for fault, _ in faults])
         world.book.note(world.book.implied(self.calm, d.unary(UnaryOp.NOT, self.fault)))
-        self._commits = Commits(world, self._store, self.moves, {}, "init", everybody=True)
+        self._commits = Commits(world, self._store, self.moves, NO_GUARDS, "init", everybody=True)
         store = Store(
             tuple(self._commits.entries(slot) for slot in range(len(self._store.allread))),
             tuple(self._commits.everything(slot) for slot in range(len(self._store.allwrite))),

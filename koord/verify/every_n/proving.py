@@ -29,21 +29,27 @@ from koord.verify.terms import Term
 
 @dataclass(frozen=True, slots=True)
 class Thrift:
-    """What may be spent: so many generations of names, so many things said of them, about so many
-    seconds of a solver in all, and so many units of its work on one question.
+    """What may be spent: so many generations of names, so many things said of them, so many
+    seconds of a solver in all (about), and so many units of its work on one question; fewer if
+    unknown reals are multiplied.
     """
 
     generations: int
     instances: int
     seconds: float
     question: int
+    with_products: int
 
 
 #: Where there is nobody else to ask.
-GENEROUS = Thrift(generations=3, instances=20_000, seconds=60.0, question=1_500_000)
+GENEROUS = Thrift(
+    generations=3, instances=20_000, seconds=60.0, question=1_500_000, with_products=1_500_000
+)
 
 #: Where others are asked afterwards.
-SPARING = Thrift(generations=2, instances=4_000, seconds=3.0, question=1_500_000)
+SPARING = Thrift(
+    generations=3, instances=12_000, seconds=3.0, question=1_500_000, with_products=250_000
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +232,7 @@ class _Asking:
             self._tell()
             question = [*given, disjunction(d, list(pending.values()))]
             answer = self.solver.check(
-                question, means.deadline, means.effort, at_most=4 * means.thrift.question
+                question, means.deadline, means.effort, at_most=4 * self._most
             )
             if answer is Answer.UNSAT:
                 return met
@@ -258,14 +264,18 @@ class _Asking:
         """Why a goal is not refuted; empty if it is."""
         self._tell()
         means = self.means
-        answer = self.solver.check(
-            goal, means.deadline, means.effort, at_most=means.thrift.question
-        )
+        answer = self.solver.check(goal, means.deadline, means.effort, at_most=self._most)
         if answer is Answer.UNSAT:
             return ""
         if answer is Answer.SAT:
             return _NOT_INDUCTIVE
         return "timeout" if means.deadline.is_near() else "too much for the solver"
+
+    @property
+    def _most(self) -> int:
+        """So much work may go into one question."""
+        thrift = self.means.thrift
+        return thrift.with_products if self.world.d.has_products else thrift.question
 
     @property
     def limits(self) -> list[str]:

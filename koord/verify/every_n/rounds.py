@@ -12,12 +12,11 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import BOOL, INT
 from koord.syntax.walk import nodes
-from koord.verify.every_n.commits import Commits, Move
+from koord.verify.every_n.commits import Commits, Guards, Move
 from koord.verify.every_n.crowd import World
 from koord.verify.every_n.functions import RobotInputs
 from koord.verify.every_n.opening import Anywhere, faults_of
 from koord.verify.moments import turn_taken
-from koord.verify.races import racy_variables
 from koord.verify.terms import Term
 
 
@@ -53,11 +52,15 @@ class Round:
         self.legal = d.fresh("legal", BOOL)
         self.gentle = d.fresh("gentle", BOOL)
         before = self.start.configuration.store
-        self.commits = Commits(world, before, self.moves, _guarded(world.program), "round")
+        guards = Guards.of(world.program)
+        self.commits = Commits(world, before, self.moves, guards, "round")
         store = Store(
             tuple(self.commits.entries(slot) for slot in range(len(before.allread))),
             tuple(self.commits.everything(slot) for slot in range(len(before.allwrite))),
         )
+        for lock_class in world.program.lock_classes:
+            # Also where a block writes nothing that all may write: one robot enters it at most.
+            self.commits.winner(lock_class.index)
         self.inside = Configuration((), store, 0, Turn.ENV, at=self.after_turn)
         self._asked = self._everyone_asked()
         self.middle = Configuration((), store, 0, Turn.ENV, at=self.after_turns)
@@ -251,15 +254,3 @@ class Round:
             for theirs in self.moves(other)
         ]
         return conjunction(d, [d.binary(BinaryOp.NE, robot, other), disjunction(d, met)])
-
-
-def _guarded(program: core.Program) -> dict[int, int]:
-    """Of each allwrite slot that is written in atomic blocks only, their lock class."""
-    racy = racy_variables(program)
-    slots = {entry.variable.name: entry.variable.slot for entry in program.allwrite}
-    return {
-        slots[name]: lock_class.index
-        for lock_class in program.lock_classes
-        for name in lock_class.variables
-        if slots[name] not in racy
-    }

@@ -17,9 +17,11 @@ PROVED: dict[str, set[str] | None] = {
     "cars_and_drones": None,
     "fischer": None,
     "fischer_drift": None,
+    "delivery": None,
     "follow_path": None,
     "leader_elect": None,
     "lineform_1d": None,
+    "mapping": None,
     "sum_of_ids": None,
     "waypoints": None,
 }
@@ -40,7 +42,6 @@ def test_examples_hold_for_every_number_of_robots(name: str) -> None:
     ("name", "claims"),
     [
         ("lineform", {"Fence", "Heard", "Aim", "EndsStand", "no fault"}),
-        ("mapping", {"Consistent", "Seen", "Kept"}),
         ("task", {"Holds", "Exclusive", "Route", "Along", "Clearance", "no fault"}),
         ("follow_points", {"InStep", "Legs", "no fault"}),
     ],

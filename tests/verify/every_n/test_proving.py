@@ -455,3 +455,124 @@ Set:
 invariant Any: true
 """
     assert "any robot may write" in reason(text, "Any")
+
+
+# --- locks and locations --------------------------------------------------------------------------
+
+IN_TURN = """
+def fun free(bool[] inside) -> bool:
+  for i = 0, length(inside):
+    if inside[i]:
+      return false
+  return true
+allread:
+  bool[] inside = false
+local:
+  bool done = false
+Enter:
+  pre: not done
+  eff:
+    atomic:
+      if free(inside):
+        inside[pid] = true
+        done = true
+Leave:
+  pre: done
+  eff:
+    inside[pid] = false
+    done = false
+invariant Exclusive: forall i, j: i != j implies not (inside[i] and inside[j])
+invariant Known: forall i: inside[i] == done@i
+"""
+
+
+def test_a_block_that_writes_nothing_of_all_is_entered_by_one() -> None:
+    assert proved(IN_TURN) == {"Exclusive", "Known", "no fault"}
+
+
+def test_without_the_block_several_enter() -> None:
+    without = IN_TURN.replace("    atomic:\n      if", "    if")
+    assert "atomic" not in without
+    assert proved(without) == {"Known", "no fault"}
+    assert broken(without, 2) == {"Exclusive"}
+
+
+PARCELS = """
+def Parcel:
+  int carrier = -1
+  bool delivered = false
+allwrite:
+  Parcel[2] parcels = [Parcel(-1, false), Parcel(-1, false)]
+local:
+  int mine = -1
+Claim:
+  pre: mine == -1
+  eff:
+    atomic:
+      for k = 0, 2:
+        if parcels[k].carrier == -1 and mine == -1:
+          mine = k
+          parcels[k].carrier = pid
+Deliver:
+  pre: 0 <= mine and mine < 2
+  eff:
+    parcels[mine].delivered = true
+    mine = -1
+invariant Carried:
+  forall i: mine@i == -1 or 0 <= mine@i and mine@i < 2 and parcels[mine@i].carrier == i
+invariant Once: forall i, j: i != j and mine@i != -1 implies mine@i != mine@j
+invariant Known: forall p in parcels: p.delivered implies p.carrier != -1
+"""
+
+
+def test_fields_that_only_blocks_write_are_the_winners() -> None:
+    """Though others write another field of the same variable outside of them. [T-COMMIT]"""
+    assert proved(PARCELS) == {"Carried", "Once", "Known", "no fault"}
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        "parcels[0].carrier = -1",
+        "parcels[0] = Parcel(-1, true)",
+        "parcels = [Parcel(-1, true), Parcel(-1, true)]",
+    ],
+)
+def test_what_is_written_outside_of_blocks_too_is_not(write: str) -> None:
+    text = PARCELS.replace("parcels[mine].delivered = true", write)
+    assert proved(text) <= {"no fault"}
+    assert broken(text, 2) >= {"Carried", "Once"}
+
+
+FLAGS = """
+def Pair:
+  int up = 0
+  int other = 0
+allwrite:
+  Pair[2] pairs = [Pair(0, 0), Pair(0, 0)]
+local:
+  bool raised = false
+Raise:
+  pre: not raised
+  eff:
+    atomic:
+      pairs[0].up = 1
+      raised = true
+Touch:
+  pre: pairs[0].up == 0
+  eff:
+    pairs[0].other = 1
+invariant Up: forall i: raised@i implies pairs[0].up == 1
+"""
+
+
+def test_what_is_touched_elsewhere_stays() -> None:
+    assert proved(FLAGS) == {"Up", "no fault"}
+
+
+@pytest.mark.parametrize("write", ["pairs[0].up = 0", "pairs[0] = Pair(0, 1)"])
+def test_who_writes_in_a_block_may_be_overwritten_by_who_does_not(write: str) -> None:
+    """In the same round: each of the two alone does no harm."""
+    text = FLAGS.replace("pairs[0].other = 1", write)
+    assert proved(text) == {"no fault"}
+    assert broken(text, 2) == {"Up"}
