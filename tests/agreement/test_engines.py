@@ -1,23 +1,37 @@
-"""Explicit search and bounded model checking, which share the semantics' turns and no more."""
+"""Every engine against the explicit search, on generated finite programs.
+
+They share the semantics' turns. All else is different: the search lists states, bounded model
+checking and induction have words of Z3 for whole rounds, bits have a circuit, a SAT solver and IC3,
+and the engine for every number of robots looks at one robot of a crowd.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
 from random import Random
 
 import pytest
 
-from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
+from koord.refinement.generating.profiles import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
+from koord.semantics.configurations import System
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import OutOfBounds, Subject
+from koord.semantics.search.findings import Exhausted, Subject
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
+from koord.syntax import core
+from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Type
 from koord.verify.claims import ClaimKind, claims_of
-from tests.verify.asking import bounded
-
-ROUNDS = 2
+from koord.verify.every_n.proving import SPARING, prove
+from koord.verify.solving import Deadline, Effort
+from koord.verify.verdicts import Engine, Outcome, Verdict
+from tests.generators.staged import staged
+from tests.verify.asking import ask, bounded, inductive
+from tests.verify.bits.asking import on_bits
 
 NAMES = {
     Subject.PROPERTY: "{}",
@@ -27,39 +41,213 @@ NAMES = {
 }
 
 
-def compare(seed: int, profile: Profile) -> str:
-    of = system(Random(seed), profile)
-    limits = Limits(states=1_000, rounds=ROUNDS)
+@dataclass(frozen=True)
+class Family:
+    """Generated programs of one sort, and how many rounds of them are looked at."""
+
+    make: Callable[[Random], System]
+    rounds: int
+
+
+#: Through so many rounds of programs with maps engines look that write formulas.
+MAPPED = 2
+
+FAMILIES = {
+    "finite": Family(partial(system, profile=FINITE), 2),
+    "symmetric": Family(partial(system, profile=SYMMETRIC), 2),
+    "staged": Family(staged, 5),
+}
+
+
+@dataclass(frozen=True)
+class Searched:
+    """What the search saw of a system: the first round in which each claim breaks."""
+
+    seed: int
+    system: System
+    first: dict[str, int]
+    depth: int  #: through which round it saw everything
+    every: bool  #: whether that is all there is
+
+
+def searched(seed: int, of: System) -> Searched | None:
+    """None if it is not finite."""
+    limits = Limits(states=1_000, rounds=12)
     found = survey(of, of.program.properties, limits, subjects=frozenset(Subject))
     if isinstance(found.end, NotFinite):
-        return "not finite"
-    if isinstance(found.end, OutOfBounds) and "rounds" not in found.end.reason:
-        return "too large"
+        return None
+    first = {NAMES[v.claim.subject].format(v.claim.name): v.rounds for v in found.violated}
+    assert set(first) <= {claim.name for claim in claims_of(of)}, seed
+    return Searched(seed, of, first, found.end.depth, isinstance(found.end, Exhausted))
+
+
+# --- each engine ----------------------------------------------------------------------------------
+
+
+def bmc_agrees(case: Searched, rounds: int) -> Counter[str]:
+    """It finds exactly what is there, each claim in the first round that breaks it."""
+    if not case.every:
+        rounds = min(rounds, case.depth)
     try:
-        checked = bounded(of, rounds=ROUNDS)
+        checked = bounded(case.system, rounds=rounds)
     except NotFiniteError:
-        return "a loop without a bound"
-    assert checked.bounded.reason == "", seed
-    assert not checked.bounded.unreplayed, seed
-    by_search = {NAMES[v.claim.subject].format(v.claim.name): v.rounds for v in found.violated}
-    assert by_search == checked.rounds, seed
-    kinds = {claim.name: claim.kind for claim in claims_of(of)}
-    assert set(by_search) <= set(kinds)
-    faulted = ClaimKind.FAULT in {kinds[name] for name in by_search}
-    return "faults" if faulted else "violated" if by_search else "holds"
+        return Counter(["bmc: a loop without a bound"])
+    assert checked.bounded.reason == "", case.seed
+    assert not checked.bounded.unreplayed, case.seed
+    assert checked.rounds == {name: n for name, n in case.first.items() if n <= rounds}, case.seed
+    return Counter(["bmc"])
 
 
-@pytest.mark.parametrize("block", range(5))
-def test_search_and_bmc_agree(block: int) -> None:
-    seeds = range(3_000 + block * 60, 3_060 + block * 60)
-    profile = SYMMETRIC if block == 4 else FINITE
-    count = Counter(compare(seed, profile) for seed in seeds)
-    assert count["holds"] + count["violated"] + count["faults"] >= 40, count
-    assert count["holds"] >= 5, count
+def bits_agree(case: Searched, rounds: int) -> Counter[str]:
+    """What bits say is so; what they leave open is counted."""
+    ledger = on_bits(case.system, rounds)
+    count = Counter(["bits"])
+    for claim in ledger.claims:
+        verdict = ledger.verdict(claim)
+        assert_so(case, verdict)
+        count[f"bits: {verdict.outcome.value}"] += 1
+        proved = verdict.outcome is Outcome.HOLDS and verdict.rounds is None
+        count["bits: proved"] += proved and verdict.engine is Engine.BITS
+        count["bits: proved, and all runs seen"] += proved and case.every
+    return count
+
+
+def induction_agrees(case: Searched, depths: Iterable[int]) -> Counter[str]:
+    """What it proves breaks nowhere."""
+    count = Counter(["induction"])
+    for depth in depths:
+        try:
+            proved, _ = inductive(case.system, depth=depth)
+        except NotFiniteError:
+            return Counter(["induction: a loop without a bound"])
+        assert not proved & set(case.first), (case.seed, depth)
+        count["induction: proved"] += len(proved)
+        count["induction: proved, and all runs seen"] += len(proved) if case.every else 0
+    return count
+
+
+def every_n_agrees(case: Searched) -> Counter[str]:
+    """What is proved for every number of robots breaks for none."""
+    claims = claims_of(case.system)
+    effort = Effort.of_seconds(SPARING.seconds)
+    proved = {c.name for c in prove(case.system, claims, Deadline(), effort, SPARING).proved}
+    assert not proved & set(case.first), case.seed
+    return Counter({"every N": 1, "every N: proved": len(proved)})
+
+
+def portfolio_agrees(case: Searched, rounds: int) -> Counter[str]:
+    """So does what is said at last, and nothing that breaks in these rounds is left open."""
+    count = Counter(["portfolio"])
+    for verdict in ask(case.system, rounds=rounds):
+        if verdict.claim.kind is ClaimKind.LIVENESS:
+            continue
+        assert_so(case, verdict)
+        count[f"portfolio: {verdict.outcome.value}"] += 1
+        if case.first.get(verdict.claim.name, rounds + 1) <= rounds:
+            assert verdict.outcome is Outcome.VIOLATED, (case.seed, verdict)
+    return count
+
+
+def assert_so(case: Searched, verdict: Verdict) -> None:
+    """What a verdict says is what the search saw, as far as it looked."""
+    breaks, where = case.first.get(verdict.claim.name), (case.seed, verdict)
+    if verdict.outcome is Outcome.VIOLATED:
+        assert verdict.counterexample is not None
+        if verdict.counterexample.round <= case.depth or case.every:
+            assert breaks == verdict.counterexample.round, where
+    elif verdict.outcome is Outcome.HOLDS and verdict.rounds is None:
+        assert breaks is None, where
+    else:
+        assert breaks is None or verdict.rounds is None or breaks > verdict.rounds, where
+
+
+# --- all of them ----------------------------------------------------------------------------------
+
+
+def compare(family: Family, seed: int) -> Counter[str]:
+    """What came of one program. Cheap engines are asked about each, dear ones about some."""
+    of = family.make(Random(seed))
+    case = searched(seed, of)
+    if case is None:
+        return Counter(["not finite"])
+    count = Counter(["systems"])
+    count["violated"] += bool(case.first)
+    count["violated late"] += any(n > 2 for n in case.first.values())
+    count["exhausted"] += case.every
+    rounds = min(family.rounds, MAPPED) if has_maps(of) else family.rounds
+    count += bmc_agrees(case, rounds)
+    count += bits_agree(case, rounds)
+    if seed % 2 == 0:
+        count += induction_agrees(case, (1, 2, 3) if seed % 20 == 0 else (1,))
+    if seed % 20 == 1:
+        count += every_n_agrees(case)
+    if seed % 25 == 2:
+        count += portfolio_agrees(case, rounds)
+    return count
+
+
+def has_maps(of: System) -> bool:
+    """A map in a formula has room for all entries of all rounds so far: it grows and grows."""
+    program = of.program
+    entries = (*program.allwrite, *program.allread, *(e for a in program.agents for e in a.locals))
+    return any(isinstance(node, MapType) for entry in entries for node in _types(entry))
+
+
+def _types(entry: core.Declaration) -> Iterator[Type]:
+    """The type of a variable, and those inside it."""
+    waiting = [entry.variable.type]
+    while waiting:
+        type_ = waiting.pop()
+        yield type_
+        match type_:
+            case (
+                ArrayType(element=element) | ListType(element=element) | QueueType(element=element)
+            ):
+                waiting.append(element)
+            case RecordType(fields=fields):
+                waiting += [field for _, field in fields]
+            case _:
+                pass
+
+
+def many(family: Family, seeds: range) -> Counter[str]:
+    count: Counter[str] = Counter()
+    for seed in seeds:
+        count += compare(family, seed)
+    print(dict(count))  # shown with -s, and where an assertion fails
+    return count
+
+
+#: 1,150 programs, of which more than 1,000 are finite, as the counts below ensure.
+SOME = [
+    *(("finite", range(7_000 + 50 * n, 7_050 + 50 * n)) for n in range(6)),
+    *(("symmetric", range(3_000 + 50 * n, 3_050 + 50 * n)) for n in range(4)),
+    *(("staged", range(50 * n, 50 * n + 50)) for n in range(13)),
+]
+
+
+@pytest.mark.parametrize(("name", "seeds"), SOME)
+def test_all_engines_agree_with_the_search(name: str, seeds: range) -> None:
+    count = many(FAMILIES[name], seeds)
+    assert count["systems"] >= 44, count
+    assert count["bmc"] >= 40, count
+    assert count["violated"] >= 15, count
+    assert count["bits: unknown"] <= count.total() // 40, count
+    assert count["bits: proved, and all runs seen"] >= 15, count
+    assert count["induction: proved, and all runs seen"] >= 5, count
+    assert name != "staged" or count["violated late"] >= 5, count
+
+
+#: 10,000 more.
+MANY = [
+    *(("finite", range(50_000 + 100 * n, 50_100 + 100 * n)) for n in range(35)),
+    *(("symmetric", range(50_000 + 100 * n, 50_100 + 100 * n)) for n in range(25)),
+    *(("staged", range(50_000 + 100 * n, 50_100 + 100 * n)) for n in range(45)),
+]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("profile", [FINITE, SYMMETRIC], ids=["finite", "symmetric"])
-def test_search_and_bmc_agree_on_many(profile: Profile) -> None:
-    for seed in range(40_000, 41_000):
-        compare(seed, profile)
+@pytest.mark.parametrize(("name", "seeds"), MANY)
+def test_all_engines_agree_with_the_search_on_many(name: str, seeds: range) -> None:
+    count = many(FAMILIES[name], seeds)
+    assert count["systems"] >= 80, count

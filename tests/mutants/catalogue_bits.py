@@ -7,7 +7,7 @@ from tests.mutants.mutant import Mutant
 AGREEMENT = "tests/agreement/test_bits.py"
 NUMBERS = "tests/verify/bits/test_numbers.py"
 IC3 = "tests/verify/bits/test_pdr.py"
-GENERATED = "tests/verify/bits/test_generated.py"
+GENERATED = "tests/agreement/test_engines.py"
 EXPORTING = "tests/verify/bits/test_exporting.py"
 ENGINE = "tests/verify/bits/test_engine.py"
 
