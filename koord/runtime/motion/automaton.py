@@ -13,7 +13,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Bools, Floats, Ints
+from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 
 #: Times are sums of steps; what is missing by rounding does not count.
 _ROUNDING_S = 1e-9
@@ -94,24 +94,29 @@ def step(
         (orders.routed, State.MOVING),
         (orders.failed, State.IDLE),
     ):
+        if not mask.any():
+            continue
         told = mask & alive
         state[told & ~holding] = becomes
         resumes[told & holding] = becomes
         reached[told], since[told] = False, np.nan
         has_route[told] = becomes is State.MOVING
-    begins = orders.held & alive & ~holding
-    resumes[begins] = state[begins]
-    state[begins] = State.HOLDING
-    goes_on = orders.released & (state == State.HOLDING) & ~orders.held
-    state[goes_on] = resumes[goes_on]
-    state[orders.stopped] = State.STOPPED
+    if orders.held.any():
+        begins = orders.held & alive & ~holding
+        resumes[begins] = state[begins]
+        state[begins] = State.HOLDING
+    if orders.released.any():
+        goes_on = orders.released & (state == State.HOLDING) & ~orders.held
+        state[goes_on] = resumes[goes_on]
+    if orders.stopped.any():
+        state[orders.stopped] = State.STOPPED
 
-    distance = np.linalg.norm(psn - end, axis=1)
-    inside = has_route & (distance <= visit.epsilon_m) & (state != State.STOPPED)
+    distance, runs = lengths(psn - end), state != State.STOPPED
+    inside = has_route & (distance <= visit.epsilon_m) & runs
     since = np.where(inside, np.where(np.isnan(since), now_s, since), np.nan)
     dwelt = inside & (now_s - since >= visit.dwell_s - _ROUNDING_S)
     here = ~has_route | (distance <= visit.leave_m)
-    reached = (reached | dwelt) & here & (state != State.STOPPED)
+    reached = (reached | dwelt) & here & runs
     state[(state == State.MOVING) & reached] = State.IDLE
     state[(state == State.IDLE) & has_route & ~reached] = State.MOVING
     return Automata(state, since, reached, has_route, resumes)

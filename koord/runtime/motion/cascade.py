@@ -8,14 +8,26 @@ rate controller for torques. Shapes are ``(3, n)`` and ``(4, n)``, quaternions h
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.arrays import Floats, products
 from koord.runtime.motion.bodies import Drone
 
 GRAVITY = 9.81
+
+#: conj(q) ∘ q_wanted, the error as the body sees it, of w, y and −x of what is wanted; z is 0.
+_ERROR = products(
+    ((1, 0, 0), (-1, 1, 2), (1, 2, 1)),
+    ((-1, 0, 2), (-1, 1, 0), (1, 3, 1)),
+    ((1, 0, 1), (-1, 2, 0), (1, 3, 2)),
+    ((-1, 2, 2), (-1, 1, 1), (-1, 3, 0)),
+)
+
+#: Of the gain, around each axis: the nose may turn more slowly.
+_SHARES: Floats = np.array([[1.0], [1.0], [0.4]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +58,13 @@ def acceleration(
 
 def axis_and_thrust(wanted: Floats, drone: Drone) -> tuple[Floats, Floats]:
     """The direction that the body's axis should have, and the specific thrust along it, m/s²."""
-    up = wanted[2] + GRAVITY
+    up = np.maximum(wanted[2] + GRAVITY, 1.0)
     flat = np.sqrt(wanted[0] * wanted[0] + wanted[1] * wanted[1])
     # The tilt is limited: what is asked for sideways gives way.
-    share = np.minimum(1.0, np.maximum(up, 1.0) * np.tan(drone.tilt_rad) / np.maximum(flat, 1e-9))
+    share = np.minimum(1.0, up * math.tan(drone.tilt_rad) / np.maximum(flat, 1e-9))
     force = np.empty_like(wanted)
     np.multiply(wanted[:2], share, out=force[:2])
-    np.maximum(up, 1.0, out=force[2])
+    force[2] = up
     size = np.sqrt(np.einsum("in,in->n", force, force))
     return force / size, np.minimum(size, drone.thrust_ratio * GRAVITY)
 
@@ -62,13 +74,10 @@ def body_rates(gains: Gains, axis: Floats, quaternion: Floats) -> Floats:
 
     The tilt is the shortest turn from the vertical to the axis; it has no yaw.
     """
+    wanted = np.empty((3, axis.shape[1]))
     c = np.sqrt(0.5 * (1.0 + axis[2]))  # half-angle; the axis is never far from the vertical
-    w, x, y = c, -axis[1] / (2 * c), axis[0] / (2 * c)
-    qw, qx, qy, qz = quaternion
-    # conj(q) ∘ q_wanted: the error as the body sees it.
-    gain = np.copysign(2.0 * gains.attitude, qw * w + qx * x + qy * y)
-    rates = np.empty((3, len(w)))
-    np.multiply(gain, qw * x - qx * w + qz * y, out=rates[0])
-    np.multiply(gain, qw * y - qy * w - qz * x, out=rates[1])
-    np.multiply(0.4 * gain, qy * x - qx * y - qz * w, out=rates[2])
+    wanted[0] = c
+    np.divide(axis[:2], 2 * c, out=wanted[1:])
+    error = _ERROR.of(quaternion, wanted)
+    rates: Floats = np.copysign(2.0 * gains.attitude, error[0]) * _SHARES * error[1:]
     return rates

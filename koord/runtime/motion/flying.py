@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from koord.runtime.motion import automaton
-from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.arrays import Floats, bounded, lengths
 from koord.runtime.motion.group import Group
 
 #: The end of a route is approached in proportion to what is left of it, over this time: robots that
@@ -48,7 +48,7 @@ class Flying:
         """Where new ways to targets begin: at the reference, which a drone is about to reach, and
         not where it is measured to be, unless it has been pushed away.
         """
-        near = np.linalg.norm(self.rest - position, axis=1) < _LAG_M
+        near = lengths(self.rest - position) < _LAG_M
         return np.where(near[:, None], self.rest, position)
 
     def command(self, position: Floats, dt_s: float) -> Reference:
@@ -60,8 +60,8 @@ class Flying:
         accel = routes.pace.accel_mps2
         speed = np.minimum(group.speed + accel * dt_s, here.speed_mps)
         if self.waits:
-            lag = np.linalg.norm(here.position - position, axis=1)
-            speed = speed * np.clip(2.0 - 2.0 * lag / _LAG_M, 0.0, 1.0)
+            lag = lengths(here.position - position)
+            speed = speed * bounded(2.0 - 2.0 * lag / _LAG_M, 0.0, 1.0)
             speed = np.minimum(speed, _CREEP_MPS + (routes.length - group.s) / _APPROACH_S)
         speed = np.where(on, speed, np.maximum(group.speed - accel * dt_s, 0.0))
         speed = np.where(routed & (group.s < routes.length), speed, 0.0)

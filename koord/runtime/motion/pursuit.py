@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.geometry import wrapped
 
@@ -30,11 +30,11 @@ def curvature_towards(aim: Floats, position: Floats, course_rad: Floats) -> Floa
     distance = np.maximum(np.hypot(gap[:, 0], gap[:, 1]), 1e-6)
     aside = wrapped(np.arctan2(gap[:, 1], gap[:, 0]) - course_rad)
     # What lies behind is turned to as tightly as what lies abeam.
-    bend: Floats = 2 * np.sin(np.clip(aside, -np.pi / 2, np.pi / 2)) / distance
+    bend: Floats = 2 * np.sin(bounded(aside, -np.pi / 2, np.pi / 2)) / distance
     return bend
 
 
 def steering(curvature: Floats, way: Floats, car: Car) -> Floats:
     """The steering angles for curvatures of the path, within the limits; ``way`` is ±1."""
     angle = np.arctan(way * car.wheelbase_m * curvature)
-    return np.clip(angle, -car.steering_rad, car.steering_rad)
+    return bounded(angle, -car.steering_rad, car.steering_rad)

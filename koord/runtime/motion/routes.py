@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Bools, Floats, Ints
+from koord.runtime.motion.arrays import Bools, Floats, Ints, bounded
 from koord.runtime.motion.geometry import wrapped
 
 #: Where the direction of a car's path changes by more than this, the car turns about.
@@ -104,27 +104,28 @@ class Routes:
     def segment(self, robots: Ints, s: Floats) -> Ints:
         """The segments that robots are on at lengths ``s``."""
         passed = (self.s[robots] <= s[:, None]).sum(1) - 1
-        found: Ints = np.clip(passed, 0, np.maximum(self.size[robots] - 1, 0))
+        found: Ints = np.maximum(np.minimum(passed, self.size[robots] - 1), 0)
         return found
 
     def at(self, robots: Ints, s: Floats, k: Ints | None = None) -> Spot:
         """Where robots are at lengths ``s`` of their routes."""
         k = self.segment(robots, s) if k is None else k
-        following = k + (self.size[robots] > 0)
-        along = s - self.s[robots, k]
-        length = self.s[robots, following] - self.s[robots, k]
-        share = np.clip(along / np.where(length > 0, length, 1.0), 0.0, 1.0)
-        a, b = self.points[robots, k], self.points[robots, following]
+        # Where points and segments lie in arrays that have a row for each robot, from row to row.
+        here = robots * self.s.shape[1] + k
+        there = here + (self.size[robots] > 0)
+        points, tangent = self.points.reshape(-1, 3), self.tangent.reshape(-1, 3)
+        begun, end = self.s.take(here), self.s.take(there)
+        length = end - begun
+        share = bounded((s - begun) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+        a, b = points.take(here, 0), points.take(there, 0)
         # Rounding must not take a robot beyond the end of its segment.
-        between = np.clip(a + share[:, None] * (b - a), np.minimum(a, b), np.maximum(a, b))
-        position = np.where((share == 1.0)[:, None], b, between)
-        bent, bends = self.curvature[robots, k], self.curvature[robots, following]
-        left = np.maximum(self.s[robots, following] - s, 0.0)
-        ahead = self.speed2[robots, following] + 2 * self.pace.accel_mps2 * left
+        between = bounded(a + share[:, None] * (b - a), np.minimum(a, b), np.maximum(a, b))
+        bent, bends = self.curvature.take(here), self.curvature.take(there)
+        ahead = self.speed2.take(there) + 2 * self.pace.accel_mps2 * np.maximum(end - s, 0.0)
         return Spot(
-            position,
-            self.tangent[robots, k],
-            self.course[robots, k] + share * self.turn[robots, k],
+            np.where((share == 1.0)[:, None], b, between),
+            tangent.take(here, 0),
+            self.course.take(here) + share * self.turn.take(here),
             bent + share * (bends - bent),
             np.minimum(np.sqrt(ahead), self.pace.cruise_mps),
         )
@@ -144,7 +145,7 @@ class Routes:
         along = b - a
         square = np.einsum("mki,mki->mk", along, along)
         share = np.einsum("mki,mki->mk", position[:, None] - a, along)
-        share = np.clip(share / np.where(square > 0, square, 1.0), 0.0, 1.0)
+        share = bounded(share / np.where(square > 0, square, 1.0), 0.0, 1.0)
         gap = position[:, None] - a - share[..., None] * along
         apart = np.where(same_leg, np.einsum("mki,mki->mk", gap, gap), np.inf)
         best = apart.argmin(1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.geometry import wrapped
 
@@ -43,9 +43,9 @@ class Bicycles:
     def actuate(self, command: Floats, dt_s: float) -> None:
         """Speed and steering angle a step later, within the limits."""
         car = self.car
-        wanted = np.clip(command[:, 0], -car.speed_mps, car.speed_mps)
+        wanted = bounded(command[:, 0], -car.speed_mps, car.speed_mps)
         most = car.accel_mps2 * dt_s
-        self.speed = self.speed + np.clip(wanted - self.speed, -most, most)
-        turned = np.clip(command[:, 1], -car.steering_rad, car.steering_rad)
+        self.speed = self.speed + bounded(wanted - self.speed, -most, most)
+        turned = bounded(command[:, 1], -car.steering_rad, car.steering_rad)
         most = car.steering_rate_radps * dt_s
-        self.steering = self.steering + np.clip(turned - self.steering, -most, most)
+        self.steering = self.steering + bounded(turned - self.steering, -most, most)

@@ -18,10 +18,32 @@ from dataclasses import dataclass
 import numpy as np
 
 from koord.runtime.motion import cascade
-from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.arrays import Floats, products
 from koord.runtime.motion.bodies import Drone
 from koord.runtime.motion.cascade import GRAVITY, Gains
 from koord.runtime.motion.flying import Reference
+
+#: a × b.
+_CROSS = products(
+    ((1, 1, 2), (-1, 2, 1)),
+    ((1, 2, 0), (-1, 0, 2)),
+    ((1, 0, 1), (-1, 1, 0)),
+)
+
+#: q ∘ (0, ω).
+_TURNING = products(
+    ((-1, 1, 0), (-1, 2, 1), (-1, 3, 2)),
+    ((1, 0, 0), (1, 2, 2), (-1, 3, 1)),
+    ((1, 0, 1), (1, 3, 0), (-1, 1, 2)),
+    ((1, 0, 2), (1, 1, 1), (-1, 2, 0)),
+)
+
+#: R(q) e_z, but for the 1 of which the last one is subtracted; halved.
+_AXIS = products(
+    ((1, 1, 3), (1, 0, 2)),
+    ((1, 2, 3), (-1, 0, 1)),
+    ((1, 1, 1), (1, 2, 2)),
+)
 
 
 @dataclass(slots=True)
@@ -80,11 +102,10 @@ class Quadrotors:
         s.rates = s.rates + dt_s * (tau - couple) / self._inertia
         s.attitude = turned(s.attitude, s.rates, dt_s)
         s.thrust = s.thrust + (thrust - s.thrust) * (1.0 - math.exp(-dt_s / drone.rotor_lag_s))
-        w, x, y, z = s.attitude
-        force = np.empty_like(s.velocity)
-        force[0] = s.thrust * (2.0 * (x * z + w * y))
-        force[1] = s.thrust * (2.0 * (y * z - w * x))
-        force[2] = s.thrust * (1.0 - 2.0 * (x * x + y * y)) - GRAVITY
+        axis = 2.0 * _AXIS.of(s.attitude, s.attitude)
+        axis[2] = 1.0 - axis[2]
+        force = s.thrust * axis
+        force[2] -= GRAVITY
         move(s, force, air, drone, self.ground_m, dt_s)
 
     def control(
@@ -98,11 +119,7 @@ class Quadrotors:
         axis, thrust = cascade.axis_and_thrust(wanted, drone)
         asked = cascade.body_rates(gains, axis, s.attitude)
         inertia, torque = self._inertia, self._torque
-        spin = inertia * s.rates
-        couple = np.empty_like(spin)
-        couple[0] = s.rates[1] * spin[2] - s.rates[2] * spin[1]
-        couple[1] = s.rates[2] * spin[0] - s.rates[0] * spin[2]
-        couple[2] = s.rates[0] * spin[1] - s.rates[1] * spin[0]
+        couple = _CROSS.of(s.rates, inertia * s.rates)
         tau = inertia * (gains.rate * (asked - s.rates)) + couple
         return thrust, np.minimum(np.maximum(tau, -torque), torque), couple
 
@@ -134,15 +151,9 @@ def position_control(
 
 def turned(attitude: Floats, rates: Floats, dt_s: float) -> Floats:
     """Attitudes after turning at rates for a step, of unit length again."""
-    w, x, y, z = attitude
-    p, q, r = rates * (0.5 * dt_s)
-    after = np.empty_like(attitude)
-    after[0] = w - (x * p + y * q + z * r)
-    after[1] = x + (w * p + y * r - z * q)
-    after[2] = y + (w * q + z * p - x * r)
-    after[3] = z + (w * r + x * q - y * p)
-    size = after[0] * after[0] + after[1] * after[1] + after[2] * after[2] + after[3] * after[3]
-    unit: Floats = after / np.sqrt(size)
+    after = attitude + _TURNING.of(attitude, rates * (0.5 * dt_s))
+    square = after * after
+    unit: Floats = after / np.sqrt(square[0] + square[1] + square[2] + square[3])
     return unit
 
 
