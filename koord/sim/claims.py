@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import chain, compress, product
+from operator import is_not
 from typing import Any
 
 from koord.runtime.compile.loading import loaded
-from koord.runtime.compile.watching import Claim, Looks, Sort, Watched
+from koord.runtime.compile.watching import Claim, Sort, Watched
 from koord.runtime.motion.world import Point
 from koord.runtime.operations import FaultError
 from koord.runtime.robot import Host, Key, Robot, Turn
@@ -56,10 +57,19 @@ class _Changes:
     """
 
     def __init__(self, claims: Iterable[Claim]) -> None:
-        looks = [claim.looks for claim in claims if claim.looks is not None]
-        self.own = sorted(frozenset().union(*(o for one in looks for o in one.own)))
-        self.entries = sorted(frozenset().union(*(e for one in looks for e in one.entries)))
-        self.shared = sorted(frozenset().union(*(one.shared for one in looks)))
+        known = {claim.method: claim.looks for claim in claims if claim.looks is not None}
+        looks = known.values()
+        self.own = sorted({name for one in looks for name in chain(*one.own)})
+        self.entries = sorted({name for one in looks for name in chain(*one.entries)})
+        self.shared = sorted({name for one in looks for name in one.shared})
+        #: Of what a claim looks at, the names here: of what robots have, and of what they share.
+        self._names = {
+            method: (
+                {*chain(*one.own), *(f"{entry}[]" for entry in chain(*one.entries))},
+                {f"{name}." for name in one.shared},
+            )
+            for method, one in known.items()
+        }
         self.look = 0
         self._last: dict[str, Sequence[Any]] = {}
         self._changed: dict[str, deque[set[int]]] = {}
@@ -67,8 +77,9 @@ class _Changes:
     def note(self, robots: Sequence[Robot], values: Mapping[str, Any]) -> None:
         """Look at robots, and at what they share."""
         self.look += 1
+        held = [vars(robot) for robot in robots]
         for name in self.own:
-            self._note(name, [vars(robot).get(name) for robot in robots])
+            self._note(name, [of_robot.get(name) for of_robot in held])
         for name in self.entries:
             self._note(f"{name}[]", values[name])
         for name in self.shared:
@@ -81,23 +92,21 @@ class _Changes:
         elif last is now:
             changed = set()
         else:
-            pairs = enumerate(zip(now, last, strict=True))
-            changed = {number for number, (a, b) in pairs if a is not b}
+            changed = set(compress(range(len(now)), map(is_not, now, last)))
         self._last[name] = now
         self._changed.setdefault(name, deque(maxlen=_LOOKS)).append(changed)
 
-    def since(self, look: int, looks: Looks) -> set[int] | None:
+    def since(self, look: int, claim: Claim) -> set[int] | None:
         """The robots of which a claim sees something else than at a look; None: it may be any."""
         count = self.look - look
-        if count > _LOOKS:
+        if count > _LOOKS or claim.looks is None:
             return None
-        for name in looks.shared:
-            if any([*self._changed[f"{name}."]][-count:]):
+        of_robots, of_all = self._names[claim.method]
+        for name in of_all:
+            if any([*self._changed[name]][-count:]):
                 return None
         found = set[int]()
-        own = frozenset().union(*looks.own)
-        entries = frozenset().union(*looks.entries)
-        for name in (*own, *(f"{entry}[]" for entry in entries)):
+        for name in of_robots:
             found.update(*[*self._changed[name]][-count:])
         return found
 
@@ -109,6 +118,7 @@ class Watching:
         kinds = run.cast.kinds
         self.watch = watch_of(watched, run)
         self.looked: dict[str, int] = {}
+        self._names = {claim.method: _named(claim) for claim in watched.claims}
         self._changes = _Changes(watched.claims)
         self._measured = [list(_measured(one)) for one in run.cast.classes]
         self._next = 0
@@ -179,7 +189,7 @@ class Watching:
         return [robots[(first + k) % count] for k in range(_MOST_AT_A_TICK)]
 
     def _count(self, claim: Claim) -> None:
-        name = _named(claim)
+        name = self._names[claim.method]
         self.looked[name] = self.looked.get(name, 0) + 1
 
     def _broken(self, stated: _Stated) -> list[tuple[int, ...]]:
@@ -188,9 +198,8 @@ class Watching:
         What nothing has changed of since it was last looked at is as it was.
         """
         claim, broken = stated.claim, stated.broken
-        looks, changes = claim.looks, self._changes
-        changed = None if looks is None else changes.since(stated.looked, looks)
-        stated.looked = changes.look
+        changed = self._changes.since(stated.looked, claim)
+        stated.looked = self._changes.look
         holds = getattr(self.watch, claim.method)
         for robots in _tuples(stated.robots, changed):
             try:
