@@ -3,126 +3,124 @@
 from __future__ import annotations
 
 import argparse
-import json
 import secrets
-import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-import numpy as np
-
+from koord.cli.concluding import concluded
 from koord.cli.deploy import Interrupts
 from koord.cli.deployed import Board, summary
 from koord.cli.exits import Exit
+from koord.cli.keeping import watched
 from koord.cli.simulated import heading
+from koord.cli.simulated_traces import Tracing
 from koord.cli.simulating import Job
 from koord.runtime.deploy.local import Fleet, Launch, launched
 from koord.runtime.deploy.networks import local_plan
 from koord.runtime.deploy.running import Job as Deployment
-from koord.runtime.deploy.running import Moment
+from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.transports.transport import TransportError
-from koord.sim.digests import BEGAN, SKIPPED, Digest
+from koord.sim.following import Followed
 from koord.sim.processes import Maker
-from koord.sim.separation import nearest
+from koord.sim.running import Ending
 from koord.syntax.diagnostics import refusal
+
+#: How long processes are waited for at a time.
+_WAIT_S = 0.2
+
+#: In a run without a pace no time passes while somebody plans: nobody is to be late for that.
+_UNHURRIED_S = 5.0
 
 
 @dataclass
-class _Heard:
-    """What all robots did, by round and robot."""
+class _Late:
+    """How many proposals came too late for their rounds, of those that were told of."""
 
-    robots: int
-    rounds: dict[int, dict[int, Moment]] = field(default_factory=dict)
-
-    def hear(self, moments: Sequence[Moment]) -> None:
-        for moment in moments:
-            self.rounds.setdefault(moment.round, {})[moment.pid] = moment
-
-    def whole(self) -> list[list[Moment]]:
-        """The rounds that all have told of, in order."""
-        numbers = sorted(number for number, of in self.rounds.items() if len(of) == self.robots)
-        return [[self.rounds[n][pid] for pid in range(self.robots)] for n in numbers]
+    count: int = 0
 
 
-def simulate(arguments: argparse.Namespace, job: Job) -> int:
+def simulate(arguments: argparse.Namespace, job: Job, tracing: Tracing | None) -> int:
     """Run the robots, tell what they did, and return the exit code. Raises KoordError."""
-    heard = _Heard(len(job.kinds))
-    cast = job.cast()
+    followed = job.followed(
+        keep_going=arguments.keep_going, summaries=arguments.check_summaries, tracing=tracing
+    )
+    pace = arguments.pace or (1.0 if arguments.live else None)
     deployment = Deployment(
-        cast.classes,
+        job.cast().classes,
         job.kinds,
         job.configuration,
         secrets.token_bytes(32),
         f"sim {secrets.token_hex(4)}",
         delta_s=job.scene.delta_s,
-        pace_s=0.0 if arguments.pace is None else job.scene.delta_s / arguments.pace,
+        pace_s=0.0 if pace is None else job.scene.delta_s / pace,
         rounds=round(job.limit_s(arguments.rounds, arguments.time) / job.scene.delta_s),
         journals=None,
+        unhurried_s=_UNHURRIED_S,
     )
     if not arguments.json:
         print(f"{heading(job)}, {len(job.kinds)} processes")
+    began = time.perf_counter()
+    late = _Late()
     try:
-        fleet, interrupts = _run(Maker(cast, job.scene), deployment, heard)
+        # The page is fed by what is told: it keeps the pace of the processes by itself.
+        with watched(arguments, followed.recording), ExitStack() as stack:
+            fleet = _launched(stack, Maker(job.cast(), job.scene), deployment)
+            for decision in _rounds(stack, fleet, deployment, followed, late):
+                if tracing is None:
+                    continue
+                if decision.round == INIT_ROUND:
+                    tracing.begun(decision, followed)
+                else:
+                    tracing.round(decision, followed)
     except TransportError as error:
         hint = error.hint or None
         raise refusal("K933", job.configuration.name, error.message, hint) from None
-    rounds, near = heard.whole(), np.inf
-    digest = Digest()
-    for moments in rounds:
-        positions = np.array([moment.position for moment in moments])
-        digest.note(moments[0].round, np.array([_deed(job, moment) for moment in moments]))
-        digest.place(positions)
-        pair = nearest(positions)
-        near = near if pair is None else min(near, pair.distance_m)
-    broken = near < job.scene.safety_m
-    late = sum(moment.late for moments in rounds for moment in moments)
-    if arguments.json:
-        document = {
-            "format": "koord-processes",
-            "version": 1,
-            "rounds": len(rounds) - 1,
-            "late": late,
-            "separation_m": float(near) if np.isfinite(near) else None,
-            "digest": digest.hexdigest(),
-        }
-        sys.stdout.write(json.dumps(document, indent=2) + "\n")
-    else:
-        print(summary(fleet.statuses, deployment))
-        if np.isfinite(near):
-            print(f"separation at least {near:.2f} m; safe from {job.scene.safety_m:.2f} m on")
-        print(f"trace {digest.hexdigest()[:16]}")
-    if broken or any(status.fault or status.trouble for status in fleet.statuses.values()):
+    wall_s = time.perf_counter() - began
+    lines = summary(fleet.statuses, deployment).splitlines()[1:]
+    code = concluded(
+        arguments, job, followed, tracing, wall_s, more={"late": late.count}, lines=lines
+    )
+    if code == Exit.OK and any(status.trouble for status in fleet.statuses.values()):
         return Exit.VIOLATED
-    return Exit.INTERRUPTED if interrupts.count else Exit.OK
+    return code
 
 
-def _run(maker: Maker, deployment: Deployment, heard: _Heard) -> tuple[Fleet, Interrupts]:
-    """All robots, until their run is over. Raises TransportError."""
-    with ExitStack() as stack:
-        plan = local_plan(deployment.configuration, deployment.robots)
-        fleet = launched(Launch(deployment, plan, maker, keeps_moments=True))
-        stack.callback(fleet.join)
-        stack.callback(fleet.kill)
-        interrupts = stack.enter_context(Interrupts(at_once=fleet.kill))
-        board = stack.enter_context(Board(deployment.robots, deployment.rounds))
-        told = False
-        while not fleet.is_over:
-            for _, moments in fleet.news(0.2):
-                heard.hear(moments)
-            board.show(fleet.statuses)
-            if interrupts.count and not told:
-                told = True
-                fleet.stop()
-            if fleet.failures:
-                raise fleet.failures[0]
-    return fleet, interrupts
+def _launched(stack: ExitStack, maker: Maker, deployment: Deployment) -> Fleet:
+    plan = local_plan(deployment.configuration, deployment.robots)
+    fleet = launched(Launch(deployment, plan, maker, keeps_moments=True))
+    stack.callback(fleet.join)
+    stack.callback(fleet.kill)
+    return fleet
 
 
-def _deed(job: Job, moment: Moment) -> int:
-    """The position of the event that a robot ran."""
-    if moment.round < 0:
-        return BEGAN
-    agent = job.loaded.program.agents[job.kinds[moment.pid]]
-    names = [event.name for event in agent.events]
-    return SKIPPED if moment.event is None else names.index(moment.event)
+def _rounds(
+    stack: ExitStack, fleet: Fleet, deployment: Deployment, followed: Followed, late: _Late
+) -> Iterator[Decision]:
+    """All rounds of all robots, until their run is over. Raises TransportError."""
+    interrupts = stack.enter_context(Interrupts(at_once=fleet.kill))
+    board = stack.enter_context(Board(deployment.robots, deployment.rounds))
+    is_stopped = False
+    while not fleet.is_over:
+        for _, moments in fleet.news(_WAIT_S):
+            late.count += sum(moment.late for moment in moments)
+            followed.hear(moments)
+        yield from followed.rounds()
+        board.show(fleet.statuses)
+        board.is_stopping = interrupts.count > 0
+        if not is_stopped and (interrupts.count or followed.ending is not None):
+            is_stopped = True
+            fleet.stop()
+        if fleet.failures:
+            raise fleet.failures[0]
+    yield from followed.rounds(is_over=True)
+    if followed.ending is None:
+        followed.end(_ending(deployment, followed, is_interrupted=interrupts.count > 0))
+
+
+def _ending(deployment: Deployment, followed: Followed, *, is_interrupted: bool) -> Ending:
+    if is_interrupted:
+        return Ending.INTERRUPTED
+    is_whole = deployment.rounds is not None and followed.engine.round >= deployment.rounds
+    return Ending.LIMIT if is_whole else Ending.SILENT

@@ -20,7 +20,7 @@ from koord.cli.arguments import (
     sweep,
 )
 from koord.cli.exits import Exit
-from koord.cli.keeping import add_outputs, check_outputs, keep, watched
+from koord.cli.keeping import add_outputs, check_outputs, watched
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
@@ -153,25 +153,16 @@ def main(arguments: argparse.Namespace) -> int:
     if is_campaign:
         assert wanted is not None
         return campaign(arguments, wanted, job.scene.seed)
-    if arguments.processes:
-        return _processes(arguments, job)
     tracing = Tracing(job) if arguments.trace is not None else None
+    if arguments.processes:
+        from koord.cli.processes import simulate
+
+        job.check_start(job.begun())
+        return simulate(arguments, job, tracing)
     simulation = job.simulation(
         keep_going=arguments.keep_going, summaries=arguments.check_summaries, tracing=tracing
     )
     return _run(arguments, job, simulation, tracing)
-
-
-def _processes(arguments: argparse.Namespace, job: Job) -> int:
-    """Each robot in a process of its own."""
-    if any((arguments.trace, arguments.record, arguments.plot, arguments.live)):
-        raise argparse.ArgumentTypeError(
-            "--processes are not recorded: run the same seed without, it is the same run"
-        )
-    from koord.cli.processes import simulate
-
-    job.check_start(job.begun())
-    return simulate(arguments, job)
 
 
 def _rehearse(arguments: argparse.Namespace) -> int:
@@ -193,10 +184,9 @@ def _run(
 ) -> int:
     import time
 
+    from koord.cli.concluding import concluded
     from koord.cli.progress import Interruption, LiveLine
-    from koord.cli.simulated import as_document, conclusion, heading, table
-    from koord.cli.terminal import visible
-    from koord.cli.traces import write_trace
+    from koord.cli.simulated import heading, progress
     from koord.sim.running import Ending, run
 
     limit_s = job.limit_s(arguments.rounds, arguments.time)
@@ -213,46 +203,11 @@ def _run(
         LiveLine(sys.stderr) as line,
     ):
         for decision in run(simulation, limit_s):
-            line.show(_progress(simulation))
+            line.show(progress(simulation))
             pace(simulation.time_s)
             if tracing is not None:
                 tracing.round(decision, simulation)
             if interruption.requested:
                 simulation.end(Ending.INTERRUPTED)
     wall_s = time.perf_counter() - began
-    told = None
-    if tracing is not None:
-        ran = tracing.ran(simulation)
-        write_trace(arguments.trace, tracing.trace(ran))
-        told = tracing.judged(ran)
-    if arguments.json:
-        sys.stdout.write(as_document(job, simulation, wall_s))
-    else:
-        for text in (*table(simulation, wall_s), *conclusion(job, simulation)):
-            print(text)
-    kept = keep(arguments, simulation.recording)
-    if kept and not arguments.json:
-        print(f"kept: {', '.join(map(visible, kept))}")
-    if told is not None and told.refused is not None:
-        print(
-            f"the trace is none of the semantics: [{told.refused.rule}] {told.refused.reason}",
-            file=sys.stderr,
-        )
-        return Exit.VIOLATED
-    return _code(simulation)
-
-
-def _progress(simulation: Simulation) -> str:
-    figures = simulation.gauge
-    done, tasks = figures.visited, figures.tasks
-    said = f"{simulation.time_s:.1f} s simulated"
-    return f"{said}, {done} of {tasks} tasks" if tasks else said
-
-
-def _code(simulation: Simulation) -> Exit:
-    from koord.sim.running import Ending
-
-    if simulation.ending is Ending.INTERRUPTED:
-        return Exit.INTERRUPTED
-    broken = bool(simulation.broken) or simulation.fault is not None
-    return Exit.VIOLATED if broken else Exit.OK
+    return concluded(arguments, job, simulation, tracing, wall_s)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import io
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
+from types import MappingProxyType
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -136,7 +138,17 @@ def _told(broken: Broken) -> str:
     return f"{broken.claim}{who}, after {broken.time_s:.2f} s{where}{words}"
 
 
-def as_document(job: Job, simulation: Simulation, wall_s: float) -> str:
+def progress(simulation: Simulation) -> str:
+    """How far a run has come."""
+    figures = simulation.gauge
+    done, tasks = figures.visited, figures.tasks
+    said = f"{simulation.time_s:.1f} s simulated"
+    return f"{said}, {done} of {tasks} tasks" if tasks else said
+
+
+def as_document(
+    job: Job, simulation: Simulation, wall_s: float, more: Mapping[str, Any] = MappingProxyType({})
+) -> str:
     """The run as JSON."""
     figures = simulation.figures()
     assert simulation.ending is not None
@@ -156,5 +168,6 @@ def as_document(job: Job, simulation: Simulation, wall_s: float) -> str:
         if simulation.fault is None
         else asdict(simulation.fault.fault)
         | {"kind": simulation.fault.fault.kind.value, "robot": simulation.fault.robot},
+        **more,
     }
     return json.dumps(document, indent=2) + "\n"

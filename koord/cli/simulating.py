@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from koord.cli.arguments import settings
 from koord.cli.diagnostics import Report
@@ -20,6 +20,7 @@ from koord.runtime.compile.watching import Sort, Watched, watched
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import Configuration, Scatter
 from koord.sim.claims import Checked, Watching
+from koord.sim.following import Followed
 from koord.sim.hosting import ANSWERED, plain_name
 from koord.sim.running import Cast, Simulation
 from koord.sim.scene import Scene, params, scene
@@ -34,6 +35,8 @@ from koord.syntax.walk import nodes
 if TYPE_CHECKING:
     from koord.cli.simulated_traces import Tracing
     from koord.runtime.robot import Host
+
+Run = TypeVar("Run", bound=Simulation)
 
 #: So many robots and tasks there are where nobody says how many.
 _ROBOTS, _TASKS = 3, 20
@@ -82,6 +85,17 @@ class Job:
         self, *, keep_going: bool = False, summaries: bool = False, tracing: Tracing | None = None
     ) -> Simulation:
         """The program in its scene, with all that it claims watched, ``summaries`` if asked for."""
+        return self._watched(Simulation, keep_going, summaries, tracing)
+
+    def followed(
+        self, *, keep_going: bool = False, summaries: bool = False, tracing: Tracing | None = None
+    ) -> Followed:
+        """The same for a run that other processes make."""
+        return self._watched(Followed, keep_going, summaries, tracing)
+
+    def _watched(
+        self, kind: type[Run], keep_going: bool, summaries: bool, tracing: Tracing | None
+    ) -> Run:
         program, scene = self.loaded.program, self.scene
         cast = self.cast()
         checked: list[Checked] = []
@@ -92,7 +106,7 @@ class Job:
                 host = checked[0]
             return host if tracing is None else tracing.hear(host)
 
-        made = Simulation(cast, scene, keep_going=keep_going, heard=heard)
+        made = kind(cast, scene, keep_going=keep_going, heard=heard)
         claims = watching(made, program, self.slack)
         for one in checked:
             one.hold(claims, made)

@@ -48,6 +48,7 @@ class Ending(Enum):
     VIOLATED = "a claim was broken"
     FAULT = "a fault"
     INTERRUPTED = "interrupted"
+    SILENT = "a robot told nothing more"
     PLAYED = "the recorded run is over"
 
 
@@ -106,13 +107,14 @@ class Simulation:
         *,
         keep_going: bool = False,
         heard: Callable[[Host], Host] | None = None,
+        fleet: Fleet | None = None,
     ) -> None:
-        """``heard`` may put itself between the program and its host."""
+        """``heard`` may put itself between the program and its host; ``fleet`` is the scene's."""
         self.cast, self.scene, self.keep_going = cast, scene, keep_going
         self.claims: list[Claims] = []  #: that are watched; to be filled before the run begins
         self.schedule: Schedule = schedule if schedule is not None else Deployed()
         world, seed = scene.world, scene.seed
-        self.fleet = Fleet(world, scene.robots, seed)
+        self.fleet = Fleet(world, scene.robots, seed) if fleet is None else fleet
         self.host = host_of(cast, scene, self.fleet)
         host: Host = self.host if heard is None else heard(self.host)
         self.claims_host: Host = self.host  #: whom claims ask

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,34 +12,66 @@ from koord.cli.exits import Exit
 from koord.cli.main import main
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
+BOTH = ("", "--processes")
 
 
-def digests(name: str, time_s: int, capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """The hashes of a run in one process, and with one for each robot."""
-    found = []
-    for flags in (["--no-html"], ["--processes"]):
-        program = str(EXAMPLES / f"{name}.krd")
-        code = main(["sim", program, "--time", str(time_s), "--json", *flags])
-        out, err = capsys.readouterr()
-        assert code == Exit.OK, err
-        run = json.loads(out)
-        assert run["rounds"] == 10 * time_s
-        found.append(run["digest"])
-    return found
+def run(
+    name: str, capsys: pytest.CaptureFixture[str], *flags: str, code: Exit = Exit.OK
+) -> dict[str, Any]:
+    """The figures of a run, without how long it took on the wall."""
+    given = [flag for flag in flags if flag]
+    found = main(["sim", str(EXAMPLES / f"{name}.krd"), "--json", "--no-html", *given])
+    out, err = capsys.readouterr()
+    assert found == code, err
+    figures: dict[str, Any] = json.loads(out)
+    for name in ("wall_s", "late"):
+        figures.pop(name, None)
+    return figures
 
 
-def test_processes_make_the_same_run(capsys: pytest.CaptureFixture[str]) -> None:
-    one, several = digests("follow_path", 3, capsys)
-    assert one == several
+def same_run(name: str, time_s: int, capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+    """In one process and in several: the same figures, recordings and traces, to the last bit."""
+    told, kept = [], []
+    for mode in BOTH:
+        files = [folder / f"run{mode}{end}" for end in (".html", ".mcap", ".json")]
+        page, record, trace = map(str, files)
+        flags = ("--time", str(time_s), "--html", page, "--record", record, "--trace", trace)
+        told.append(run(name, capsys, *flags, mode))
+        kept.append([file.read_bytes() for file in files])
+    assert told[0] == told[1]
+    assert told[0]["rounds"] == 10 * time_s
+    assert told[0]["claims"]
+    assert kept[0] == kept[1]
+
+
+def test_processes_make_the_same_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    same_run("follow_path", 3, capsys, tmp_path)
+
+
+def test_two_in_a_scene_with_a_scanner_make_the_same_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    same_run("mapping", 4, capsys, tmp_path)
 
 
 @pytest.mark.slow
-def test_cars_among_processes_make_the_same_run(capsys: pytest.CaptureFixture[str]) -> None:
-    one, several = digests("task", 8, capsys)
-    assert one == several
+def test_cars_among_processes_make_the_same_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    same_run("task", 30, capsys, tmp_path)
 
 
-def test_processes_leave_no_recording(capsys: pytest.CaptureFixture[str]) -> None:
-    flags = ["--processes", "--record", "run.mcap"]
-    assert main(["sim", str(EXAMPLES / "follow_path.krd"), *flags]) == Exit.BAD_INPUT
-    assert "the same run" in capsys.readouterr().err
+def test_a_run_of_processes_ends_where_one_in_one_process_does(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By itself when nothing changes any more, and where a claim is broken."""
+    ends = [run("follow_path", capsys, "--time", "30", mode) for mode in BOTH]
+    assert ends[0] == ends[1]
+    assert ends[0]["ending"] == "stopped"
+    low = tmp_path / "low.krd"
+    low.write_text("invariant Low: forall i: Motion.psn@i.z <= 0.3\n")
+    flags = ("--with", str(low))
+    ends = [run("follow_path", capsys, *flags, mode, code=Exit.VIOLATED) for mode in BOTH]
+    assert ends[0] == ends[1]
+    assert ends[0]["ending"] == "violated"
+    assert ends[0]["broken"][0]["claim"] == "invariant Low"

@@ -76,6 +76,35 @@ def test_everybody_arrives(disturbances: Disturbances) -> None:
     ]
 
 
+@pytest.mark.parametrize("level", [Level.SIMPLE, Level.FULL, Level.FAST])
+def test_who_meets_nobody_moves_as_if_it_were_alone(level: Level) -> None:
+    """To the last bit: each process of a run simulates its own robot."""
+    robots = [
+        Placed(replace(p.kind, level=level), (x, p.start[1], p.start[2]))
+        for p in roughly(ROUGH)
+        for x in (-6.0, -2.0, 2.0)
+    ]
+
+    def ways(only: int | None) -> list[bytes]:
+        fleet = Fleet(World((-9, -9, 0), (9, 9, 3)), robots, 3, only)
+        for k, robot in enumerate(robots):
+            if only in (None, k):
+                fleet.go_to(k, (robot.start[0] + 0.7, robot.start[1] + 0.3, robot.start[2]))
+        found: list[list[bytes]] = [[] for _ in robots]
+
+        def watch(fleet: Fleet) -> None:
+            everything = np.hstack([fleet.positions(), fleet.attitudes()])
+            for k, row in enumerate(everything):
+                found[k].append(row.tobytes())
+
+        fleet.advance_to(3.0, watch)
+        return [b"".join(rows) for rows in found]
+
+    together = ways(None)
+    for k in range(len(robots)):
+        assert ways(k)[k] == together[k], robots[k]
+
+
 def test_equal_seeds_make_equal_runs() -> None:
     rough = roughly(ROUGH)
     assert digest(rough, 1, 6.0) == digest(rough, 1, 6.0)

@@ -61,6 +61,7 @@ class Member:
         self.fault: Fault | None = None
         self.output: list[Written] = []  #: not yet shown
         self.seen: Callable[[Entry, Taken | None], None] = _nobody
+        self.tell: Callable[[Entry], Any] = _nothing  #: what is to be said of a round besides
         self._journal = journal
         self._program = program
         self._turns = 0
@@ -158,6 +159,10 @@ class Member:
                 self.statuses[taken.robot] = asked
         if Status.RUNNING not in self.statuses:
             self.statuses = [Status.STOPPED] * len(self.statuses)
+
+    def has_proposed(self, round_: int) -> bool:
+        """Whether it has run an event for a round, or found that it has none to run."""
+        return self._proposal is not None and self._proposal.round == round_
 
     @property
     def all_stopped(self) -> bool:
@@ -287,3 +292,7 @@ class Member:
 
 def _nobody(entry: Entry, kept: Taken | None) -> None:
     """Nobody looks at what was committed."""
+
+
+def _nothing(entry: Entry) -> None:
+    """Nothing is said of a round but what happened in it."""

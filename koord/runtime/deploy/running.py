@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from hashlib import blake2b
 from pathlib import Path
+from typing import Any
 
 from koord.runtime.configuration.model import Configuration
 from koord.runtime.deploy.ideal import Ideal
@@ -44,6 +45,7 @@ class Job:
     pace_s: float  #: how often rounds begin: δ, or 0 for as fast as it goes
     rounds: int | None
     journals: Path | None  #: the folder that robots write down in where they are
+    unhurried_s: float = 0.1  #: as long as rounds are, for who waits, if they have no pace
 
     @property
     def robots(self) -> int:
@@ -79,6 +81,7 @@ class Moment:
     output: tuple[Written, ...]
     late: bool
     took_s: float
+    told: Any = None  #: what the robot tells besides (:attr:`Member.tell`)
 
 
 def ideal_member(job: Job, pid: int) -> Member:
@@ -125,7 +128,7 @@ class Runner:
         self.member.seen = self._saw
         setup = Setup(
             job.robots,
-            Timing.of(job.pace_s, job.robots),
+            Timing.of(job.pace_s, job.robots, job.unhurried_s),
             owing=job.owing,
             rounds=job.rounds,
             first=job.configuration.leader,
@@ -161,7 +164,10 @@ class Runner:
             name = None if event is None else self.member.robot.EVENTS[event].name
             output = tuple(self.member.output)
             position = self.member.host.position
-            self.moments.append(Moment(pid, entry.round, name, position, output, late, took_s))
+            told = self.member.tell(entry)
+            self.moments.append(
+                Moment(pid, entry.round, name, position, output, late, took_s, told)
+            )
         self.member.output.clear()
 
     @property

@@ -51,7 +51,7 @@ def acceleration(
     them: the acceleration of the reference, and the integral part.
     """
     wanted = gains.position * gap + gains.velocity * speed_gap + ahead
-    size = np.sqrt(np.einsum("in,in->n", wanted, wanted))
+    size = _sizes(wanted)
     wanted *= np.minimum(1.0, drone.accel_mps2 / np.maximum(size, 1e-9))
     return wanted
 
@@ -65,7 +65,7 @@ def axis_and_thrust(wanted: Floats, drone: Drone) -> tuple[Floats, Floats]:
     force = np.empty_like(wanted)
     np.multiply(wanted[:2], share, out=force[:2])
     force[2] = up
-    size = np.sqrt(np.einsum("in,in->n", force, force))
+    size = _sizes(force)
     return force / size, np.minimum(size, drone.thrust_ratio * GRAVITY)
 
 
@@ -81,3 +81,10 @@ def body_rates(gains: Gains, axis: Floats, quaternion: Floats) -> Floats:
     error = _ERROR.of(quaternion, wanted)
     rates: Floats = np.copysign(2.0 * gains.attitude, error[0]) * _SHARES * error[1:]
     return rates
+
+
+def _sizes(vectors: Floats) -> Floats:
+    """Of vectors ``(3, n)``, added up in this order for one drone as for many."""
+    square = vectors * vectors
+    sizes: Floats = np.sqrt(square[0] + square[1] + square[2])
+    return sizes

@@ -31,9 +31,12 @@ class Timing:
     hold_s: float  #: how long a commit may be overdue before the robot holds
 
     @staticmethod
-    def of(delta_s: float, robots: int) -> Timing:
-        """What suits rounds of this length. Many robots on one machine answer one after another."""
-        unit = max(delta_s, 0.02) if delta_s > 0 else 0.1
+    def of(delta_s: float, robots: int, unhurried_s: float = 0.1) -> Timing:
+        """What suits rounds of this length. Many robots on one machine answer one after another.
+
+        Rounds without a length are waited for as if they were ``unhurried_s`` long.
+        """
+        unit = max(delta_s, 0.02) if delta_s > 0 else unhurried_s
         return Timing(
             delta_s=delta_s,
             patience_s=0.7 * unit,
