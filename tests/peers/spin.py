@@ -38,7 +38,7 @@ def ask(model: Model, folder: Path, *, seconds: float = 30.0, large: bool = Fals
 
     ``large`` models are compiled for speed and may use gigabytes; small ones are compiled quickly.
     """
-    build = ("-O2", "-DMEMLIM=8000") if large else ("-O0", "-DMEMLIM=200")
+    build = ("-O2", "-DMEMLIM=8000") if large else ("-O0", "-DMEMLIM=60")
     (folder / "model.pml").write_text(model.promela, "utf-8")
     (folder / "rules.h").write_text(model.rules, "utf-8")
     compiler = shutil.which("gcc") or "cc"

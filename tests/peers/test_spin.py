@@ -1,13 +1,13 @@
 """SPIN on generated finite programs against the explicit search: the first round of each violation.
 
-Compared are properties, faults and the contracts of models, through :data:`ROUNDS` rounds. Lost
-updates are not translated. What is not compared is counted by its reason.
+Compared are properties, faults and the contracts of models, through some rounds. Lost updates are
+not translated. What is not compared is counted by its reason.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -24,6 +24,7 @@ from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from tests.generators.staged import STAGES, staged
 from tests.peers import model, spin
 from tests.peers.shapes import NotCoveredError
 
@@ -37,14 +38,14 @@ needs_spin = pytest.mark.skipif(
 )
 
 
-def searched(made: System) -> dict[str, int] | str:
+def searched(made: System, rounds: int = ROUNDS) -> dict[str, int] | str:
     """What the search sees broken, and when; or why it does not know."""
     found = survey(
-        made, made.program.properties, Limits(states=20_000, rounds=ROUNDS), subjects=SUBJECTS
+        made, made.program.properties, Limits(states=20_000, rounds=rounds), subjects=SUBJECTS
     )
     if isinstance(found.end, NotFinite):
         return "search: not finite"
-    if isinstance(found.end, OutOfBounds) and found.end.depth < ROUNDS:
+    if isinstance(found.end, OutOfBounds) and found.end.depth < rounds:
         return f"search: {found.end.reason}"
     return {_name(violated.claim): violated.rounds for violated in found.violated}
 
@@ -59,17 +60,26 @@ def _name(claim: Claim) -> str:
             return claim.name
 
 
-def compare(seeds: Iterable[int], folder: Path) -> Counter[str]:
+def finite(random: Random) -> System:
+    return system(random, FINITE)
+
+
+def compare(
+    seeds: Iterable[int],
+    folder: Path,
+    make: Callable[[Random], System] = finite,
+    rounds: int = ROUNDS,
+) -> Counter[str]:
     """Ask both about each program. The counts: agreements, violations, and what was left out."""
     counts: Counter[str] = Counter()
     for seed in seeds:
-        made = system(Random(seed), FINITE)
-        expected = searched(made)
+        made = make(Random(seed))
+        expected = searched(made, rounds)
         if isinstance(expected, str):
             counts[expected] += 1
             continue
         try:
-            translated = model.translate(made.program, made.kinds, ROUNDS)
+            translated = model.translate(made.program, made.kinds, rounds)
             answer = spin.ask(translated, folder)
         except NotCoveredError as reason:
             counts[f"not translated: {reason}"] += 1
@@ -81,29 +91,39 @@ def compare(seeds: Iterable[int], folder: Path) -> Counter[str]:
         counts["agree"] += 1
         counts["violated"] += len(expected)
         counts["violated inside"] += sum(r > 0 for r in expected.values())
+        counts["violated late"] += sum(r > 2 for r in expected.values())
         counts["hold"] += len(translated.claims) - len(expected)
     print(dict(counts))  # shown with -s, and where an assertion fails
     return counts
 
 
 @needs_spin
-def test_spin_agrees_on_a_handful(tmp_path: Path) -> None:
-    """Among them a fault, a broken contract of a model, locks, and an assumption."""
-    counts = compare((1, 8, 16, 26), tmp_path)
-    assert counts["agree"] == 4
-    assert counts["violated inside"] >= 2
-    assert counts["hold"] >= 4
+@pytest.mark.parametrize("block", range(2))
+def test_spin_agrees(block: int, tmp_path: Path) -> None:
+    """Among them faults, broken contracts of models, locks, and assumptions."""
+    counts = compare(range(30 * block, 30 * block + 30), tmp_path)
+    assert counts["agree"] >= 15
+    assert counts["violated inside"] >= 1
+    assert counts["hold"] >= 20
+
+
+@needs_spin
+@pytest.mark.parametrize("first", [0, 30, 90, 120])
+def test_spin_agrees_late(first: int, tmp_path: Path) -> None:
+    """Programs in stages. With those above these are more than a hundred."""
+    counts = compare(range(first, first + 30), tmp_path, staged, STAGES)
+    assert counts["agree"] >= 16
+    assert counts["violated late"] >= 3
+    assert counts["hold"] >= 20
 
 
 @needs_spin
 @pytest.mark.slow
-@pytest.mark.parametrize("block", range(5))
+@pytest.mark.parametrize("block", range(10))
 def test_spin_agrees_on_many(block: int, tmp_path: Path) -> None:
-    """More than a hundred programs in all."""
-    counts = compare(range(50 * block, 50 * block + 50), tmp_path)
-    assert counts["agree"] >= 20
-    assert counts["violated inside"] >= 1
-    assert counts["hold"] >= 20
+    seeds = range(1_000 + 50 * block, 1_050 + 50 * block)
+    assert compare(seeds, tmp_path)["agree"] >= 20
+    assert compare(seeds, tmp_path, staged, STAGES + 1)["agree"] >= 20
 
 
 def test_what_is_not_translated_is_refused_by_name() -> None:
