@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "specs" / "examples"
 
 #: Libraries and floors that neither ``import koord`` nor ``koord --help`` may load.
 HEAVY = (
@@ -68,6 +71,15 @@ def test_checking_a_program_loads_no_solver() -> None:
     loaded = modules_after(statement) - modules_after("pass")
     assert "koord.cli.check" in loaded
     assert {"z3", "numpy", "koord.verify"} & loaded == set()
+
+
+def test_a_simulated_run_loads_only_what_it_uses() -> None:
+    program = EXAMPLES / "lineform.krd"
+    arguments = ["sim", str(program), "--rounds", "1", "--no-html"]
+    loaded = modules_after(f"from koord.cli.main import main; assert main({arguments}) == 0")
+    assert {"koord.sim.running", "ompl"} <= loaded
+    unused = ("osqp", "scipy", "z3", "http", "koord.verify", "koord.refinement", "koord.sim.live")
+    assert loaded & {*unused, "koord.runtime.deploy", "koord.cli.campaigns"} == set()
 
 
 def test_the_check_would_see_a_heavy_module() -> None:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from koord.cli.exits import Exit
 from koord.cli.keeping import keep
 from koord.cli.simulated import as_document, conclusion, table
-from koord.cli.simulated_traces import Tracing
 from koord.cli.simulating import Job
 from koord.cli.terminal import visible
-from koord.cli.traces import write_trace
 from koord.sim.running import Ending, Simulation
+
+if TYPE_CHECKING:
+    from koord.cli.simulated_traces import Tracing
 
 
 def concluded(
@@ -33,6 +34,8 @@ def concluded(
     """
     told = None
     if tracing is not None:
+        from koord.cli.traces import write_trace
+
         ran = tracing.ran(simulation)
         write_trace(arguments.trace, tracing.trace(ran))
         told = tracing.judged(ran)

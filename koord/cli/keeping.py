@@ -148,10 +148,13 @@ def watched(
 
     What comes out keeps the pace: it is to be called with the simulated time. Raises KoordError.
     """
+    factor = arguments.pace or (1.0 if arguments.live else None)
+    if factor is None:
+        yield _at_once
+        return
     from koord.sim.live import Live, Pace
 
-    factor = arguments.pace or (1.0 if arguments.live else None)
-    pace = Pace(factor).keep if factor is not None else _at_once
+    pace = Pace(factor).keep
     if not arguments.live:
         yield pace
         return

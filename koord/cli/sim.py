@@ -122,9 +122,7 @@ def main(arguments: argparse.Namespace) -> int:
     from koord.runtime.motion.libraries import SIM, require
 
     require(SIM, "sim")
-    from koord.cli.campaigns import campaign, check_campaign
     from koord.cli.diagnostics import Report
-    from koord.cli.simulated_traces import Tracing
     from koord.cli.simulating import asked
 
     if arguments.schedule is not None:
@@ -133,6 +131,8 @@ def main(arguments: argparse.Namespace) -> int:
     check_files([arguments.file, *config, *arguments.properties])
     is_campaign = arguments.runs is not None or arguments.sweep is not None
     if is_campaign:
+        from koord.cli.campaigns import campaign, check_campaign
+
         check_campaign(arguments)
     elif arguments.csv is not None:
         raise argparse.ArgumentTypeError("--csv is of campaigns: say --runs K")
@@ -153,7 +153,11 @@ def main(arguments: argparse.Namespace) -> int:
     if is_campaign:
         assert wanted is not None
         return campaign(arguments, wanted, job.scene.seed)
-    tracing = Tracing(job) if arguments.trace is not None else None
+    tracing = None
+    if arguments.trace is not None:
+        from koord.cli.simulated_traces import Tracing
+
+        tracing = Tracing(job)
     if arguments.processes:
         from koord.cli.processes import simulate
 

@@ -20,7 +20,6 @@ from koord.runtime.compile.watching import Sort, Watched, watched
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import Configuration, Scatter
 from koord.sim.claims import Checked, Watching
-from koord.sim.following import Followed
 from koord.sim.hosting import ANSWERED, plain_name
 from koord.sim.running import Cast, Simulation
 from koord.sim.scene import Scene, params, scene
@@ -35,6 +34,7 @@ from koord.syntax.walk import nodes
 if TYPE_CHECKING:
     from koord.cli.simulated_traces import Tracing
     from koord.runtime.robot import Host
+    from koord.sim.following import Followed
 
 Run = TypeVar("Run", bound=Simulation)
 
@@ -91,6 +91,8 @@ class Job:
         self, *, keep_going: bool = False, summaries: bool = False, tracing: Tracing | None = None
     ) -> Followed:
         """The same for a run that other processes make."""
+        from koord.sim.following import Followed
+
         return self._watched(Followed, keep_going, summaries, tracing)
 
     def _watched(

@@ -12,11 +12,10 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Drone, Ideal
-from koord.runtime.motion.driving import Driving, Measured, Steering
+from koord.runtime.motion.driving import Driving, Horizon, Measured, Steering
 from koord.runtime.motion.flying import Flying, Reference
 from koord.runtime.motion.group import Group
 from koord.runtime.motion.planning import planner
-from koord.runtime.motion.predictive import Horizon
 from koord.runtime.motion.world import World
 from koord.sim.disturbances import Delay, Disturbances, Fixes, Gusts
 from koord.sim.kinds import Kind, Level

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +13,9 @@ from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.group import Group
-from koord.runtime.motion.predictive import Course, Horizon, Predictive
 
-_HORIZON = Horizon()
+if TYPE_CHECKING:
+    from koord.runtime.motion.predictive import Predictive
 
 #: A leg of a route is driven when no more than this is left of it.
 _DONE_M = 0.03
@@ -45,19 +46,41 @@ class Measured:
     speed_mps: Floats
 
 
+@dataclass(frozen=True, slots=True)
+class Horizon:
+    """How far a controller looks: so many steps of so long."""
+
+    steps: int = 8
+    step_s: float = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """What cars are to follow, from now on: arrays ``(m, steps)``.
+
+    They may go more slowly than told, to keep to the path, but not more slowly than ``slowest``.
+    """
+
+    speed_mps: Floats
+    curvature: Floats
+    slowest_mps: float
+
+
 class Driving:
     """The law of motion of a group of cars. Its answers are speeds and steering angles."""
 
-    def __init__(self, group: Group, steering: Steering, horizon: Horizon = _HORIZON) -> None:
+    def __init__(self, group: Group, steering: Steering, horizon: Horizon = Horizon()) -> None:
         assert isinstance(group.body, Car)
         self.group, self.car, self.horizon = group, group.body, horizon
         self.inputs: Floats = np.zeros((group.count, 2))  #: speed of travel and steering angle
         self.way: Floats = np.ones(group.count)
         self.missed: Bools = np.zeros(group.count, np.bool_)
         self._waited: Floats = np.zeros(group.count)
-        self._predictive = (
-            Predictive(group.count, self.car, horizon) if steering is Steering.PREDICTIVE else None
-        )
+        self._predictive: Predictive | None = None
+        if steering is Steering.PREDICTIVE:
+            from koord.runtime.motion.predictive import Predictive
+
+            self._predictive = Predictive(group.count, self.car, horizon)
 
     def command(self, measured: Measured, dt_s: float) -> Floats:
         """Speeds (negative: backwards) and steering angles, shape ``(n, 2)``, for the next step."""

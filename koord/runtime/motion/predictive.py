@@ -22,6 +22,7 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.driving import Course, Horizon
 from koord.runtime.motion.libraries import missing
 from koord.runtime.motion.pursuit import steering
 
@@ -45,26 +46,6 @@ class Weights:
     steering_change: float = 0.15
 
 
-@dataclass(frozen=True, slots=True)
-class Horizon:
-    """How far a controller looks: so many steps of so long."""
-
-    steps: int = 8
-    step_s: float = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class Course:
-    """What cars are to follow, from now on: arrays ``(m, steps)``.
-
-    They may go more slowly than told, to keep to the path, but not more slowly than ``slowest``.
-    """
-
-    speed_mps: Floats
-    curvature: Floats
-    slowest_mps: float
-
-
 class Predictive:
     """The controllers of ``count`` cars. The solver of a car is made when it is first needed."""
 
@@ -72,7 +53,7 @@ class Predictive:
         self,
         count: int,
         car: Car,
-        horizon: Horizon = Horizon(),
+        horizon: Horizon,
         weights: Weights = Weights(),
     ) -> None:
         self.car, self.horizon, self.weights = car, horizon, weights
