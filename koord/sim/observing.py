@@ -90,6 +90,7 @@ class Observer:
         self._paths_due_s = -math.inf
         self._values_s, self._values_due_s = header.values_s, -math.inf
         self._shown = 0
+        self._tilts = bool(header.tilting)
 
     def begun(self, decision: Decision) -> None:
         """INIT is over."""
@@ -101,7 +102,9 @@ class Observer:
         now_s = fleet.now_s
         if not self.recorder.is_due(now_s):
             return
-        self.recorder.sample(now_s, fleet.positions(), fleet.headings(), separation_m)
+        attitudes = fleet.attitudes() if self._tilts else None
+        here = fleet.positions(), fleet.headings()
+        self.recorder.sample(now_s, *here, separation_m, attitudes)
         if now_s >= self._paths_due_s - 1e-9:
             self._paths_due_s = now_s + self._paths_s
             given = fleet.paths_given()

@@ -33,6 +33,9 @@ from koord.sim.recording import Agent, Header, Recorded, Recording, Variable, ma
 #: Headings are kept in so many parts of a turn.
 TURN = 4096
 
+#: How far robots tilt, which nobody sees so exactly, in so many.
+TILT = 720
+
 #: The finest step that positions are kept in, and how many steps there are in a world.
 _STEP_M, _STEPS = 0.001, 60_000
 
@@ -124,7 +127,7 @@ def middle(world: World) -> tuple[float, ...]:
 def _poses(recording: Recording, first: int, last: int) -> dict[str, bytes]:
     world, robots = recording.header.world, len(recording.header.robots)
     poses = recording.poses[first:last]
-    stacked = np.stack(poses) if poses else np.zeros((0, robots, 4), np.float32)
+    stacked = np.stack(poses) if poses else np.zeros((0, robots, 6), np.float32)
     steps = _steps(stacked[..., :3], world)
     turns = np.round(stacked[..., 3] * (TURN / (2 * np.pi))).astype(np.int64)
     whole = np.concatenate([steps, turns[..., None]], axis=2)
@@ -136,7 +139,14 @@ def _poses(recording: Recording, first: int, last: int) -> dict[str, bytes]:
         "times": times.tobytes(),
         "separations": mm.astype("<u2").tobytes(),
         "poses": _split(_differences(_differences(along))),
+        "tilts": _tilts(stacked[:, list(recording.header.tilting), 4:]),
     }
+
+
+def _tilts(tilts: NDArray[np.float32]) -> bytes:
+    """Roll and pitch of those that tilt, as they follow each other in time."""
+    whole = np.round(tilts * (TILT / (2 * np.pi))).astype(np.int64)
+    return _split(_differences(whole.transpose(2, 1, 0)))
 
 
 def _paths(recording: Recording, first: int, last: int) -> dict[str, bytes]:
@@ -201,6 +211,7 @@ def described(header: Header) -> dict[str, Any]:
         "step": step_m(world),
         "middle": middle(world),
         "turn": TURN,
+        "tilt": TILT,
         "world": {
             "low": world.low,
             "high": world.high,

@@ -130,6 +130,11 @@ class Header:
         return next(rate for most, rate in _RATES_S if len(self.robots) <= most)
 
     @property
+    def tilting(self) -> tuple[int, ...]:
+        """The robots that tilt as they move."""
+        return tuple(k for k, robot in enumerate(self.robots) if robot.look is Look.DRONE)
+
+    @property
     def values_s(self) -> float:
         """How often changes of variables are kept; 0: in every round."""
         count = len(self.robots)
@@ -203,7 +208,8 @@ class Recording:
 
     header: Header
     times_s: array[float] = field(default_factory=lambda: array("d"))
-    poses: list[Pose] = field(default_factory=list)  #: of each time: x, y, z, heading; (n, 4)
+    #: of each time: x, y, z, heading, roll, pitch; shape ``(n, 6)``
+    poses: list[Pose] = field(default_factory=list)
     separations_m: array[float] = field(default_factory=lambda: array("f"))  #: of each time, or NaN
     rounds: list[Round] = field(default_factory=list)
     paths: list[Planned] = field(default_factory=list)
@@ -212,10 +218,34 @@ class Recording:
     ending: str | None = None  #: how the run ended, in words; None: it has not yet
 
     def stacked(self) -> Pose:
-        """All poses, shape ``(times, n, 4)``."""
+        """All poses, shape ``(times, n, 6)``."""
         if not self.poses:
-            return np.zeros((0, len(self.header.robots), 4), np.float32)
+            return np.zeros((0, len(self.header.robots), 6), np.float32)
         return np.stack(self.poses)
+
+
+def tilts_of(attitudes: Floats) -> Floats:
+    """Roll and pitch of attitudes ``(n, 4)``, w first: ``(n, 2)``. Heading is turned about first,
+    then pitch, then roll.
+    """
+    w, x, y, z = attitudes.T
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1.0, 1.0))
+    return np.column_stack([roll, pitch])
+
+
+def turns_of(poses: Pose) -> Pose:
+    """Poses ``(n, 6)`` as unit quaternions ``(n, 4)``, w first."""
+    yaw, roll, pitch = poses[:, 3:].T / 2
+    c, s = np.cos([yaw, pitch, roll]), np.sin([yaw, pitch, roll])
+    return np.column_stack(
+        [
+            c[0] * c[1] * c[2] + s[0] * s[1] * s[2],
+            c[0] * c[1] * s[2] - s[0] * s[1] * c[2],
+            c[0] * s[1] * c[2] + s[0] * c[1] * s[2],
+            s[0] * c[1] * c[2] - c[0] * s[1] * s[2],
+        ]
+    )
 
 
 def map_variable(header: Header) -> int | None:
@@ -238,18 +268,29 @@ class Recorder:
     def __init__(self, header: Header) -> None:
         self.recording = Recording(header)
         self._sample_s, self._next_s = header.sample_s, -math.inf
+        self._tilting = np.array(header.tilting, np.int64)
 
     def is_due(self, time_s: float) -> bool:
         """Whether a sample is wanted now; between samples nothing need be worked out."""
         return time_s >= self._next_s - 1e-9
 
     def sample(
-        self, time_s: float, positions: Floats, yaw: Floats, separation_m: float = math.nan
+        self,
+        time_s: float,
+        positions: Floats,
+        yaw: Floats,
+        separation_m: float = math.nan,
+        attitudes: Floats | None = None,
     ) -> None:
-        """Where robots are, shapes ``(n, 3)`` and ``(n,)``, and how near the nearest two are."""
+        """Where robots are, shapes ``(n, 3)`` and ``(n,)``, and how near the nearest two are.
+
+        ``attitudes``, shape ``(n, 4)``, are wanted where robots tilt.
+        """
         recording = self.recording
-        pose = np.empty((len(positions), 4), np.float32)
+        pose = np.zeros((len(positions), 6), np.float32)
         pose[:, :3], pose[:, 3] = positions, yaw
+        if attitudes is not None and len(self._tilting):
+            pose[self._tilting, 4:] = tilts_of(attitudes[self._tilting])
         recording.poses.append(pose)
         recording.separations_m.append(separation_m)
         recording.times_s.append(time_s)  # last: a reader goes by the number of times

@@ -41,6 +41,7 @@ class Recorded:
     recording: Recording
     engine: Engine
     last: tuple[Floats, Floats]  #: where robots were in the end, and where they pointed
+    attitudes: Floats  #: in the end
 
 
 def recorded(
@@ -80,7 +81,8 @@ def recorded_text(
     for _ in run(simulation, rounds * DELTA_S):
         pass
     fleet = simulation.fleet
-    return Recorded(simulation.recording, simulation.engine, (fleet.positions(), fleet.headings()))
+    last = fleet.positions(), fleet.headings()
+    return Recorded(simulation.recording, simulation.engine, last, fleet.attitudes())
 
 
 def task() -> Recorded:

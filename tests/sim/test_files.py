@@ -27,6 +27,7 @@ from koord.sim.recording import (
     Recording,
     Variable,
     map_variable,
+    turns_of,
 )
 from tests.sim.recorded import task
 
@@ -86,7 +87,8 @@ def test_a_rosbag_has_poses_events_and_violations(recording: Recording, tmp_path
         here = message.pose.position
         assert (here.x, here.y, here.z) == pytest.approx(poses[1, :3].tolist())
         turn = message.pose.orientation
-        assert np.hypot(turn.z, turn.w) == pytest.approx(1)
+        told = (turn.w, turn.x, turn.y, turn.z)
+        assert told == pytest.approx(turns_of(poses)[1].tolist(), abs=1e-6)
     ran = [json.loads(message.data) for _, message in read["/events"]]
     events = sum((done.deeds >= 0).sum() for done in recording.rounds)
     assert sum(len(one["ran"]) for one in ran) == events

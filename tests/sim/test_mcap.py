@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import math
 from collections import defaultdict
 from typing import Any
 
@@ -14,7 +13,7 @@ import pytest
 
 from koord.runtime.motion.world import Box, Disc, Polygon, World
 from koord.sim.files.mcap import mcap_of
-from koord.sim.recording import SHARED, Header, Recorder, Recording
+from koord.sim.recording import SHARED, Header, Recorder, Recording, turns_of
 from tests.sim.recorded import lineform, task
 
 pytest.importorskip("mcap")
@@ -58,8 +57,8 @@ def test_transforms_are_the_poses(recording: Recording, read: Read) -> None:
             here = [transform["translation"][axis] for axis in "xyz"]
             assert np.allclose(here, poses[robot, :3], atol=6e-4)
             turn = transform["rotation"]
-            yaw = 2 * math.atan2(turn["z"], turn["w"])
-            assert abs(math.remainder(yaw - poses[robot, 3], 2 * math.pi)) < 1e-3
+            told = [turn[axis] for axis in "wxyz"]
+            assert np.allclose(told, turns_of(poses)[robot], atol=6e-4)
 
 
 def test_rounds_say_who_ran_what(recording: Recording, read: Read) -> None:

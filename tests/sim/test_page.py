@@ -50,6 +50,10 @@ def test_poses_come_back(recording: Recording) -> None:
     assert np.allclose(found.poses[..., :3], recording.stacked()[..., :3], atol=6e-4)
     turn = found.poses[..., 3] - recording.stacked()[..., 3]
     assert np.abs(np.angle(np.exp(1j * turn))).max() < 2e-3
+    tilting = recording.header.tilting
+    assert tilting == (1, 2)
+    assert np.allclose(found.tilts, recording.stacked()[:, tilting, 4:], atol=5e-3)
+    assert np.abs(found.tilts).max() > 0.05
 
 
 def test_rounds_paths_and_tasks_come_back(recording: Recording) -> None:

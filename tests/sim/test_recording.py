@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from koord.runtime.shapes import from_plain
-from koord.sim.recording import SHARED, WHOLE, Home, Idle, Look, Recording, TaskState
+from koord.sim.recording import (
+    SHARED,
+    WHOLE,
+    Home,
+    Idle,
+    Look,
+    Recording,
+    TaskState,
+    tilts_of,
+    turns_of,
+)
 from tests.sim.recorded import TASKS, TEAM, Recorded, lineform, recorded_text, task
 
 
@@ -32,6 +42,23 @@ def test_poses_are_those_of_the_fleet(run: Recorded) -> None:
     assert np.allclose(np.diff(recording.times_s), recording.header.sample_s)
     assert np.allclose(recording.poses[-1][:, :3], run.last[0], atol=1e-6)
     assert np.allclose(recording.poses[-1][:, 3], run.last[1], atol=1e-6)
+
+
+def test_attitudes_are_those_of_the_fleet() -> None:
+    """As quaternions, up to their sign."""
+    run = lineform(robots=6, rounds=12)
+    told, real = turns_of(run.recording.poses[-1]), run.attitudes
+    assert np.abs(real[:, 1:3]).max() > 0.02
+    assert np.abs(np.einsum("ij,ij->i", told, real)).min() > 1 - 1e-5
+
+
+def test_what_is_kept_of_attitudes_gives_them_back() -> None:
+    poses = np.random.default_rng(3).uniform(-1.2, 1.2, (200, 6)).astype(np.float32)
+    assert np.allclose(np.linalg.norm(turns_of(poses), axis=1), 1.0, atol=1e-6)
+    assert np.allclose(tilts_of(turns_of(poses).astype(np.float64)), poses[:, 4:], atol=1e-5)
+    heading = np.zeros((1, 6), np.float32)
+    heading[0, 3] = np.pi / 2
+    assert np.allclose(turns_of(heading), [[np.sqrt(0.5), 0, 0, np.sqrt(0.5)]], atol=1e-6)
 
 
 def test_changes_add_up_to_the_store_and_to_the_robots(run: Recorded) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from koord.sim.packing import TURN
+from koord.sim.packing import TILT, TURN
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +22,7 @@ class Unpacked:
     document: dict[str, Any]
     times_s: NDArray[np.float64]
     poses: NDArray[np.float64]  #: times, robots, (x, y, z, heading)
+    tilts: NDArray[np.float64]  #: times, robots that tilt, (roll, pitch)
     separations_m: NDArray[np.float64]
     deeds: NDArray[np.int16]  #: rounds, robots
     paths: list[tuple[float, int, NDArray[np.float64]]]
@@ -50,6 +51,9 @@ def unpacked(pack: bytes, header: dict[str, Any] | None = None) -> Unpacked:
     whole = along.transpose(2, 1, 0).astype(np.float64)
     whole[..., :3] = middle + step * whole[..., :3]
     whole[..., 3] *= 2 * np.pi / TURN
+    tilting = sum(robot["look"] == "drone" for robot in header["robots"])
+    angles = _joined(planes["tilts"]).reshape(2, tilting, len(times))
+    tilts = np.cumsum(angles, -1, dtype=np.int16).transpose(2, 1, 0).astype(np.float64)
     heads = np.frombuffer(planes["path_heads"], "<u4").reshape(3, -1).T
     points = np.cumsum(_joined(planes["path_points"]).reshape(3, -1), -1, dtype=np.int16)
     cuts = np.cumsum(heads[:, 2])[:-1]
@@ -60,6 +64,7 @@ def unpacked(pack: bytes, header: dict[str, Any] | None = None) -> Unpacked:
         document,
         times / 1000,
         whole,
+        tilts * (2 * np.pi / TILT),
         np.where(mm == 0xFFFF, np.nan, mm / 1000),
         deeds,
         [(ms / 1000, int(robot), part) for (ms, robot, _), part in zip(heads, parts, strict=True)],

@@ -28,6 +28,7 @@ from koord.sim.recording import (
     Recording,
     Round,
     TaskState,
+    turns_of,
 )
 
 _INFO, _ERROR = 2, 4
@@ -80,7 +81,11 @@ def _messages(recording: Recording) -> Iterator[_Timed]:
     yield 0.0, "/scene", SCENE, _scene(entities), 0
     for time_s, poses in zip(recording.times_s, recording.poses, strict=True):
         stamp = _stamp(time_s)
-        transforms = [_transform(k, stamp, pose) for k, pose in enumerate(poses.tolist())]
+        turns = turns_of(poses).tolist()
+        transforms = [
+            _transform(k, stamp, pose[:3], turn)
+            for k, (pose, turn) in enumerate(zip(poses.tolist(), turns, strict=True))
+        ]
         yield time_s, "/tf", TRANSFORMS, {"transforms": transforms}, 0
     for done in recording.rounds:
         yield from _round(header, done)
@@ -149,14 +154,14 @@ def _log(header: Header, time_s: float, name: str, level: int, words: str) -> _T
 # --- geometry -------------------------------------------------------------------------------------
 
 
-def _transform(robot: int, stamp: Message, pose: list[float]) -> Message:
-    x, y, z, yaw = pose
+def _transform(robot: int, stamp: Message, place: list[float], turn: list[float]) -> Message:
+    w, x, y, z = turn
     return {
         "timestamp": stamp,
         "parent_frame_id": _WORLD,
         "child_frame_id": f"robot {robot}",
-        "translation": _vector(x, y, z),
-        "rotation": _turn(yaw),
+        "translation": _vector(*place),
+        "rotation": {"x": _fine(x), "y": _fine(y), "z": _fine(z), "w": _fine(w)},
     }
 
 
@@ -297,15 +302,16 @@ def _lines(
 
 
 def _placed(x: float, y: float, z: float) -> Message:
-    return {"pose": {"position": _vector(x, y, z), "orientation": _turn(0.0)}}
+    return {"pose": {"position": _vector(x, y, z), "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}}
 
 
 def _vector(x: float, y: float, z: float) -> Message:
     return {"x": round(x, 3), "y": round(y, 3), "z": round(z, 3)}
 
 
-def _turn(yaw: float) -> Message:
-    return {"x": 0, "y": 0, "z": round(math.sin(yaw / 2), 4), "w": round(math.cos(yaw / 2), 4)}
+def _fine(value: float) -> float:
+    """With as many digits as anybody can see: a turn to a tenth of a degree."""
+    return round(value, 3) or 0
 
 
 def _colour(shade: tuple[float, float, float], alpha: float = 1.0) -> Message:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from koord.runtime.motion.world import Box, Disc, Obstacle, World
-from koord.sim.recording import Header, Look, Recording, TaskState
+from koord.sim.recording import Header, Look, Recording, TaskState, turns_of
 
 _HUES = (0x2F6FDEFF, 0xB8429AFF, 0x0E8F9EFF, 0x8A6428FF, 0x6C4BD8FF, 0x5A7182FF)
 _TASKS = {
@@ -91,9 +91,7 @@ def _draw_robot(rerun: Any, stream: Any, recording: Recording, number: int) -> N
     poses = recording.stacked()[:, number]
     if not len(poses):
         return
-    half_turn = poses[:, 3] / 2
-    zero = np.zeros_like(half_turn)
-    turns = np.column_stack([zero, zero, np.sin(half_turn), np.cos(half_turn)])
+    turns = turns_of(poses)[:, [1, 2, 3, 0]]  # w is last there
     stream.send_columns(
         name,
         indexes=[rerun.TimeColumn(_TIMELINE, duration=list(recording.times_s))],

@@ -7,7 +7,6 @@ robots; ``/events``, what robots ran, and ``/violations``, as JSON in strings.
 from __future__ import annotations
 
 import json
-import math
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from koord.runtime.motion.world import Box, Disc, Obstacle
-from koord.sim.recording import Header, Look, Recorded, Recording, TaskState
+from koord.sim.recording import Header, Look, Recorded, Recording, TaskState, turns_of
 
 _WORLD = "world"
 
@@ -64,7 +63,7 @@ class _Messages:
     def all(self) -> Iterator[_Timed]:
         yield 0, "/scene", self._markers([*self._world(), *self._robots(), *self._tasks()])
         for time_s, poses in zip(self.recording.times_s, self.recording.poses, strict=True):
-            yield from self._poses(time_s, poses.tolist())
+            yield from self._poses(time_s, poses.tolist(), turns_of(poses).tolist())
         for change in self.recording.tasks:
             marker = self._task(change.task, change.state, change.time_s)
             yield _ns(change.time_s), "/scene", self._markers([marker])
@@ -79,16 +78,18 @@ class _Messages:
             )
             yield _ns(broken.time_s), "/violations", self._make("std_msgs/msg/String", text)
 
-    def _poses(self, time_s: float, poses: list[list[float]]) -> Iterator[_Timed]:
+    def _poses(
+        self, time_s: float, poses: list[list[float]], turns: list[list[float]]
+    ) -> Iterator[_Timed]:
         transforms = []
-        for k, (x, y, z, yaw) in enumerate(poses):
+        for k, ((x, y, z, *_), turned) in enumerate(zip(poses, turns, strict=True)):
             stamped = self._stamp(time_s, _WORLD)
             shift = self._make("geometry_msgs/msg/Vector3", x, y, z)
-            turn = self._turn(yaw)
+            turn = self._turn(*turned)
             transform = self._make("geometry_msgs/msg/Transform", shift, turn)
             kind = "geometry_msgs/msg/TransformStamped"
             transforms.append(self._make(kind, stamped, f"robot_{k}", transform))
-            pose = self._make("geometry_msgs/msg/PoseStamped", stamped, self._pose(x, y, z, yaw))
+            pose = self._make("geometry_msgs/msg/PoseStamped", stamped, self._pose(x, y, z, turn))
             yield _ns(time_s), f"/robots/robot_{k}/pose", pose
         yield _ns(time_s), "/tf", self._make("tf2_msgs/msg/TFMessage", transforms)
 
@@ -155,7 +156,7 @@ class _Messages:
             id=number,
             type=kind,
             action=0,
-            pose=self._pose(*place, 0.0),
+            pose=self._pose(*place, self._turn()),
             scale=self._make("geometry_msgs/msg/Vector3", *map(float, size)),
             color=self._make("std_msgs/msg/ColorRGBA", *colour, 1.0),
             lifetime=self._make("builtin_interfaces/msg/Duration", 0, 0),
@@ -176,13 +177,12 @@ class _Messages:
 
     # --- parts ----------------------------------------------------------------------------------
 
-    def _pose(self, x: float, y: float, z: float, yaw: float) -> Any:
+    def _pose(self, x: float, y: float, z: float, turn: Any) -> Any:
         at = self._make("geometry_msgs/msg/Point", float(x), float(y), float(z))
-        return self._make("geometry_msgs/msg/Pose", at, self._turn(yaw))
+        return self._make("geometry_msgs/msg/Pose", at, turn)
 
-    def _turn(self, yaw: float) -> Any:
-        kind = "geometry_msgs/msg/Quaternion"
-        return self._make(kind, 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+    def _turn(self, w: float = 1.0, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Any:
+        return self._make("geometry_msgs/msg/Quaternion", x, y, z, w)
 
     def _stamp(self, time_s: float, frame: str) -> Any:
         seconds, rest = divmod(_ns(time_s), 10**9)

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import contextlib
 import io
-import math
 from typing import Any
 
 import numpy as np
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.world import Box, Disc, Obstacle, World
-from koord.sim.recording import Header, Look, Recording, TaskState
+from koord.sim.recording import Header, Look, Recording, TaskState, turns_of
 
 _HUES = (
     (47, 111, 222),
@@ -89,9 +88,11 @@ def _play(scene: Any, serializer: Any, robots: list[Any], recording: Recording) 
 def _move(robots: list[Any], recording: Recording, sample: int) -> None:
     if not recording.poses:
         return
-    for handle, (x, y, z, yaw) in zip(robots, recording.poses[sample].tolist(), strict=True):
+    poses = recording.poses[sample]
+    turns = turns_of(poses).tolist()
+    for handle, (x, y, z, *_), turn in zip(robots, poses.tolist(), turns, strict=True):
         handle.position = (x, y, z)
-        handle.wxyz = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+        handle.wxyz = tuple(turn)
 
 
 def _look_at(server: Any, world: World) -> None:

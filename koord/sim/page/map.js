@@ -101,7 +101,7 @@ class WorldMap {
     this.drawRobots(context, chosen);
     this.drawViolations(context, time);
     context.restore();
-    if (this.shown.side) drawSide(context, this, tasks, chosen);
+    if (this.shown.side) drawSide(context, this, time, tasks, chosen);
   }
 
   // --- what moves -------------------------------------------------------------------------------

@@ -100,6 +100,10 @@ class Panels {
       ["place", `x ${at[0].toFixed(2)}  y ${at[1].toFixed(2)}` + (about.flies ? `  height ${at[2].toFixed(2)} m` : " m")],
       ["speed", `${run.speedOf(robot, time).toFixed(2)} m/s, heading ${Math.round((turned(at[3]) * 180) / Math.PI)}°`],
     ];
+    if (about.look === "drone") {
+      const [roll, pitch] = run.tiltOf(robot, time).map((angle) => Math.round((angle * 180) / Math.PI));
+      facts.push(["tilt", `roll ${roll}°  pitch ${pitch}°`]);
+    }
     const task = run.tasksAt(time).findIndex((one) => one.state === ASSIGNED && one.robot === robot);
     if (task >= 0) facts.push(["on its way to", `task ${task}`]);
     const kind = run.header.agents[about.agent].name;

@@ -13,6 +13,8 @@ class Run {
     this.times = new Float64Array(64); // of poses
     this.samples = 0;
     this.poses = new Float32Array(64 * 4 * this.count); // sample by sample: x, y, z, heading
+    this.tilting = this.robots.flatMap((robot, k) => (robot.look === "drone" ? [k] : []));
+    this.tilts = new Float32Array(64 * 2 * this.tilting.length); // roll, pitch of those that tilt
     this.separations = new Float32Array(64); // NaN: not known
     this.rounds = 0;
     this.roundTimes = new Float64Array(64);
@@ -45,7 +47,7 @@ class Run {
   appendPoses(pack) {
     const times = new Uint32Array(pack.plane("times").buffer);
     const apart = new Uint16Array(pack.plane("separations").buffer);
-    const { step, middle, turn } = this.header;
+    const { step, middle, turn, tilt } = this.header;
     const n = times.length, first = this.samples, robots = this.count;
     this.samples += n;
     this.times = grown(this.times, first, this.samples);
@@ -62,6 +64,15 @@ class Run {
       for (let robot = 0; robot < robots; robot++) {
         for (let k = 0, to = (first * robots + robot) * 4 + part; k < n; k++, to += 4 * robots) {
           this.poses[to] = origin + scale * whole[at++];
+        }
+      }
+    }
+    const width = 2 * this.tilting.length, angles = summed(joined(pack.plane("tilts")), n);
+    this.tilts = grown(this.tilts, first * width, this.samples * width);
+    for (let part = 0, at = 0; part < 2; part++) {
+      for (let robot = 0; robot < this.tilting.length; robot++) {
+        for (let k = 0, to = first * width + 2 * robot + part; k < n; k++, to += width) {
+          this.tilts[to] = ((2 * Math.PI) / tilt) * angles[at++];
         }
       }
     }
@@ -144,6 +155,14 @@ class Run {
       into[at + 3] = from + share * turned(poses[b + at + 3] - from);
     }
     return into;
+  }
+
+  /** How far a robot is tilted at a time: its roll and its pitch. */
+  tiltOf(robot, time) {
+    const at = this.tilting.indexOf(robot);
+    if (at < 0 || !this.samples) return [0, 0];
+    const from = 2 * (this.sampleAt(time) * this.tilting.length + at);
+    return [this.tilts[from], this.tilts[from + 1]];
   }
 
   sampleAt(time) {

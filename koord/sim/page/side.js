@@ -3,7 +3,7 @@
 const SIDE_HEIGHT = 96;
 
 /** Heights over x, in the same columns as the view from above. */
-function drawSide(context, map, tasks, chosen) {
+function drawSide(context, map, time, tasks, chosen) {
   const { low, high, obstacles, tasks: places } = map.run.header.world;
   const top = map.planHeight, floor = map.height - 14, roof = top + 16;
   const z = (value) => floor - ((value - low[2]) / (high[2] - low[2])) * (floor - roof);
@@ -43,7 +43,11 @@ function drawSide(context, map, tasks, chosen) {
     const half = Math.max(map.run.robots[robot].radius * map.scale * 0.6, small ? 2 : 5);
     const thick = small ? 2 : 5;
     context.fillStyle = colourOf(robot);
-    context.fillRect(x - half, y - thick, 2 * half, thick);
+    context.save();
+    context.translate(x, y);
+    if (!small) context.rotate(map.run.tiltOf(robot, time)[1]);
+    context.fillRect(-half, -thick, 2 * half, thick);
+    context.restore();
     if (robot === chosen) {
       context.strokeStyle = theme("--accent");
       context.lineWidth = 1.5;
