@@ -167,7 +167,10 @@ class Fleet:
 
     def headings(self) -> Floats:
         """Where the robots point, shape ``(n,)``."""
-        return self._gathered(lambda members: members.truth()[1][:, None], 1)[:, 0]
+        found = np.empty(len(self.robots))
+        for members, numbers in self._squads:
+            found[numbers] = members.truth()[1]
+        return found
 
     def reached(self) -> Bools:
         """Which robots have reached what they were told to."""

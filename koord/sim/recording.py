@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.arrays import Floats, bounded, products
 from koord.runtime.motion.world import Point, World
 from koord.runtime.proposals import Plain
 from koord.runtime.shapes import Array, Enumeration, Kind, Mapping, Scalar, Shape
@@ -172,8 +172,7 @@ class Round:
     said: tuple[Said, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Planned:
+class Planned(NamedTuple):
     """A robot has a new path, shape ``(k, 3)``; an empty one: it has none any more."""
 
     time_s: float
@@ -224,14 +223,19 @@ class Recording:
         return np.stack(self.poses)
 
 
+#: Half of what roll and pitch are worked out from.
+_TILTING = products(((1, 0, 1), (1, 2, 3)), ((1, 1, 1), (1, 2, 2)), ((1, 0, 2), (-1, 1, 3)))
+
+
 def tilts_of(attitudes: Floats) -> Floats:
     """Roll and pitch of attitudes ``(n, 4)``, w first: ``(n, 2)``. Heading is turned about first,
     then pitch, then roll.
     """
-    w, x, y, z = attitudes.T
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1.0, 1.0))
-    return np.column_stack([roll, pitch])
+    double = 2 * _TILTING.of(attitudes.T, attitudes.T)
+    tilts = np.empty((len(attitudes), 2))
+    tilts[:, 0] = np.arctan2(double[0], 1 - double[1])
+    tilts[:, 1] = np.arcsin(bounded(double[2], -1.0, 1.0))
+    return tilts
 
 
 def turns_of(poses: Pose) -> Pose:
