@@ -168,8 +168,7 @@ INPUT_CATALOGUE = dict(
             "a program cannot be deployed with this configuration",
             "The program and the configuration are each in order, and do not go together: a robot "
             "is of no kind that the program has, the key that robots share is missing, or the "
-            "program asks for something that robots without a platform cannot do, or that nothing "
-            "in a simulated world answers.",
+            "program asks for something that robots without a platform cannot do.",
         ),
         _entry(
             "K933",

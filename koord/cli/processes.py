@@ -66,7 +66,7 @@ def simulate(arguments: argparse.Namespace, job: Job, tracing: Tracing | None) -
     try:
         # The page is fed by what is told: it keeps the pace of the processes by itself.
         with watched(arguments, followed.recording), ExitStack() as stack:
-            fleet = _launched(stack, Maker(job.cast(), job.scene), deployment)
+            fleet = _launched(stack, Maker(job.cast(), job.scene, job.supplied()), deployment)
             for decision in _rounds(stack, fleet, deployment, followed, late):
                 if tracing is None:
                     continue

@@ -32,7 +32,8 @@ def heading(job: Job) -> str:
     count = len(scene.robots)
     robots = f"{count} robot{'' if count == 1 else 's'} ({who})"
     program = visible(job.loaded.source.name)
-    return f"{program}{with_}: {robots}, δ = {scene.delta_s:g} s, seed {scene.seed}"
+    chance = f", by chance: {', '.join(map(visible, job.by_chance))}" if job.by_chance else ""
+    return f"{program}{with_}: {robots}, δ = {scene.delta_s:g} s, seed {scene.seed}{chance}"
 
 
 # --- the report -----------------------------------------------------------------------------------
@@ -163,6 +164,7 @@ def as_document(
         "safety_m": job.scene.safety_m,
         "wall_s": wall_s,
         "claims": simulation.looked,
+        "by_chance": job.by_chance,
         "broken": [asdict(broken) for broken in simulation.broken],
         "fault": None
         if simulation.fault is None

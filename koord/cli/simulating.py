@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -20,10 +20,11 @@ from koord.runtime.compile.watching import Sort, Watched, watched
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import Configuration, Scatter
 from koord.sim.claims import Checked, Watching
-from koord.sim.hosting import ANSWERED, plain_name
+from koord.sim.hosting import ANSWERED, SENSED, plain_name
 from koord.sim.running import Cast, Simulation
 from koord.sim.scene import Scene, params, scene
 from koord.syntax import core
+from koord.syntax.core import Direction
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.load import load
@@ -81,6 +82,23 @@ class Job:
         program, source = self.loaded.program, self.loaded.source
         return Cast(source.name, source.text, loaded(compiled(program)), self.kinds)
 
+    @property
+    def by_chance(self) -> tuple[str, ...]:
+        """What no world answers, by name: chance does."""
+        return gaps_of(self.loaded.program)
+
+    def supplied(self) -> Callable[[Host], Host] | None:
+        """What answers what no world does, if the program leaves that open. Raises KoordError."""
+        program = self.loaded.program
+        starts = bool(program.assumptions) and not _is_placed(program)
+        if not starts and not self.by_chance:
+            return None
+        from koord.cli.supplying import Supplying
+        from koord.semantics.configurations import System
+
+        system = System(program, self.kinds, self.delta_s)
+        return Supplying.of(system, self.scene.seed, starts=starts)
+
     def simulation(
         self, *, keep_going: bool = False, summaries: bool = False, tracing: Tracing | None = None
     ) -> Simulation:
@@ -108,7 +126,7 @@ class Job:
                 host = checked[0]
             return host if tracing is None else tracing.hear(host)
 
-        made = kind(cast, scene, keep_going=keep_going, heard=heard)
+        made = kind(cast, scene, keep_going=keep_going, heard=heard, supplied=self.supplied())
         claims = watching(made, program, self.slack)
         for one in checked:
             one.hold(claims, made)
@@ -148,7 +166,7 @@ class Job:
             who = f" of robot{'s' * (len(broken.robots) > 1)} " if broken.robots else ""
             who += " and ".join(map(str, broken.robots))
             story = f"the run does not begin as the program assumes: {broken.claim}{who}"
-            hint = f"it is {broken.words}; say where robots are with `position`"
+            hint = f"it is {broken.words}; {_cure(self.loaded.program)}"
             problems.append(
                 Diagnostic("K934", Severity.ERROR, span if name == NO_FILE else place, story, hint)
             )
@@ -193,7 +211,7 @@ class Asked:
         configuration = _with_tasks(configuration, program, sized="tasks" in chosen)
         made = scene(configuration, seed, robots)
         kinds, problems = kinds_by_role(program, made.roles, configuration.name)
-        report.add((*problems, *_unanswered(program)))
+        report.add(problems)
         tasks = made.world.tasks
         chosen |= self._sizes(program, chosen, len(tasks))
         places = tuple((Fraction(x), Fraction(y), Fraction(z)) for x, y, z in tasks)
@@ -288,13 +306,36 @@ def _with_tasks(
     return replace(configuration, scatter=Scatter(count, scatter.start))
 
 
-def _unanswered(program: core.Program) -> Iterator[Diagnostic]:
-    """The functions that nothing in a simulated world answers."""
-    for function in program.externals:
-        if plain_name(function.name) not in ANSWERED:
-            story = f"the simulated world does not know what `{plain_name(function.name)}` answers"
-            hint = "write the function in Koord, with a body"
-            yield Diagnostic("K932", Severity.ERROR, function.span, story, hint)
+def gaps_of(program: core.Program) -> tuple[str, ...]:
+    """The functions and sensors of a program that nothing in a simulated world answers."""
+    functions = (plain_name(function.name) for function in program.externals)
+    sensors = (
+        (module, agent.ports[position])
+        for agent in program.agents
+        for module in agent.modules
+        if module.environment is None
+        for position in module.ports
+    )
+    found = [name for name in functions if name not in ANSWERED]
+    found += [
+        f"{module.name}.{port.declaration.variable.name}"
+        for module, port in sensors
+        if port.direction is Direction.SENSOR and port.declaration.variable.name not in SENSED
+    ]
+    return tuple(dict.fromkeys(found))
+
+
+def _cure(program: core.Program) -> str:
+    """What to do if a run does not begin as it should."""
+    if _is_placed(program):
+        return "say where robots are with `position`"
+    return "give the variables that it speaks of an initial value"
+
+
+def _is_placed(program: core.Program) -> bool:
+    """Whether a program speaks of where robots or tasks are, of which worlds say how it starts."""
+    names = {port.declaration.variable.name for agent in program.agents for port in agent.ports}
+    return not names.isdisjoint(SENSED) or _size(program) is not None
 
 
 def _size(program: core.Program) -> int | None:

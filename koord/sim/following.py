@@ -33,6 +33,7 @@ class Followed(Simulation):
         *,
         keep_going: bool = False,
         heard: Callable[[Host], Host] | None = None,
+        supplied: Callable[[Host], Host] | None = None,
     ) -> None:
         self._memory = memory = _Memory(len(cast.kinds))
 
@@ -48,6 +49,7 @@ class Followed(Simulation):
             keep_going=keep_going,
             heard=remembered,
             fleet=self._vehicles,
+            supplied=supplied,
         )
 
     def hear(self, moments: Iterable[Moment]) -> None:

@@ -44,6 +44,9 @@ ANSWERED = frozenset(
     }
 )
 
+#: The sensors that vehicles have, by the ends of their names.
+SENSED = frozenset({"psn", "position", "reached", "done", "planner", "pscan"})
+
 #: What cells of a map are called where nothing is known of them, and where nothing stands.
 _UNKNOWN, _FREE = "unknown", "free"
 

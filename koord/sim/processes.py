@@ -8,7 +8,7 @@ that its program left open and how its vehicle moved (:class:`Told`): from that 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -17,7 +17,7 @@ from koord.runtime.deploy.running import Job
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.world import Point
 from koord.runtime.protocol.entries import Entry
-from koord.runtime.robot import Key, Robot, Turn
+from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.sim.fleet import Fleet, Sensed
 from koord.sim.running import Cast, host_of
 from koord.sim.scene import Scene
@@ -67,10 +67,13 @@ class Told:
 class SimulatedBody:
     """The host of one robot: at each reading of its sensors, δ has passed."""
 
-    def __init__(self, cast: Cast, scene: Scene, pid: int) -> None:
+    def __init__(
+        self, cast: Cast, scene: Scene, pid: int, supplied: Callable[[Host], Host] | None = None
+    ) -> None:
         self._pid, self._delta_s, self._rounds = pid, scene.delta_s, 0
         self._fleet = Fleet(scene.world, scene.robots, scene.seed, only=pid)
-        self._host = host_of(cast, scene, self._fleet)
+        self._vehicle = host_of(cast, scene, self._fleet)
+        self._host: Host = self._vehicle if supplied is None else supplied(self._vehicle)
         self._holding = False
         self._given = 0
         self._ticks: list[Tick] = []
@@ -92,7 +95,7 @@ class SimulatedBody:
     @property
     def sensed(self) -> Sensed:
         """What the robot knows of itself."""
-        return self._host.sensed[self._pid]
+        return self._vehicle.sensed[self._pid]
 
     def told(self) -> Told:
         """All that there is to tell since the last time."""
@@ -106,7 +109,7 @@ class SimulatedBody:
     def read(self, robot: Robot) -> Mapping[str, Any]:
         ended = self._rounds
         self._rounds += 1
-        self._host.pass_time([robot], self._rounds * self._delta_s, self._tick)
+        self._vehicle.pass_time([robot], self._rounds * self._delta_s, self._tick)
         self.position = self._ticks[-1].position if self._ticks else self.position
         readings = self._host.read(robot)
         self._told.turns[ended] = Delta(tuple(self._ticks), self.sensed, readings)
@@ -146,9 +149,10 @@ class Maker:
 
     cast: Cast
     scene: Scene
+    supplied: Callable[[Host], Host] | None = None
 
     def __call__(self, job: Job, pid: int) -> Member:
-        body = SimulatedBody(self.cast, self.scene, pid)
+        body = SimulatedBody(self.cast, self.scene, pid, self.supplied)
         robot = job.classes[job.kinds[pid]](pid, job.kinds, job.delta_s, body)
         member = Member(robot, body, job.journal(pid), job.program)
 
@@ -156,7 +160,8 @@ class Maker:
             decision = entry.decision
             last = job.rounds is not None and entry.round + 1 >= job.rounds
             if decision.fault is None and (last or member.all_stopped):
-                body.read(robot)  # nobody proposes any more, and the round's end is to be seen
+                # Nobody proposes any more, and the end of the round is to be seen.
+                robot.evolve(body.read(robot))
             told = body.told()
             told.ran = tuple(taken.robot for taken in decision.ran)
             if decision.fault is not None and decision.fault.robot is not None:

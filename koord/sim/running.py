@@ -108,23 +108,28 @@ class Simulation:
         keep_going: bool = False,
         heard: Callable[[Host], Host] | None = None,
         fleet: Fleet | None = None,
+        supplied: Callable[[Host], Host] | None = None,
     ) -> None:
-        """``heard`` may put itself between the program and its host; ``fleet`` is the scene's."""
+        """``heard`` may put itself between the program and its host; ``fleet`` is the scene's.
+
+        ``supplied`` makes of the world's host one that answers what no world does.
+        """
         self.cast, self.scene, self.keep_going = cast, scene, keep_going
         self.claims: list[Claims] = []  #: that are watched; to be filled before the run begins
         self.schedule: Schedule = schedule if schedule is not None else Deployed()
-        world, seed = scene.world, scene.seed
-        self.fleet = Fleet(world, scene.robots, seed) if fleet is None else fleet
+        seed = scene.seed
+        self.fleet = Fleet(scene.world, scene.robots, seed) if fleet is None else fleet
         self.host = host_of(cast, scene, self.fleet)
-        host: Host = self.host if heard is None else heard(self.host)
-        self.claims_host: Host = self.host  #: whom claims ask
+        world: Host = self.host if supplied is None else supplied(self.host)
+        self.claims_host = world  #: whom claims ask
+        host = world if heard is None else heard(world)
         self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, host)
         header = header_of(
             cast.name,
             cast.text,
             cast.classes,
             cast.kinds,
-            world,
+            scene.world,
             scene.robots,
             delta_s=scene.delta_s,
             seed=seed,

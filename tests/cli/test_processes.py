@@ -54,6 +54,14 @@ def test_two_in_a_scene_with_a_scanner_make_the_same_run(
     same_run("mapping", 4, capsys, tmp_path)
 
 
+@pytest.mark.parametrize("name", ["hvac", "shortest_path_any_graph"])
+def test_what_no_world_answers_is_answered_alike(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, several = (run(name, capsys, "--time", "2", mode) for mode in BOTH)
+    assert one == several
+
+
 @pytest.mark.slow
 def test_cars_among_processes_make_the_same_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -268,11 +268,68 @@ def test_a_program_with_mistakes_is_not_simulated(
     assert "bad.krd:2:" in capsys.readouterr().err
 
 
-def test_a_function_that_no_world_answers_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["sim", example("shortest_path_any_graph.krd")]) == Exit.BAD_INPUT
-    _, err = capsys.readouterr()
-    assert "K932" in err
-    assert "`linked`" in err
+# --- what no world answers ------------------------------------------------------------------------
+
+
+def test_a_function_that_no_world_answers_is_answered_by_chance(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    runs = [
+        simulated(capsys, example("shortest_path_any_graph.krd"), "--seed", str(seed))
+        for seed in (1, 1, 2, 3, 4)
+    ]
+    assert all(code == Exit.OK and run["by_chance"] == ["linked"] for code, run in runs)
+    assert runs[0][1]["digest"] == runs[1][1]["digest"]
+    # Graphs differ, and so does who runs what.
+    assert len({run["digest"] for _, run in runs}) > 1
+
+
+def test_programs_without_vehicles_begin_as_they_assume(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trace = str(tmp_path / "trace.json")
+    code, run = simulated(capsys, example("hvac.krd"), "--time", "20", "--trace", trace)
+    assert (code, run["ending"], run["by_chance"]) == (Exit.OK, "limit", [])
+    assert run["claims"]["invariant Comfort"] > 0
+    assert main(["replay", trace]) == Exit.OK
+    capsys.readouterr()
+    # Of rounds that are too long it says itself that a room gets too warm.
+    slow = ("--delta", "125", "--time", "1000")
+    code, run = simulated(capsys, example("hvac.krd"), *slow)
+    assert code == Exit.VIOLATED
+    assert run["broken"][0]["claim"] == "invariant Comfort"
+
+
+SENSED = """\
+using Gate:
+    sensors:
+        bool open
+        float width
+    contract Kept:
+        ensures: 0.0 <= width' and width' <= 2.0
+allwrite:
+    int passed = 0
+Pass:
+    pre: Gate.open
+    eff:
+        atomic: passed = passed + 1
+invariant Narrow: forall i: Gate.width@i <= 2.0
+"""
+
+
+def test_sensors_of_no_vehicle_read_what_contracts_allow(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program, trace = tmp_path / "gate.krd", str(tmp_path / "trace.json")
+    program.write_text(SENSED, "utf-8")
+    flags = ("--time", "4", "--trace", trace)
+    code, run = simulated(capsys, str(program), *flags)
+    assert (code, run["broken"]) == (Exit.OK, [])
+    assert run["by_chance"] == ["Gate.open", "Gate.width"]
+    events = sum(robot["events"] for robot in run["robots"])
+    assert 0 < events < 120
+    assert main(["replay", trace]) == Exit.OK
+    capsys.readouterr()
 
 
 def test_a_list_has_the_tasks_that_its_program_assumes(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,77 @@
+"""What no world answers: variables that start anyhow, sensors of no vehicle, functions left open.
+
+They are found as for `koord run`: by chance, with the run's seed, such that assumptions, contracts
+and summaries hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from koord.refinement.hosting import SeededHost, settled_starts
+from koord.runtime.compile.naming import Names
+from koord.runtime.robot import Host, Key, Robot, Turn
+from koord.semantics.configurations import System
+from koord.sim.hosting import ANSWERED, SENSED, plain_name
+
+
+@dataclass
+class Supplied:
+    """A host that answers by chance what another, the world, knows nothing of."""
+
+    world: Host
+    system: System
+    names: Names
+    seed: int
+    starts: Mapping[tuple[int | None, str], Any]
+    _seeded: dict[int, SeededHost] = field(default_factory=dict)
+
+    def start(self, robot: int | None, name: str) -> Any:
+        found = self.starts.get((robot, name))
+        return self.world.start(robot, name) if found is None else found
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        readings = dict(self.world.read(robot))
+        unknown = [name for name in robot.SENSORS if name.rpartition("_")[2] not in SENSED]
+        if unknown:
+            drawn = self._of(robot.pid).read(robot)
+            readings |= {name: drawn[name] for name in unknown}
+        return readings
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        if plain_name(function) in ANSWERED:
+            return self.world.ask(turn, robot, key, function, arguments)
+        return self._of(robot).ask(turn, robot, key, function, arguments)
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        return self.world.choose(turn, robot, key, low, high)
+
+    def _of(self, pid: int) -> SeededHost:
+        if pid not in self._seeded:
+            self._seeded[pid] = SeededHost(self.system, self.names, str(self.seed), pid)
+        return self._seeded[pid]
+
+
+@dataclass(frozen=True)
+class Supplying:
+    """Supplies the hosts of a run. All of them say the same, in whichever process they are."""
+
+    system: System
+    seed: int
+    starts: Mapping[tuple[int | None, str], Any]
+
+    @classmethod
+    def of(cls, system: System, seed: int, *, starts: bool) -> Supplying:
+        """With ``starts``, variables start as assumptions ask for.
+
+        Raises KoordError where no such starts are found.
+        """
+        settled = settled_starts(system, Names(system.program), seed) if starts else {}
+        return cls(system, seed, settled)
+
+    def __call__(self, world: Host) -> Host:
+        return Supplied(world, self.system, Names(self.system.program), self.seed, self.starts)
