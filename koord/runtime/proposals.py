@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 #: A value that any codec can carry. An enumeration member is its position, a record the tuple of
 #: its fields, a list, queue or array the tuple of its items, a map the tuple of its
@@ -83,9 +84,8 @@ class Attempt:
     fault: Fault | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Proposal:
-    """What a robot would do in a round.
+class Proposal(NamedTuple):
+    """What a robot would do in a round; thousands of robots say so thousands of times.
 
     The first of the ``attempts`` whose lock classes are all free is what the robot does; if there
     is none, it skips. Mostly there is one attempt (a robot that skips anyway has none). A robot

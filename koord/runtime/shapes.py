@@ -169,6 +169,8 @@ def from_plain(shape: Shape, plain: Any, robots: int, *, unset: bool = False) ->
     ``unset`` says whether atoms of a variable may be missing. Raises ShapeError, and nothing else,
     whatever ``plain`` is.
     """
+    if type(shape) is Record and type(plain) is tuple and tuple(map(type, plain)) == shape.types:
+        return tuple.__new__(shape.make, plain)  # most of what is read and written are positions
     match shape:
         case Scalar(kind=kind):
             if type(plain) is _PYTHON[kind] or (plain is None and unset):
