@@ -19,7 +19,7 @@ from koord.runtime.shapes import Sequence as ListOf
 from koord.sim.fleet import Fleet, Sensed
 from koord.sim.recording import Deeds, Idle, Recorder, TaskState
 from koord.sim.scene import Scene
-from koord.sim.separation import Nearest, nearest
+from koord.sim.separation import Nearby, Nearest
 
 #: What the field of a task is called that says which robot has it.
 _OWNERS = ("assignedTo", "assignId", "carrier")
@@ -94,7 +94,7 @@ class Gauge:
         self._waited, self._events = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._skips, self._blocked = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._near: Near | None = None
-        self._nearest: Nearest | None = None
+        self._nearby = Nearby()
         self._tasks = _task_list(engine)
         self._owner: list[int | None] = []
         self._assigned: list[float | None] = []
@@ -117,7 +117,7 @@ class Gauge:
         gap = here - self._last
         self._distance += np.sqrt(np.einsum("ij,ij->i", gap, gap))
         self._last = here
-        near = self._nearest = nearest(here, self._nearest)
+        near = self._nearby.nearest(here)
         if near is not None and (self._near is None or near.distance_m < self._near.distance_m):
             self._near = Near(near.distance_m, (near.one, near.other), self.fleet.now_s)
         return near

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Bools, Floats
+from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 
 #: Up to so many robots all pairs are looked at; a tree is quicker for more.
 _FEW = 64
+
+#: So much further than to the nearest pair is looked, to know who may be nearest soon.
+_ROOM_M = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,11 +25,33 @@ class Nearest:
     other: int
 
 
-def nearest(positions: Floats, before: Nearest | None = None) -> Nearest | None:
-    """The nearest pair among positions ``(n, 3)``, of several the first; None if there is no pair.
+class Nearby:
+    """The nearest pair of robots that move: most need not be looked at again each time."""
 
-    The pair that was nearest ``before`` says among many robots how far one need look.
-    """
+    def __init__(self) -> None:
+        #: Where robots were when it was last seen who is near to whom, and how far was looked then.
+        self._seen: tuple[Floats, Ints, float] | None = None
+
+    def nearest(self, positions: Floats) -> Nearest | None:
+        """The same as :func:`nearest`."""
+        if len(positions) <= _FEW:
+            return nearest(positions)
+        if self._seen is not None:
+            before, pairs, reach_m = self._seen
+            found = _nearest_of(positions, pairs)
+            moved_m = float(lengths(positions - before).max())
+            # Two that were further apart than was looked have come nearer by so much at most.
+            if found.distance_m < reach_m - 2 * moved_m - 1e-9:
+                return found
+        tree = _tree(positions)
+        reach_m = _reach_m(tree, positions) + _ROOM_M
+        pairs = tree.query_pairs(reach_m, output_type="ndarray")
+        self._seen = positions, pairs, reach_m
+        return _nearest_of(positions, pairs)
+
+
+def nearest(positions: Floats) -> Nearest | None:
+    """The nearest pair among positions ``(n, 3)``, of several the first; None: there is none."""
     n = len(positions)
     if n < 2:
         return None
@@ -35,14 +61,23 @@ def nearest(positions: Floats, before: Nearest | None = None) -> Nearest | None:
         square[np.diag_indices(n)] = np.inf
         one, other = divmod(int(square.argmin()), n)
         return Nearest(float(np.sqrt(square[one, other])), min(one, other), max(one, other))
+    tree = _tree(positions)
+    reach_m = _reach_m(tree, positions) * (1 + 1e-9)
+    return _nearest_of(positions, tree.query_pairs(reach_m, output_type="ndarray"))
+
+
+def _tree(positions: Floats) -> Any:
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
-    if before is None:
-        reach_m = float(tree.query(positions, k=2)[0][:, 1].min())
-    else:
-        reach_m = float(np.linalg.norm(positions[before.one] - positions[before.other]))
-    pairs = tree.query_pairs(reach_m * (1 + 1e-9), output_type="ndarray")
+    return cKDTree(positions, balanced_tree=False, compact_nodes=False)
+
+
+def _reach_m(tree: Any, positions: Floats) -> float:
+    """How far the nearest two are from each other."""
+    return float(tree.query(positions, k=2)[0][:, 1].min())
+
+
+def _nearest_of(positions: Floats, pairs: Ints) -> Nearest:
     gap = positions[pairs[:, 0]] - positions[pairs[:, 1]]
     square = np.einsum("ij,ij->i", gap, gap)
     one, other = min(map(sorted, pairs[square == square.min()].tolist()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from koord.sim.separation import Nearest, nearest, outside
+from koord.sim.separation import Nearby, Nearest, nearest, outside
 
 
 @pytest.mark.parametrize("count", [2, 10, 64, 65, 300])
@@ -20,24 +20,23 @@ def test_the_nearest_pair_is_found(count: int) -> None:
     assert found.one < found.other
 
 
-@pytest.mark.parametrize("count", [10, 65, 300])
-def test_the_pair_that_was_nearest_before_changes_nothing(count: int) -> None:
-    draw = np.random.default_rng(count)
+@pytest.mark.parametrize(("count", "step_m"), [(10, 0.2), (65, 0.1), (300, 0.05), (300, 1.0)])
+def test_robots_that_move_have_the_same_nearest_pair(count: int, step_m: float) -> None:
+    draw, nearby = np.random.default_rng(count), Nearby()
     positions = draw.uniform(-9, 9, (count, 3))
-    before, pairs = None, set()
-    for _ in range(40):
-        before = nearest(positions, before)
-        assert before == nearest(positions)
-        assert before is not None
-        pairs.add((before.one, before.other))
-        positions = positions + draw.normal(0, 0.5, (count, 3))
+    pairs = set()
+    for _ in range(100):
+        found = nearby.nearest(positions)
+        assert found == nearest(positions)
+        assert found is not None
+        pairs.add((found.one, found.other))
+        positions = positions + draw.normal(0, step_m, (count, 3))
     assert len(pairs) > 2
 
 
 def test_of_pairs_that_are_equally_near_the_first_is_named() -> None:
     grid = np.array([(2.0 * (k % 10), 2.0 * (k // 10), 0.0) for k in range(100)])
-    assert nearest(grid) == nearest(grid[:20]) == Nearest(2.0, 0, 1)
-    assert nearest(grid, Nearest(4.0, 40, 42)) == Nearest(2.0, 0, 1)
+    assert nearest(grid) == nearest(grid[:20]) == Nearby().nearest(grid) == Nearest(2.0, 0, 1)
 
 
 def test_robots_at_one_place_are_near() -> None:
