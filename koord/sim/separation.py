@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 
-#: Up to so many robots all pairs are looked at; a tree is quicker for more.
+#: Up to so many robots all pairs are looked at; of more not.
 _FEW = 64
 
 #: So much further than to the nearest pair is looked, to know who may be nearest soon.
@@ -43,11 +42,10 @@ class Nearby:
             # Two that were further apart than was looked have come nearer by so much at most.
             if found.distance_m < reach_m - 2 * moved_m - 1e-9:
                 return found
-        tree = _tree(positions)
-        reach_m = _reach_m(tree, positions) + _ROOM_M
-        pairs = tree.query_pairs(reach_m, output_type="ndarray")
-        self._seen = positions, pairs, reach_m
-        return _nearest_of(positions, pairs)
+        pairs = _neighbours(positions, _ROOM_M)
+        found = _nearest_of(positions, pairs)
+        self._seen = positions, pairs, found.distance_m + _ROOM_M
+        return found
 
 
 def nearest(positions: Floats) -> Nearest | None:
@@ -61,20 +59,27 @@ def nearest(positions: Floats) -> Nearest | None:
         square[np.diag_indices(n)] = np.inf
         one, other = divmod(int(square.argmin()), n)
         return Nearest(float(np.sqrt(square[one, other])), min(one, other), max(one, other))
-    tree = _tree(positions)
-    reach_m = _reach_m(tree, positions) * (1 + 1e-9)
-    return _nearest_of(positions, tree.query_pairs(reach_m, output_type="ndarray"))
+    return _nearest_of(positions, _neighbours(positions, 1e-9))
 
 
-def _tree(positions: Floats) -> Any:
-    from scipy.spatial import cKDTree
+def _neighbours(positions: Floats, room_m: float) -> Ints:
+    """Pairs, shape ``(k, 2)``: all that are no further apart than the nearest and some room more.
 
-    return cKDTree(positions, balanced_tree=False, compact_nodes=False)
-
-
-def _reach_m(tree: Any, positions: Floats) -> float:
-    """How far the nearest two are from each other."""
-    return float(tree.query(positions, k=2)[0][:, 1].min())
+    Each robot is held against the next, the one after that, and so on, along the axis on which
+    they are spread the most.
+    """
+    axis = int(np.ptp(positions, axis=0).argmax())
+    order = np.argsort(positions[:, axis], kind="stable")
+    along, least_m, found = positions[order], np.inf, []
+    for step in range(1, len(order)):
+        gap = along[step:] - along[:-step]
+        if gap[:, axis].min() > least_m + room_m:
+            break
+        apart = lengths(gap)
+        least_m = min(least_m, float(apart.min()))
+        near = np.flatnonzero(apart <= least_m + room_m)
+        found.append(np.column_stack([order[near], order[near + step]]))
+    return np.concatenate(found)
 
 
 def _nearest_of(positions: Floats, pairs: Ints) -> Nearest:
