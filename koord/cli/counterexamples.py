@@ -13,8 +13,10 @@ from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant
 from koord.semantics.execution import execute
 from koord.semantics.traces.names import Names
+from koord.semantics.traces.recording import Recording
 from koord.semantics.traces.trace import Numbers, Trace, Violation, ViolationKind, traced
 from koord.verify.claims import ClaimKind, rule_of
+from koord.verify.instants import instant_of
 from koord.verify.verdicts import Counterexample, Verdict
 
 _KINDS = {
@@ -58,6 +60,9 @@ def _headline(found: Counterexample) -> str:
         return f"broken by a run without end, in which {repeats(found.recording)}"
     if found.round == 0:
         return "broken by the initial configuration"
+    instant = instant_of(found.recording)
+    if instant is not None:
+        return f"broken in round {found.round}, {float(instant):.6g} s into the environment's turn"
     return f"broken in round {found.round}, {found.phase.value}"
 
 
@@ -93,3 +98,8 @@ def trace_of(loaded: LoadedProgram, system: System, verdict: Verdict) -> Trace:
         name = verdict.claim.subject or verdict.claim.name
         violation = Violation(kind, name, found.round - 1, found.robot)
     return traced(sources_of(loaded), system, Numbers.EXACT, found.recording, violation)
+
+
+def trace_of_run(loaded: LoadedProgram, system: System, recording: Recording) -> Trace:
+    """A run as a trace that claims nothing of it."""
+    return traced(sources_of(loaded), system, Numbers.EXACT, recording, None)

@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -36,6 +36,7 @@ from koord.semantics.configurations import System
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
+    from koord.verify.instants import Shadowed
     from koord.verify.resting import Resting
     from koord.verify.verdicts import Bounds, Verdict
     from koord.verify.verdicts import Report as Verification
@@ -72,6 +73,7 @@ class Request:
     plot: str | None  #: the file for a picture of a sweep
     found: str | None  #: the file for invariants that were found
     rests_on: bool  #: find out what the proofs need
+    instants: bool  #: ask of the time between the ends of rounds too
     explain: bool  #: show the steps that break claims which are not inductive
     as_json: bool
 
@@ -95,6 +97,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--timeout", metavar="SECONDS", type=seconds, help="give up after this time (never)"
+    )
+    parser.add_argument(
+        "--instants",
+        action="store_true",
+        help="verify invariants at every instant between the ends of rounds too",
     )
     parser.add_argument(
         "--explain",
@@ -214,6 +221,7 @@ def _request(arguments: argparse.Namespace) -> Request:
         plot=arguments.plot,
         found=arguments.found,
         rests_on=arguments.rests_on,
+        instants=arguments.instants,
         explain=arguments.explain,
         as_json=arguments.json,
     )
@@ -235,8 +243,9 @@ def _verify(program: LoadedProgram, request: Request, told: list[dict[str, objec
 
     (fleet,) = request.fleets
     system = system_of(program.program, fleet, request.delta_s)
-    bounds, report = _asked(system, request, every_n=fleet.any_number)
-    found = _resting(system, bounds, report, request) if request.rests_on else None
+    asked = _asked(system, request, every_n=fleet.any_number)
+    bounds, report = asked.bounds, asked.report
+    found = _resting(system, bounds, asked.at_ends, request) if request.rests_on else None
     if request.as_json:
         told.append(verdicts.as_json(program.source.name, system, bounds, report))
         if found is not None:
@@ -252,7 +261,9 @@ def _verify(program: LoadedProgram, request: Request, told: list[dict[str, objec
                 from koord.cli import counterexamples
 
                 print()
-                for text in counterexamples.lines(program, system, verdict, style):
+                for text in counterexamples.lines(
+                    program, asked.system_of(verdict), verdict, style
+                ):
                     print(text)
             elif request.explain and verdict.step is not None:
                 from koord.cli import steps
@@ -269,13 +280,13 @@ def _verify(program: LoadedProgram, request: Request, told: list[dict[str, objec
         print()
         print(verdicts.summary(system, bounds, report, style))
     if request.trace is not None:
-        _keep(program, system, report, request.trace)
+        _keep(program, asked, request.trace)
     if request.found is not None:
-        _save(program, report, request.found)
+        _save(program, asked.at_ends, request.found)
     if request.certificate is not None and not report.interrupted:
         from koord.cli.certifying import certify
 
-        certify(program, system, report, request.certificate, request.timeout_s)
+        certify(program, system, asked.at_ends, request.certificate, request.timeout_s)
     return _exit(report)
 
 
@@ -290,7 +301,8 @@ def _sweep(program: LoadedProgram, request: Request, told: list[dict[str, object
         print("\n".join(sweeps.heading(name, style)))
     for fleet in request.fleets:
         system = system_of(program.program, fleet, request.delta_s)
-        bounds, report = _asked(system, request)
+        asked = _asked(system, request)
+        bounds, report = asked.bounds, asked.report
         points.append(sweeps.Point(system, report))
         told.append(verdicts.as_json(name, system, bounds, report))
         if not request.as_json:
@@ -302,31 +314,86 @@ def _sweep(program: LoadedProgram, request: Request, told: list[dict[str, object
     return gravest(_exit(point.report) for point in points)
 
 
-def _asked(
-    system: System, request: Request, *, every_n: bool = False
-) -> tuple[Bounds, Verification]:
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What was found out about a system; ``shadows`` is set if instants were asked for too."""
+
+    system: System
+    bounds: Bounds
+    at_ends: Verification
+    between: Verification | None = None
+    shadows: Shadowed | None = None
+
+    @property
+    def report(self) -> Verification:
+        """Everything."""
+        if self.between is None:
+            return self.at_ends
+        return replace(
+            self.at_ends,
+            verdicts=self.at_ends.verdicts + self.between.verdicts,
+            seconds=self.at_ends.seconds + self.between.seconds,
+            interrupted=self.at_ends.interrupted or self.between.interrupted,
+        )
+
+    def system_of(self, verdict: Verdict) -> System:
+        """The system whose run a counterexample is."""
+        if self.shadows is None or verdict.claim.name not in self.shadows.names:
+            return self.system
+        return self.shadows.system
+
+
+def _asked(system: System, request: Request, *, every_n: bool = False) -> Asked:
     """The verdicts on one system, with a live line while they are looked for.
 
     With ``every_n`` they are for every number of robots, and the system is an example of them.
     """
     from koord.verify.claims import claims_of, liveness_of
     from koord.verify.portfolio import Choice, verify
-    from koord.verify.verdicts import Bounds
+    from koord.verify.solving import Deadline
+    from koord.verify.verdicts import Bounds, Report
 
     known = [claim.name for claim in (*claims_of(system), *liveness_of(system))]
-    _check_names(request.properties, known)
+    deadline, shadows = Deadline.after(request.timeout_s), None
+    if request.instants:
+        from koord.verify import instants
+
+        shadows = instants.shadowed(system, deadline, request.seed)
+        between = [*shadows.names, *(claim.name for claim, _ in shadows.unsaid)]
+        if not between:
+            why = "no invariant reads a sensor, so none can break between rounds"
+            print(f"koord verify: {why}", file=sys.stderr)
+    else:
+        between = []
+    _check_names(request.properties, [*known, *between])
+    choice = Choice.EVERY_N if every_n else Choice(request.engine.value)
     bounds = Bounds(request.rounds, request.timeout_s, request.violations)
+    own = [name for name in request.properties if name in known]
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
-        report = verify(
-            system,
-            bounds,
-            Choice.EVERY_N if every_n else Choice(request.engine.value),
-            names=request.properties,
+        report = Report((), (), 0.0)
+        if own or not request.properties:
+            report = verify(
+                system,
+                bounds,
+                choice,
+                names=own,
+                seed=request.seed,
+                progress=line.show,
+                interrupted=lambda: interruption.requested,
+            )
+        if shadows is None or report.interrupted:
+            return Asked(system, bounds, report)
+        left = bounds if request.timeout_s is None else replace(bounds, timeout_s=deadline.left_s())
+        found = instants.verified(
+            shadows,
+            left,
+            choice,
+            wanted=lambda name: not request.properties or name in request.properties,
             seed=request.seed,
             progress=line.show,
             interrupted=lambda: interruption.requested,
         )
-    return bounds, report
+    return Asked(system, bounds, report, found, shadows)
 
 
 def _resting(
@@ -357,16 +424,23 @@ def _exit(report: Verification) -> Exit:
     return codes[report.outcome]
 
 
-def _keep(program: LoadedProgram, system: System, verified: Verification, path: str) -> None:
+def _keep(program: LoadedProgram, asked: Asked, path: str) -> None:
     """Write the trace of the first violation, the shortest of several; say so if there is none."""
     from koord.cli import counterexamples
 
-    broken = [verdict for verdict in verified.verdicts if verdict.counterexample is not None]
+    broken = [v for v in asked.report.verdicts if v.counterexample is not None]
     if not broken:
         print("koord verify: no claim is violated, so there is no trace to write", file=sys.stderr)
         return
     shortest = min(broken, key=_length)
-    write_trace(path, counterexamples.trace_of(program, system, shortest))
+    if asked.system_of(shortest) is asked.system:
+        write_trace(path, counterexamples.trace_of(program, asked.system, shortest))
+        return
+    # Traces have the ends of rounds: this one has the run in which it happens in between.
+    assert asked.shadows is not None
+    assert shortest.counterexample is not None
+    recording = asked.shadows.unshadowed(shortest.counterexample.recording)
+    write_trace(path, counterexamples.trace_of_run(program, asked.system, recording))
 
 
 def _save(program: LoadedProgram, report: Verification, path: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -122,6 +123,22 @@ BOOL = BoolType()
 STRING = StringType()
 STREAM = StreamType()
 POS = RecordType("pos", (("x", FLOAT), ("y", FLOAT), ("z", FLOAT)))
+
+
+def within(type_: Type) -> Iterator[Type]:
+    """A type, and all types of which its values are made."""
+    yield type_
+    match type_:
+        case RecordType(fields=fields):
+            for _, field in fields:
+                yield from within(field)
+        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
+            yield from within(element)
+        case MapType(key=key, value=value):
+            yield from within(key)
+            yield from within(value)
+        case _:
+            return
 
 
 def show(type_: Type) -> str:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeVar
 
 from koord.syntax import core
 from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType
 
 #: Types are dataclasses too, but no part of the program text.
 _TYPES = (RecordType, ArrayType, ListType, QueueType, MapType)
+
+Node = TypeVar("Node", bound=Any)
 
 #: What was looked up, by class: a program has many nodes of few classes.
 _BELOW: dict[type, tuple[str, ...] | None] = {}
@@ -26,6 +29,18 @@ def nodes(node: object) -> Iterator[object]:
         yield node
         for name in names:
             yield from nodes(getattr(node, name))
+
+
+def rebuilt(node: Node, part: Callable[[object], object]) -> Node:
+    """A node with something else in the place of each of its parts."""
+    names = _below(type(node)) or ()
+    return replace(node, **{name: part(getattr(node, name)) for name in names})
+
+
+def last_site(program: core.Program) -> int:
+    """The greatest number that a call or ``choose`` of the program has."""
+    sites = [getattr(node, "site", 0) for node in nodes(program)]
+    return max((site for site in sites if isinstance(site, int)), default=0)
 
 
 def reached(program: core.Program, part: object) -> Iterator[object]:

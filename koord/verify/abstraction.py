@@ -10,7 +10,7 @@ that the program can, and more: *holds* carries over; a violation is translated 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from typing import Any
 
 from koord.syntax import core
@@ -23,8 +23,9 @@ from koord.syntax.types import (
     RecordType,
     Type,
     show,
+    within,
 )
-from koord.syntax.walk import nodes
+from koord.syntax.walk import last_site, nodes, rebuilt
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ def abstracted(program: core.Program) -> Abstraction | None:
     hidden = _flowing(program)
     if not hidden:
         return None
-    rewriter = _Rewriter(hidden, _next_site(program))
+    rewriter = _Rewriter(hidden, last_site(program))
     externals = tuple(_weakened(external, hidden) for external in program.externals)
     rewritten: core.Program = rewriter.rewrite(replace(program, externals=externals))
     made = tuple(rewriter.made.values())
@@ -73,7 +74,7 @@ def _flowing(program: core.Program) -> set[Type]:
     used = {t for e in program.externals for t in _signature(e)}
     flowing = candidates - opened
     # Without an external function that takes or gives such values there is nothing to gain.
-    return {t for t in flowing if any(t in _inside(s) for s in used) or t in used}
+    return {t for t in flowing if any(t in within(s) for s in used) or t in used}
 
 
 def _signature(external: core.External) -> list[Type]:
@@ -105,25 +106,10 @@ def _types_of(node: object) -> Iterator[Type]:
     for attribute in ("type", "result"):
         type_ = getattr(node, attribute, None)
         if isinstance(type_, _TYPES):
-            yield from _inside(type_)
+            yield from within(type_)
 
 
 _TYPES = (RecordType, ArrayType, ListType, QueueType, MapType)
-
-
-def _inside(type_: Type) -> Iterator[Type]:
-    yield type_
-    match type_:
-        case RecordType(fields=its_fields):
-            for _, field in its_fields:
-                yield from _inside(field)
-        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
-            yield from _inside(element)
-        case MapType(key=key, value=value):
-            yield from _inside(key)
-            yield from _inside(value)
-        case _:
-            return
 
 
 # --- rewriting ----------------------------------------------------------------------------------
@@ -132,10 +118,10 @@ def _inside(type_: Type) -> Iterator[Type]:
 def _weakened(external: core.External, hidden: set[Type]) -> core.External:
     """A summary without the promises that look into opaque values."""
 
-    def looks_inside(e: core.Expr) -> bool:
+    def lookswithin(e: core.Expr) -> bool:
         return any(hidden & _opened(node) for node in nodes(e))
 
-    return replace(external, ensures=tuple(e for e in external.ensures if not looks_inside(e)))
+    return replace(external, ensures=tuple(e for e in external.ensures if not lookswithin(e)))
 
 
 class _Rewriter:
@@ -155,12 +141,7 @@ class _Rewriter:
             return node
         if isinstance(node, core.MakeList | core.MakeRecord) and node.type in self._hidden:
             return self._call(node)
-        changes = {
-            field.name: self.rewrite(getattr(node, field.name))
-            for field in fields(node)
-            if field.name != "span"
-        }
-        return replace(node, **changes)
+        return rebuilt(node, self.rewrite)
 
     def _type(self, type_: Type) -> Type:
         if type_ in self._hidden:
@@ -206,9 +187,3 @@ def _maker(name: str, types: tuple[Type, ...], result: Type) -> core.External:
 
 def _sort_name(type_: Type) -> str:
     return show(type_)
-
-
-def _next_site(program: core.Program) -> int:
-    """A number behind those of all calls of the program."""
-    sites = [getattr(node, "site", 0) for node in nodes(program)]
-    return max((site for site in sites if isinstance(site, int)), default=0)

@@ -37,7 +37,7 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
     monkeypatch.setattr(verify, "_verify", engine)
     words = ["verify", program, "--robots", "Car=2,Drone=1", "--rounds", "5", "--delta", "1/3"]
     words += ["--engine", "bmc", "--property", "Small", "--timeout", "2.5", "--seed", "9"]
-    words += ["--max-violations", "4", "--explain", "--rests-on"]
+    words += ["--max-violations", "4", "--explain", "--rests-on", "--instants"]
     words += ["--trace", f"{program}.json", "--json"]
     assert frame.main(words) == Exit.UNKNOWN
     assert seen == [
@@ -57,6 +57,7 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
                 plot=None,
                 found=None,
                 rests_on=True,
+                instants=True,
                 explain=True,
                 as_json=True,
             ),
@@ -321,3 +322,49 @@ def test_a_program_is_verified_again_when_it_is_saved(
 def test_standard_input_cannot_be_watched(capsys: pytest.CaptureFixture[str]) -> None:
     assert frame.main(["verify", "-", "--watch"]) == Exit.BAD_INPUT
     assert "--watch needs files" in capsys.readouterr().err
+
+
+# --- between rounds -------------------------------------------------------------------------------
+
+CROSSING = Path(__file__).parents[2] / "specs" / "examples" / "broken" / "crossing.krd"
+
+
+def test_instants_are_told_like_any_claim(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """[ENV-INSTANT]: as JSON by the schema, with a trace of the run in which it happens."""
+    trace = tmp_path / "t.json"
+    words = [
+        "verify",
+        str(CROSSING),
+        "--robots",
+        "2",
+        "--instants",
+        "--json",
+        "--trace",
+        str(trace),
+    ]
+    assert frame.main(words) == Exit.VIOLATED
+    (report,) = valid(capsys.readouterr().out)
+    told: Any = report["claims"]
+    claims = {claim["name"]: claim["outcome"] for claim in told}
+    assert claims["Apart"] == "holds"
+    assert claims["Apart between rounds"] == "violated"
+    assert frame.main(["replay", str(trace)]) == Exit.OK
+    assert "legal" in capsys.readouterr().out
+
+
+def test_an_instant_is_shown_with_its_time(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["verify", str(CROSSING), "--robots", "2", "--instants"]
+    words += ["--property", "Apart between rounds"]
+    assert frame.main(words) == Exit.VIOLATED
+    shown = capsys.readouterr().out
+    assert "s into the environment's turn" in shown
+    assert "violated: 1 of 1 claim" in shown
+
+
+def test_programs_without_sensors_have_no_instants(
+    capsys: pytest.CaptureFixture[str], program: str
+) -> None:
+    assert frame.main(["verify", program, "--instants"]) == Exit.OK
+    assert "no invariant reads a sensor" in capsys.readouterr().err

@@ -7,6 +7,7 @@ from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.catalogue_liveness import LIVENESS
 from tests.mutants.deployed import DEPLOYED
 from tests.mutants.every_n import EVERY_N
+from tests.mutants.instants import INSTANTS
 from tests.mutants.mutant import Mutant
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
 
@@ -595,5 +596,14 @@ VERIFY = (
 )
 
 MUTANTS = (
-    SEMANTICS + VERIFY + EVERY_N + BITS + LIVENESS + PROTOCOL + WIRE_MISTAKES + DEPLOYED + COMPILED
+    *SEMANTICS,
+    *VERIFY,
+    *EVERY_N,
+    *INSTANTS,
+    *BITS,
+    *LIVENESS,
+    *PROTOCOL,
+    *WIRE_MISTAKES,
+    *DEPLOYED,
+    *COMPILED,
 )

@@ -7,7 +7,7 @@ whatever was said of whom; what is not proved is *unknown*, never violated.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from koord.semantics.configurations import Configuration, System
@@ -15,7 +15,7 @@ from koord.semantics.crowds import NotFiniteError
 from koord.semantics.domain import conjunction, disjunction
 from koord.syntax import core
 from koord.syntax.core import Home
-from koord.syntax.types import BOOL, INT, ArrayType, Robots
+from koord.syntax.types import BOOL, INT, ArrayType, Robots, within
 from koord.syntax.walk import nodes
 from koord.verify.claims import Claim, ClaimKind, Phase
 from koord.verify.every_n.crowd import World
@@ -147,20 +147,10 @@ def infer(
 def _beyond(program: core.Program) -> str:
     """Why a program is not looked at, if so."""
     for entry in program.allwrite:
-        if any(t.size is Robots.ALL for t in _arrays(entry.variable.type)):
+        types = within(entry.variable.type)
+        if any(isinstance(t, ArrayType) and t.size is Robots.ALL for t in types):
             return f"{entry.variable.name} has an element for each robot that any robot may write"
     return ""
-
-
-def _arrays(type_: object) -> Iterator[ArrayType]:
-    if isinstance(type_, ArrayType):
-        yield type_
-    for name in ("element", "key", "value"):
-        below = getattr(type_, name, None)
-        if below is not None:
-            yield from _arrays(below)
-    for _, below in getattr(type_, "fields", ()):
-        yield from _arrays(below)
 
 
 # --- questions ----------------------------------------------------------------------------------
