@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Bools, Floats, Ints, bounded
+from koord.runtime.motion.arrays import Bools, Floats, Ints, bounded, lengths
 from koord.runtime.motion.geometry import wrapped
 
 #: Where the direction of a car's path changes by more than this, the car turns about.
@@ -68,8 +68,8 @@ class Routes:
 
     def put(self, robot: int, path: Floats, heading_rad: float = 0.0) -> None:
         """Give a robot a path of at least one point; repeated points are dropped."""
-        kept = np.append(True, np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-9)
-        path = path[kept] if len(path) > 1 else path
+        kept = lengths(path[1:] - path[:-1]) > 1e-9
+        path = path if kept.all() else np.concatenate([path[:1], path[1:][kept]])
         segments = len(path) - 1
         self.given[robot] += 1
         self._grow(segments + 1)
@@ -85,7 +85,7 @@ class Routes:
     def put_straight(self, robots: Ints, starts: Floats, goals: Floats) -> None:
         """Give robots straight paths, all at once."""
         way = goals - starts
-        length = np.linalg.norm(way, axis=1)
+        length = lengths(way)
         here = length > 1e-9
         self.given[robots] += 1
         unit = way / np.where(here, length, 1.0)[:, None]
@@ -156,13 +156,15 @@ class Routes:
 
     def _measure(self, robot: int, path: Floats, heading_rad: float) -> None:
         segments = len(path) - 1
-        way = np.diff(path, axis=0)
-        length = np.linalg.norm(way, axis=1)
+        way = path[1:] - path[:-1]
+        length = lengths(way)
         unit = way / length[:, None]
-        s = np.append(0.0, np.cumsum(length))
-        turn = np.arccos(np.clip(np.einsum("ki,ki->k", unit[:-1], unit[1:]), -1.0, 1.0))
+        s = np.zeros(segments + 1)
+        length.cumsum(out=s[1:])
+        turn = np.arccos(bounded(np.einsum("ki,ki->k", unit[:-1], unit[1:]), -1.0, 1.0))
         about: Bools = (turn > _CUSP_RAD) & self.pace.turns_about
-        leg = np.append(0, np.cumsum(about))  # of each segment
+        leg = np.zeros(segments, np.int64)  # of each segment
+        about.cumsum(out=leg[1:])
         ends = np.append(s[1:-1][about], s[-1])
         bends = _bends(way, length, leg)
         limit = np.full(segments + 1, self.pace.cruise_mps**2)

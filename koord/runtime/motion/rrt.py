@@ -255,18 +255,20 @@ def spaced(fine: Floats) -> Floats:
 
     Where the car turns about (drives on the other way), its path has a cusp, and that is kept.
     """
-    steps = np.diff(fine[:, :2], axis=0)
-    moved = np.hypot(steps[:, 0], steps[:, 1]) > 1e-9
-    middle = fine[:-1, 2]
-    ahead = steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle) > 0
-    places, ways = fine[np.append(True, moved), :2], ahead[moved]
+    x, y, heading = fine.T
+    step_x, step_y = x[1:] - x[:-1], y[1:] - y[:-1]
+    kept = np.ones(len(fine), np.bool_)
+    np.greater(np.hypot(step_x, step_y), 1e-9, out=kept[1:])
+    ahead = step_x * np.cos(heading[:-1]) + step_y * np.sin(heading[:-1]) > 0
+    x, y, ways = x[kept], y[kept], ahead[kept[1:]]
+    length = np.hypot(x[1:] - x[:-1], y[1:] - y[:-1])
     cusps = np.flatnonzero(ways[1:] != ways[:-1]) + 1
-    ends = [0, *cusps.tolist(), len(places) - 1]
-    parts = [places[:1]]
-    for first, last in pairwise(ends):
-        leg = places[first : last + 1]
-        along = np.append(0.0, np.cumsum(np.hypot(*np.diff(leg, axis=0).T)))
+    parts = [fine[:1, :2]]
+    for first, last in pairwise([0, *cusps.tolist(), len(x) - 1]):
+        along = np.zeros(last - first + 1)
+        length[first:last].cumsum(out=along[1:])
         count = max(1, math.ceil(along[-1] / _SPACING_M))
         at = along[-1] * np.arange(1, count + 1) / count
-        parts.append(np.column_stack([np.interp(at, along, leg[:, k]) for k in (0, 1)]))
+        leg = slice(first, last + 1)
+        parts.append(np.array([np.interp(at, along, x[leg]), np.interp(at, along, y[leg])]).T)
     return np.concatenate(parts)
