@@ -218,9 +218,25 @@ def test_aliases_of_aliases_are_refused_before_they_fill_the_memory() -> None:
     assert "too many values" in message
 
 
-def test_aliases_of_themselves_are_refused() -> None:
-    ((_, message, _),) = wrong("a: &a {b: *a}")
-    assert "nested too deep" in message
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: &a {b: *a}",
+        "world: {obstacles: &a [*a]}",
+        "world: &w {obstacles: [1, {box: *w}]}",
+        "a: &a {<<: *a}",
+    ],
+)
+def test_what_contains_itself_is_refused(text: str) -> None:
+    ((line, message, _),) = wrong(text)
+    assert (line, message) == (1, "this contains itself")
+
+
+@pytest.mark.parametrize("brackets", ["[]", "{}"])
+def test_what_is_nested_too_deep_is_refused(brackets: str) -> None:
+    text = "a: " + (brackets[0] if brackets == "[]" else "{a: ") * 60 + brackets[1] * 60
+    ((line, message, _),) = wrong(text)
+    assert (line, message) == (1, "nested too deep")
 
 
 @given(st.text(alphabet=" \n:-[]{}&*!|>'\"#%@`abpid01.~,?\t", max_size=60))

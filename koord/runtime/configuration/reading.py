@@ -16,6 +16,9 @@ Path = tuple[str | int, ...]
 #: A configuration with more values than this is none; aliases of aliases grow without bound.
 MOST_VALUES = 200_000
 
+#: No field of a configuration lies nearly so deep.
+_DEEPEST = 50
+
 
 @dataclass(slots=True)
 class Document:
@@ -73,23 +76,32 @@ class _Reader:
         self.problems: list[Diagnostic] = []
         self._scalars = yaml.SafeLoader("")
         self._values = 0
+        self._open: set[int] = set()  #: the nodes that the one that is read stands in
 
     def value(self, node: yaml.Node, path: Path) -> Any:
         self.document.spans[path] = span = self._span(node)
         self._values += 1
         if self._values > MOST_VALUES:
             raise KoordError((problem(span, "the file has too many values", code="K930"),))
-        match node:
-            case yaml.MappingNode():
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalar(node, span)
+        if id(node) in self._open:
+            story, hint = (
+                "this contains itself",
+                "an alias (`*name`) stands for what ended before it",
+            )
+            raise KoordError((problem(span, story, hint, "K930"),))
+        if len(path) > _DEEPEST:
+            raise KoordError((problem(span, "nested too deep", code="K930"),))
+        self._open.add(id(node))
+        try:
+            if isinstance(node, yaml.MappingNode):
                 return self._fields(node, path)
-            case yaml.SequenceNode():
-                return [self.value(item, (*path, k)) for k, item in enumerate(node.value)]
-            case _:
-                return self._scalar(node, span)
+            return [self.value(item, (*path, k)) for k, item in enumerate(node.value)]
+        finally:
+            self._open.discard(id(node))
 
     def _fields(self, node: yaml.MappingNode, path: Path) -> dict[Any, Any]:
-        if len(path) > 50:
-            raise KoordError((problem(self._span(node), "nested too deep", code="K930"),))
         fields: dict[Any, Any] = {}
         given: dict[Any, Span] = {}  #: by this mapping itself, not by one that is merged into it
         for name_node, value_node in node.value:
