@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from koord.verify.bits.clauses import QUICK, TRUE_SIDE, Clauses
+from koord.verify.bits.clauses import OTHER, TRUE_SIDE, Clauses
 from koord.verify.bits.graph import FALSE, TRUE, Graph
 from koord.verify.bits.transition import Circuit
 from koord.verify.claims import Claim, Phase
@@ -80,7 +80,7 @@ class Unrolled:
     lost: int = FALSE
 
     def __post_init__(self) -> None:
-        self.clauses = Clauses(self.graph, QUICK)
+        self.clauses = Clauses(self.graph, OTHER)
         source = self.circuit.d.graph
         self.opening = Copy(source, self.graph, "#init")
 
