@@ -9,33 +9,37 @@ from koord import __version__
 from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram
 from koord.semantics.configurations import System
-from koord.verify.certificates import Texts, certificate
+from koord.verify.certificates import Shown, Texts, certificate
 from koord.verify.claims import ClaimKind
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Outcome, Report
+from koord.verify.verdicts import Engine, Outcome, Report
 
 
 def certify(
     loaded: LoadedProgram, system: System, report: Report, path: str, timeout_s: float | None
 ) -> None:
     """Write the certificate of the claims that hold in all rounds; say what is not in it."""
-    holding = [
-        verdict.claim
-        for verdict in report.verdicts
-        if verdict.outcome is Outcome.HOLDS
-        and verdict.rounds is None
-        # A certificate is about configurations.
-        and verdict.claim.kind is not ClaimKind.LIVENESS
-    ]
+    settled = [v for v in report.verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
+    holding = [v for v in settled if v.claim.kind is not ClaimKind.LIVENESS]
+    shown = Shown(
+        tuple(v.claim.name for v in holding),
+        frozenset(v.claim.name for v in holding if v.engine is Engine.EVERY_N),
+        report.found,
+        {v.claim.name: _OF_RUNS for v in settled if v.claim.kind is ClaimKind.LIVENESS},
+    )
     texts = Texts(loaded.source, loaded.reading.properties, loaded.reading.settings)
     deadline = Deadline.after(timeout_s)
-    made = certificate(system, texts, holding, deadline, __version__) if holding else None
+    made = certificate(system, texts, shown, deadline, __version__) if holding else None
     if made is None:
         _note("no claim is shown by induction in all rounds, so there is nothing to certify")
         return
     write_atomically(path, json.dumps(made.document, indent=1).encode())
-    if made.left_out:
-        _note(f"not in the certificate, as not inductive: {', '.join(made.left_out)}")
+    for name, reason in made.not_covered.items():
+        _note(f"not in the certificate: {name}: {reason}")
+
+
+#: Why a claim is not certified that is about whole runs.
+_OF_RUNS = "it is about whole runs, and a certificate is about configurations"
 
 
 def _note(text: str) -> None:

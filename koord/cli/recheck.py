@@ -14,14 +14,14 @@ from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_progra
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.recheck.certificate import Certificate, read
-from koord.recheck.checking import Outcome, Rechecked, recheck
+from koord.recheck.checking import Outcome, Part, Rechecked, recheck
 from koord.recheck.settling import Settled
 from koord.recheck.solving import Answer, MissingSolverError, version
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import NOWHERE
 
 #: Raised when the JSON changes in a way that its readers must know of.
-JSON_VERSION = 1
+JSON_VERSION = 2
 
 _SOLVERS = ("cvc5",)
 
@@ -119,22 +119,27 @@ def _no_solver() -> KoordError:
 
 
 def _lines(certificate: Certificate, found: Rechecked, solver: str, style: Style) -> list[str]:
-    robots = len(certificate.kinds)
-    team = f"{robots} robot{'' if robots == 1 else 's'}"
     lines = [
-        f"{visible(certificate.program.name)}: {team}, delta {certificate.delta_s} s, {solver}",
-        "claimed: " + visible(", ".join(name for name, _, _ in certificate.claims)),
+        f"{visible(certificate.program.name)}: {_team(certificate)}, "
+        f"delta {certificate.delta_s} s, {solver}",
+        "claimed: " + visible(", ".join(claimed.name for claimed in certificate.claims)),
         "",
     ]
-    unmet = [one for one in found.settled if one.answer is not Answer.UNSAT]
-    lines += [f"  {len(found.settled) - len(unmet)} of {len(found.settled)} obligations are met"]
-    for one in unmet:
-        lines += [f"  {_WORDS[one.answer]}: {visible(one.name)}: {visible(one.claim)}"]
-        if one.answer is Answer.SAT:
-            lines += ["    from a configuration in which the invariant holds, such as"]
-            lines += [f"      {visible(text)}" for text in one.state]
+    if found.everyone is not None:
+        lines += _part_lines(found.everyone, " for every number of robots")
+    if found.here is not None:
+        where = f" for {_team(certificate)}" if found.everyone is not None else ""
+        lines += _part_lines(found.here, where)
     same = sum(opinion.answer is Answer.UNSAT for opinion in found.opinions)
-    lines += [f"  {same} of {len(certificate.given)} scripts in the certificate are agreed with"]
+    lines += [
+        f"  {same} of {len(certificate.given)} scripts in the certificate are agreed with",
+        "",
+    ]
+    for names, scope in _confirmed(certificate, found):
+        if names:
+            lines += [f"{scope}, in every round: {visible(', '.join(names))}"]
+    for name, reason in certificate.not_covered:
+        lines += [f"not covered: {visible(name)}: {visible(reason)}"]
     paint = {
         Outcome.CONFIRMED: Paint.ADDED,
         Outcome.REFUTED: Paint.ERROR,
@@ -145,13 +150,43 @@ def _lines(certificate: Certificate, found: Rechecked, solver: str, style: Style
     place = ""
     if found.span is not NOWHERE and found.reason:
         place = f" ({visible(found.span.file)}:{found.span.line}:{found.span.column})"
-    return [*lines, "", f"{verdict}{why}{place} [{found.seconds:.1f} s]"]
+    return [*lines, f"{verdict}{why}{place} [{found.seconds:.1f} s]"]
+
+
+def _team(certificate: Certificate) -> str:
+    robots = len(certificate.kinds)
+    return f"{robots} robot{'' if robots == 1 else 's'}"
+
+
+def _part_lines(part: Part, where: str) -> list[str]:
+    unmet = [one for one in part.settled if one.answer is not Answer.UNSAT]
+    met = len(part.settled) - len(unmet)
+    lines = [f"  {met} of {len(part.settled)} obligations{where} are met"]
+    for one in unmet:
+        lines += [f"  {_WORDS[one.answer]}: {visible(one.name)}: {visible(one.claim)}"]
+        if one.answer is Answer.SAT:
+            lines += ["    from a configuration in which the invariant holds, such as"]
+            lines += [f"      {visible(text)}" for text in one.state]
+    return lines
+
+
+def _confirmed(certificate: Certificate, found: Rechecked) -> list[tuple[list[str], str]]:
+    """The names of the claims that are shown, for every number of robots and for those here."""
+    everyone: list[str] = []
+    here: list[str] = []
+    if found.outcome is not Outcome.REFUTED:
+        if found.everyone is not None and found.everyone.outcome is Outcome.CONFIRMED:
+            everyone = [claimed.name for claimed in certificate.claims if claimed.everyone]
+        if found.here is not None and found.here.outcome is Outcome.CONFIRMED:
+            here = [claimed.name for claimed in certificate.claims if claimed.name not in everyone]
+    return [(everyone, "for every number of robots"), (here, f"for {_team(certificate)}")]
 
 
 _WORDS = {Answer.SAT: "does not follow", Answer.UNKNOWN: "not settled", Answer.UNSAT: "met"}
 
 
 def _as_json(certificate: Certificate, found: Rechecked, solver: str) -> dict[str, object]:
+    (everyone, _), (here, _) = _confirmed(certificate, found)
     place: dict[str, object] | None = None
     if found.span is not NOWHERE:
         span = found.span
@@ -164,8 +199,17 @@ def _as_json(certificate: Certificate, found: Rechecked, solver: str) -> dict[st
         "solver": solver,
         "program": certificate.program.name,
         "robots": len(certificate.kinds),
-        "claims": [name for name, _, _ in certificate.claims],
-        "obligations": [_settled_json(one) for one in found.settled],
+        "claims": [claimed.name for claimed in certificate.claims],
+        "confirmed": {"every_number_of_robots": everyone, "these_robots": here},
+        "not_covered": [
+            {"name": name, "reason": reason} for name, reason in certificate.not_covered
+        ],
+        "obligations": [
+            _settled_json(one, every_number=part is found.everyone)
+            for part in (found.everyone, found.here)
+            if part is not None
+            for one in part.settled
+        ],
         "scripts": [
             {
                 "name": opinion.name,
@@ -180,9 +224,10 @@ def _as_json(certificate: Certificate, found: Rechecked, solver: str) -> dict[st
 _MET = {Answer.SAT: "not met", Answer.UNKNOWN: "unknown", Answer.UNSAT: "met"}
 
 
-def _settled_json(one: Settled) -> dict[str, object]:
+def _settled_json(one: Settled, *, every_number: bool) -> dict[str, object]:
     return {
         "name": one.name,
+        "every_number": every_number,
         "answer": _MET[one.answer],
         "claim": one.claim,
         "configuration": list(one.state),

@@ -13,9 +13,11 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import assert_never
 
-from koord.recheck.storage import Cell, Field, Location, State, Storage, Storages
+from koord.recheck import crowds
+from koord.recheck.loops import Loop
+from koord.recheck.storage import Cell, Crowd, Field, Location, Many, State, Storage, Storages
 from koord.recheck.terms import Term, Terms
-from koord.recheck.values import NotRecheckedError, Value, Values
+from koord.recheck.values import Family, NotRecheckedError, Value, Values
 from koord.recheck.world import World, opened
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, QuantifierKind, UnaryOp
@@ -25,7 +27,9 @@ from koord.syntax.types import (
     ArrayType,
     BoolType,
     FloatType,
+    ListType,
     QueueType,
+    RecordType,
     Type,
 )
 from koord.syntax.walk import nodes
@@ -49,6 +53,10 @@ class Fault:
     what: str
     span: Span
 
+    def of(self, when: Term) -> Fault:
+        """The same under another condition."""
+        return Fault(when, self.what, self.span)
+
 
 @dataclass(slots=True)
 class Memory:
@@ -59,7 +67,8 @@ class Memory:
     allread: list[Storage] = field(default_factory=list)
     allwrite: list[Storage] = field(default_factory=list)
     after: list[Storage] | None = None  #: ports after the environment's turn, while it runs
-    state: State | None = None  #: in a property: the configuration that it is about
+    #: In a property: the configuration that it is about.
+    state: State | Crowd | None = None
 
 
 @dataclass(slots=True)
@@ -74,7 +83,7 @@ class _Frame:
 class Body:
     """One running body. ``robot`` is who runs it, None in a property."""
 
-    def __init__(self, world: World, values: Values, robot: int | None, memory: Memory) -> None:
+    def __init__(self, world: World, values: Values, robot: Term | None, memory: Memory) -> None:
         self.world = world
         self.v = values
         self.t: Terms = values.t
@@ -94,6 +103,8 @@ class Body:
         self._frame: _Frame | None = None
         self._broke: list[Term] = []
         self._in_summary = False
+        #: Numbers that are surely those of robots, where it is open how many there are.
+        self.here: list[Term] = []
         #: Whether this is a statement about configurations: no answer of it is anyone's to choose.
         self.closed = memory.state is not None
 
@@ -106,6 +117,15 @@ class Body:
         self.path = self.t.both(outer, condition)
         yield
         self.path = outer
+
+    @contextmanager
+    def among(self, index: Term, low: Term, high: Term) -> Iterator[None]:
+        """Go on with a number of this range; it may be that of a robot, surely."""
+        sure = low.value is not None and low.value >= 0 and high is self.v.count
+        self.here += [index] if sure else []
+        yield
+        if sure:
+            self.here.remove(index)
 
     def fault_unless(self, holds: Term, what: str, span: Span) -> None:
         when = self.t.conjunction([self.outside, self.path, self.t.negation(holds)])
@@ -146,9 +166,9 @@ class Body:
                 return self._constant(e)
             case core.Pid():
                 assert self.robot is not None
-                return t.integer(self.robot)
+                return self.robot
             case core.NumAgents():
-                return t.integer(self.world.robots)
+                return self.v.count
             case core.Delta():
                 return t.real(self.world.delta_s)
             case core.Read():
@@ -171,6 +191,8 @@ class Body:
                 return self._choose(e)
             case core.Quantified():
                 return self._quantified(e)
+            case core.Ran() | core.Stopped() if self.crowd is not None:
+                return crowds.of_robot(self, e)
             case core.Ran():
                 return self._of_robots(e.robot, [self._ran(e, i) for i in self._everyone()])
             case core.Stopped():
@@ -249,8 +271,14 @@ class Body:
     def _builtin(self, e: core.Builtin) -> Value:
         first = e.arguments[0]
         if e.op is ListOp.LENGTH and isinstance(first.type, ArrayType):
-            return self.t.integer(self.v.size(first.type))
+            return (
+                self.v.count
+                if self.v.is_family(first.type)
+                else self.t.integer(self.v.size(first.type))
+            )
         value = self.value(first)
+        if isinstance(value, Family) and e.op not in (ListOp.LENGTH, ListOp.CONTAINS):
+            return crowds.of_all(self, e, value)
         match e.op:
             case ListOp.LENGTH:
                 return self.v.length(value)
@@ -268,7 +296,7 @@ class Body:
         assert_never(e.op)
 
     def _items(self, value: Value, span: Span) -> tuple[Value, ...]:
-        if isinstance(value, Term):
+        if not isinstance(value, tuple):
             raise NotRecheckedError(
                 "going through a list whose length is not fixed by the text is not rechecked", span
             )
@@ -284,15 +312,20 @@ class Body:
             step = steps.pop(0)
             location = self._location(step)
             if isinstance(location, Term):
-                self._check_index(location, len(storage), step.span)
+                self._check_index(location, storage, step.span)
             storage, type_ = self.s.below(storage, location, type_), step.type
         value, is_set = self.s.read(storage, type_)
         self.fault_unless(is_set, f"{place.variable.name} is read while unset", place.span)
         return self._part(value, type_, steps)
 
-    def _check_index(self, index: Term, size: int, span: Span) -> None:
+    def _check_index(self, index: Term, storage: Storage, span: Span) -> None:
         t = self.t
-        there = t.both(t.at_most(t.integer(0), index), t.less(index, t.integer(size)))
+        if isinstance(storage, Many):
+            there = crowds.is_robot(self, index)
+        else:
+            assert isinstance(storage, tuple)
+            size = t.integer(len(storage))
+            there = t.both(t.at_most(t.integer(0), index), t.less(index, size))
         self.fault_unless(there, "index out of range", span)
 
     def _part(self, value: Value, type_: Type, steps: Sequence[core.Step]) -> Value:
@@ -302,7 +335,12 @@ class Body:
                 assert isinstance(value, tuple)
                 value = value[location.position]
             else:
-                self.fault_unless(self.v.inside(value, location), "index out of range", step.span)
+                there = (
+                    crowds.is_robot(self, location)
+                    if isinstance(value, Family)
+                    else self.v.inside(value, location)
+                )
+                self.fault_unless(there, "index out of range", step.span)
                 value = self.v.at(value, location, type_)
             type_ = step.type
         return value
@@ -342,10 +380,12 @@ class Body:
         """``v@i``: the variable of the robot that the number names. [PROP-READ]"""
         assert place.robot is not None
         number, type_ = self.condition(place.robot), place.variable.type
+        if self.crowd is not None:
+            return crowds.named(self, place, number)
         found: Storage = self.s.unset(type_)
         there: list[Term] = []
         for i in reversed(self._everyone()):
-            slot = self.world.slot_of(i, place.variable)
+            slot = self.world.slot_of(self.world.kinds[i], place.variable)
             if slot is None:
                 continue
             here = self.t.equal(number, self.t.integer(i))
@@ -358,11 +398,16 @@ class Body:
         return found
 
     def _state(self) -> State:
-        assert self.memory.state is not None
+        assert isinstance(self.memory.state, State)
         return self.memory.state
 
+    @property
+    def crowd(self) -> Crowd | None:
+        """The configuration that a property is about, if there may be any number of robots."""
+        return self.memory.state if isinstance(self.memory.state, Crowd) else None
+
     def _everyone(self) -> range:
-        return range(self.world.robots)
+        return range(len(self.world.kinds))
 
     # --- calls ----------------------------------------------------------------------------------
 
@@ -393,7 +438,7 @@ class Body:
         if function.kind is core.ExternalKind.FRESH:
             if self.closed:
                 raise NotRecheckedError("a fresh answer in a property is not rechecked", e.span)
-            answer = self.v.fresh(f"{function.name} by {self.robot}", result)
+            answer = self.v.fresh(f"{function.name} by {self._who()}", result)
         else:
             flat = [term for a, p in pairs for term, _ in self.v.leaves(a, p.type)]
             answer = self.v.applied(function.name, flat, result)
@@ -402,23 +447,74 @@ class Body:
         for term, type_ in self.v.leaves(answer, result):
             for bound in self.v.bounds(term, type_):
                 self._require(bound)
+        met, promised = self._summary(function, arguments, answer)
+        self.fault_unless(met, f"what {function.name} requires is not met", e.span)
+        if not (function.kind is core.ExternalKind.FUNCTION and self._promise_always(function)):
+            self._require(self.t.implies(met, promised))
+        return answer
+
+    def _summary(
+        self, function: core.External, arguments: Sequence[Value], answer: Value
+    ) -> tuple[Term, Term]:
+        """What a function requires, and what it promises of an answer."""
         outer, self.bound = (
             self.bound,
             [
-                *(self.s.stored(a, p.type) for a, p in pairs),
-                self.s.stored(answer, result),
-                *[None] * (function.bound - len(pairs) - 1),
+                *(
+                    self.s.stored(a, p.type)
+                    for a, p in zip(arguments, function.parameters, strict=True)
+                ),
+                self.s.stored(answer, function.result.type),
+                *[None] * (function.bound - len(arguments) - 1),
             ],
         )
-        self._in_summary = True
+        inside, self._in_summary = self._in_summary, True
         met = self.t.conjunction([self.statement(r) for r in function.requires])
         # A promise that looks into a sealed list is left out: that only makes proofs harder.
         kept = [q for q in function.ensures if not self._looks_inside(q)]
         promised = self.t.conjunction([self.statement(q) for q in kept])
-        self._in_summary, self.bound = False, outer
-        self.fault_unless(met, f"what {function.name} requires is not met", e.span)
-        self._require(self.t.implies(met, promised))
-        return answer
+        self._in_summary, self.bound = inside, outer
+        return met, promised
+
+    def _promise_always(self, function: core.External) -> bool:
+        """Suppose the summary of all questions at once, where any number of robots may ask.
+
+        A mathematical function keeps it for all arguments, asked for or not. [EXTERNAL] Not where
+        one is a list that is looked into: there it is supposed of each question.
+        """
+        v = self.v
+        if v.robots is not None or any(_is_long(p.type, v) for p in function.parameters):
+            return False
+        if function.name not in v.promised:
+            v.promised.add(function.name)
+            binders: list[Term] = []
+            with v.scoped(()):
+                body = Body(self.world, v, None, Memory())
+                names = [f"{function.name} {p.name}" for p in function.parameters]
+                asked: list[Value] = [
+                    body._binder(name, p.type, binders)
+                    for name, p in zip(names, function.parameters, strict=True)
+                ]
+                flat = [
+                    term
+                    for a, p in zip(asked, function.parameters, strict=True)
+                    for term, _ in v.leaves(a, p.type)
+                ]
+                answer = v.applied(function.name, flat, function.result.type)
+                met, promised = body._summary(function, asked, answer)
+                inside = [
+                    bound
+                    for a, p in zip(asked, function.parameters, strict=True)
+                    for term, type_ in v.leaves(a, p.type)
+                    for bound in v.bounds(term, type_)
+                ]
+                known = self.t.conjunction([met, *inside])
+                v.ranges.append(self.t.for_all(binders, self.t.implies(known, promised)))
+        return True
+
+    def _who(self) -> str:
+        """Who runs, as a part of the name of an unknown."""
+        return "a robot" if self.robot is None or self.robot.value is None else self.robot.head
 
     def _looks_inside(self, promise: core.Expr) -> bool:
         sealed = self.world.sealed
@@ -429,7 +525,7 @@ class Body:
             raise NotRecheckedError("choose in a property is not rechecked", e.span)
         low, high = self.condition(e.low), self.condition(e.high)
         self.fault_unless(self.t.at_most(low, high), "empty range to choose from", e.span)
-        chosen = self.v.fresh(f"choice by {self.robot}", e.type)
+        chosen = self.v.fresh(f"choice by {self._who()}", e.type)
         assert isinstance(chosen, Term)
         self._require(self.t.both(self.t.at_most(low, chosen), self.t.at_most(chosen, high)))
         return chosen
@@ -440,6 +536,8 @@ class Body:
         slot, universal = e.variable.slot, e.quantifier is QuantifierKind.FORALL
         if isinstance(e.domain, core.AllValues):
             return self._every_value(e, e.domain.type)
+        if crowds.is_open(self, e.domain):
+            return crowds.quantified(self, e)
         result = self.t.truth(universal)
         for value in self._instances(e):
             # What is decided already is not looked at, and cannot fault.
@@ -479,7 +577,8 @@ class Body:
         self.bound[e.variable.slot] = self.s.stored(
             self._binder(e.variable.name, type_, binders), type_
         )
-        body = self.statement(e.body)
+        with self.v.scoped((*self.v.scope, *binders)):
+            body = self.statement(e.body)
         ranges = [b for x in binders for b in self.v.bounds(x, type_)]
         return self.t.for_all(binders, self.t.implies(self.t.conjunction(ranges), body))
 
@@ -527,11 +626,19 @@ class Body:
                     if condition.value is not False:
                         with self.where(condition):
                             self.run(block)
+            case core.ForRange() if self._is_open(s.low) or self._is_open(s.high):
+                low, high = self.condition(s.low), self.condition(s.high)
+                Loop(self, low, high, s.variable, None, s.body, s.span).run()
             case core.ForRange():
                 trips = [(None, t.integer(k)) for k in self._range(s.low, s.high)]
                 self._loop(trips, None, s.variable, s.body)
             case core.ForEach():
-                items = self._items(self.value(s.sequence), s.span)
+                over = self.value(s.sequence)
+                if isinstance(over, Family):
+                    zero = t.integer(0)
+                    Loop(self, zero, self.v.count, s.value, (over, s.key), s.body, s.span).run()
+                    return
+                items = self._items(over, s.span)
                 numbered = [(t.integer(k), item) for k, item in enumerate(items)]
                 self._loop(numbered, s.key, s.value, s.body)
             case core.Break():
@@ -559,6 +666,10 @@ class Body:
                 self._pop(s)
             case _:
                 assert_never(s)
+
+    def _is_open(self, bound: core.Expr) -> bool:
+        """Whether the bound of a loop is not a number, since that of robots is open."""
+        return self.v.robots is None and self.condition(bound).value is None
 
     def _loop(
         self,
@@ -590,6 +701,44 @@ class Body:
             result = self.s.stored(self.value(s.value), frame.type)
             frame.result = self.s.merge(self.path, result, frame.result, frame.type)
         frame.returned = self.t.either(frame.returned, self.path)
+
+    # --- what loops over all robots need ----------------------------------------------------------
+
+    def storage_of(self, variable: core.Variable) -> Storage:
+        found = self._storages(variable.home)[variable.slot]
+        return self.s.unset(variable.type) if found is None else found
+
+    def set_storage(self, variable: core.Variable, storage: Storage) -> None:
+        self._storages(variable.home)[variable.slot] = storage
+
+    def tried(self, block: core.Block, condition: Term) -> tuple[Term, Term, Storage | None]:
+        """Run a block by itself, where a condition holds: when it returns, when it breaks out of
+        the loop that it is the body of, and what it returns.
+        """
+        outer = (self.path, self.outside, self._frame, self._broke)
+        self.outside = self.t.conjunction([self.outside, self.path, condition])
+        self.path, never = self.t.truth(True), self.t.truth(False)
+        frame = self._frame
+        if frame is not None:
+            assert frame.type is not None
+            self._frame = _Frame(self.s.unset(frame.type), frame.type, never)
+        self._broke = [never]
+        self.run(block)
+        returned, result = never, None
+        if self._frame is not None:
+            returned, result = self._frame.returned, self._frame.result
+        broken = self._broke[-1]
+        self.path, self.outside, self._frame, self._broke = outer
+        return returned, broken, result
+
+    def returns(self, when: Term, result: Storage | None) -> None:
+        """The running function has returned where a condition holds."""
+        frame = self._frame
+        assert frame is not None
+        if result is not None:
+            assert frame.type is not None
+            frame.result = self.s.merge(when, result, frame.result, frame.type)
+        frame.returned = self.t.either(frame.returned, when)
 
     def assign(self, place: core.Place, value: Value) -> None:
         """Write a place. [LOCAL-ASSIGN] [SHARED-ASSIGN] [ALLREAD] [ACTUATE]"""
@@ -640,7 +789,7 @@ class Body:
             else:
                 assert not isinstance(storage, Cell)
                 if isinstance(location, Term):
-                    self._check_index(location, len(storage), step.span)
+                    self._check_index(location, storage, step.span)
                 storage = self.s.below(storage, location, type_)
             type_ = step.type
 
@@ -665,6 +814,19 @@ class Body:
         self.assign(s.place, self.v.without(whole, position, type_))
         if s.into is not None:
             self.assign(s.into, taken)
+
+
+def _is_long(type_: Type, v: Values) -> bool:
+    """Whether there are lists in a value that are sequences to the solver."""
+    match type_:
+        case ListType() | QueueType():
+            return type_ not in v.sealed
+        case RecordType(fields=fields):
+            return any(_is_long(part, v) for _, part in fields)
+        case ArrayType(element=element):
+            return _is_long(element, v)
+        case _:
+            return False
 
 
 def _common(e: core.Binary) -> Type:

@@ -22,7 +22,7 @@ from koord.syntax.parser import parse
 from koord.syntax.source import Source
 
 FORMAT = "koord certificate"
-VERSION = 1
+VERSION = 2
 
 #: More robots than this no certificate is about: obligations grow with their number.
 MOST_ROBOTS = 1000
@@ -33,11 +33,25 @@ _MOST_DEPTH = 10
 
 @dataclass(frozen=True, slots=True)
 class Conjunct:
-    """A part of the invariant: its text, and over how many rounds it is inductive."""
+    """A part of the invariant: its text, and over how many rounds it is inductive.
+
+    ``everyone``: it is one of those that are inductive for every number of robots.
+    """
 
     name: str
     depth: int
     text: str
+    everyone: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Claimed:
+    """What a certificate says to hold; ``everyone``: for every number of robots."""
+
+    name: str
+    kind: Kind
+    subject: str
+    everyone: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,21 +72,31 @@ class Certificate:
     settings: Settings
     kinds: tuple[int, ...]
     delta_s: Fraction
-    claims: tuple[tuple[str, Kind, str], ...]
+    claims: tuple[Claimed, ...]
     invariant: tuple[Conjunct, ...]
     rests_on: dict[str, tuple[str, ...]]
     given: tuple[Given, ...]
+    #: Claims that hold and that it is not about, with the reason: nothing is said of them.
+    not_covered: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Opened:
-    """A certificate with its program: what to recheck."""
+class Argument:
+    """Claims that prove themselves, about some robots or any number of them."""
 
     world: World
     #: The invariant's conjuncts, and what is claimed beside statements about configurations.
     claims: tuple[Claim, ...]
     #: Statements that are claimed without being conjuncts: they have to follow.
     consequences: tuple[core.Property, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A certificate with its program: what to recheck, for its robots and for every number."""
+
+    here: Argument
+    everyone: Argument | None
 
 
 # --- reading --------------------------------------------------------------------------------------
@@ -124,6 +148,11 @@ class _Reader:
         except (ValueError, ZeroDivisionError):
             raise self.wrong("a fraction such as 1/10") from None
 
+    def truth(self) -> bool:
+        if not isinstance(self.value, bool):
+            raise self.wrong("true or false")
+        return self.value
+
     def names(self) -> tuple[str, ...]:
         return tuple(item.text() for item in self.items())
 
@@ -164,6 +193,10 @@ def read(raw: bytes, name: str) -> Certificate:
         tuple(
             Given(part.field("name").text(), part.field("smt2").text())
             for part in top.field("obligations").items()
+        ),
+        tuple(
+            (part.field("name").text(), part.field("reason").text())
+            for part in top.field("not_covered").items()
         ),
     )
 
@@ -208,12 +241,17 @@ def _tasks(reader: _Reader) -> tuple[tuple[Fraction, Fraction, Fraction], ...] |
     return tuple(tasks)
 
 
-def _claim(reader: _Reader) -> tuple[str, Kind, str]:
+def _claim(reader: _Reader) -> Claimed:
     kind = reader.field("kind")
     known = {k.value: k for k in Kind}
     if kind.text() not in known:
         raise kind.wrong("one of " + ", ".join(known))
-    return reader.field("name").text(), known[kind.text()], reader.field("subject").text()
+    return Claimed(
+        reader.field("name").text(),
+        known[kind.text()],
+        reader.field("subject").text(),
+        reader.field("every_number").truth(),
+    )
 
 
 def _conjunct(reader: _Reader) -> Conjunct:
@@ -221,6 +259,7 @@ def _conjunct(reader: _Reader) -> Conjunct:
         reader.field("name").text(),
         reader.field("depth").number(1, _MOST_DEPTH),
         reader.field("text").text(),
+        reader.field("every_number").truth(),
     )
 
 
@@ -283,26 +322,45 @@ _OF_PROPERTIES = (ast.Assume, ast.Invariant, ast.FunDef, ast.ParamDecl)
 
 def _joined(certificate: Certificate, program: core.Program, names: list[str]) -> Opened:
     """What is claimed, in terms of the program that holds the invariant as well."""
-    name = certificate.name
+    world = World(program, certificate.kinds, certificate.delta_s)
+    here = _argument(certificate, world, names, everyone=False)
+    if not any(claimed.everyone for claimed in certificate.claims):
+        return Opened(here, None)
+    anyone = World(program, (), certificate.delta_s)
+    return Opened(here, _argument(certificate, anyone, names, everyone=True))
+
+
+def _argument(
+    certificate: Certificate, world: World, names: list[str], *, everyone: bool
+) -> Argument:
+    """The claims and the invariant; ``everyone``: those for every number of robots alone."""
+    name, program = certificate.name, world.program
     by_name = {p.name: p for p in program.properties}
     own = {given: by_name[f"stated {k}"] for k, given in enumerate(names)}
-    claims = [
-        Claim(conjunct.name, Kind.STATEMENT, by_name[f"conjunct {k}"], depth=conjunct.depth)
+    conjuncts = [
+        (by_name[f"conjunct {k}"], conjunct)
         for k, conjunct in enumerate(certificate.invariant)
+        if conjunct.everyone or not everyone
+    ]
+    depths = [1 if everyone else conjunct.depth for _, conjunct in conjuncts]
+    claims = [
+        Claim(conjunct.name, Kind.STATEMENT, stated, depth=depth)
+        for (stated, conjunct), depth in zip(conjuncts, depths, strict=True)
     ]
     kept = {(c.stated.condition, c.stated.kind) for c in claims if c.stated is not None}
     consequences = []
-    for claimed, kind, subject in certificate.claims:
-        if kind is not Kind.STATEMENT:
-            depth = max([conjunct.depth for conjunct in certificate.invariant], default=1)
-            _check_subject(name, program, kind, subject)
-            claims.append(Claim(claimed, kind, None, subject, depth))
-        elif claimed not in own:
-            raise refusal("K941", name, f"the program states no invariant {claimed!r}")
-        elif (own[claimed].condition, own[claimed].kind) not in kept:
-            consequences.append(replace(own[claimed], name=claimed))
-    world = World(program, certificate.kinds, certificate.delta_s)
-    return Opened(world, tuple(claims), tuple(consequences))
+    for claimed in certificate.claims:
+        if everyone and not claimed.everyone:
+            continue
+        if claimed.kind is not Kind.STATEMENT:
+            _check_subject(name, program, claimed.kind, claimed.subject)
+            depth = max(depths, default=1)
+            claims.append(Claim(claimed.name, claimed.kind, None, claimed.subject, depth))
+        elif claimed.name not in own:
+            raise refusal("K941", name, f"the program states no invariant {claimed.name!r}")
+        elif (own[claimed.name].condition, own[claimed.name].kind) not in kept:
+            consequences.append(replace(own[claimed.name], name=claimed.name))
+    return Argument(world, tuple(claims), tuple(consequences))
 
 
 def _check_subject(name: str, program: core.Program, kind: Kind, subject: str) -> None:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 
-from koord.recheck.certificate import Certificate, Given, Opened, opened
+from koord.recheck import instances
+from koord.recheck.certificate import Argument, Certificate, Given, opened
 from koord.recheck.commands import NotACommandError, harmless
+from koord.recheck.every_number import EveryNumber
 from koord.recheck.obligations import Obligation, Obligations
 from koord.recheck.settling import Settled, Settling
 from koord.recheck.solving import Answer, Session, TextError, answer_of
 from koord.recheck.terms import Terms
 from koord.recheck.values import NotRecheckedError, Values
+from koord.recheck.world import World
 from koord.syntax.source import NOWHERE, Span
 
 #: What one question may take, in seconds.
@@ -40,15 +43,37 @@ class Opinion:
 
 
 @dataclass(frozen=True, slots=True)
-class Rechecked:
-    """The verdict, with each obligation. ``span`` is the construct that is not rechecked."""
+class Part:
+    """What became of the obligations about some robots, or about any number of them.
+
+    ``span`` is the construct that is not rechecked.
+    """
 
     outcome: Outcome
     settled: tuple[Settled, ...]
+    reason: str = ""
+    span: Span = NOWHERE
+
+
+@dataclass(frozen=True, slots=True)
+class Rechecked:
+    """The verdict, with what it rests on.
+
+    ``everyone`` is about every number of robots, where that is claimed; ``here`` about those of the
+    certificate, where that is not all that is claimed, or not shown.
+    """
+
+    outcome: Outcome
+    everyone: Part | None
+    here: Part | None
     opinions: tuple[Opinion, ...]
     seconds: float
     reason: str = ""
     span: Span = NOWHERE
+
+    @property
+    def settled(self) -> tuple[Settled, ...]:
+        return tuple(one for part in (self.everyone, self.here) if part for one in part.settled)
 
 
 @dataclass(slots=True)
@@ -73,50 +98,99 @@ def recheck(
     """
     started = time.monotonic()
     clock = _Clock(None if timeout_s is None else started + timeout_s)
-    session = Session.start(seed)
-    settled: list[Settled] = []
-    reason, span = "", NOWHERE
+    everyone = here = None
     try:
         it = opened(certificate)
-        for one in _Pass(it, session, clock, progress).settled():
-            settled.append(one)
-            if one.answer is Answer.SAT:
-                break
     except NotRecheckedError as error:
-        reason, span = error.reason, error.span
+        here = Part(Outcome.UNKNOWN, (), error.reason, error.span)
+    else:
+        if it.everyone is not None:
+            everyone = _part(_for_everyone(it.everyone, seed, clock, progress))
+            if everyone.outcome is not Outcome.CONFIRMED:
+                everyone = _refuted_by_few(it.everyone, everyone, seed, clock, progress)
+        certain = everyone is not None and everyone.outcome is Outcome.CONFIRMED
+        if not certain or not all(claimed.everyone for claimed in certificate.claims):
+            session = Session.start(seed)
+            here = _part(_Pass(it.here, session, clock, progress).settled())
     opinions = tuple(
         _opinion(given, clock, progress) for given in certificate.given if clock.left(1.0) > 0
     )
-    outcome, why = _outcome(settled, opinions, reason)
-    seconds = time.monotonic() - started
-    return Rechecked(outcome, tuple(settled), opinions, seconds, why, span)
+    return _joined(everyone, here, opinions, time.monotonic() - started)
 
 
-def _outcome(
-    settled: Sequence[Settled], opinions: Sequence[Opinion], reason: str
-) -> tuple[Outcome, str]:
-    for one in settled:
-        if one.answer is Answer.SAT:
-            return Outcome.REFUTED, f"{one.name}: {one.claim} does not follow"
-    for opinion in opinions:
-        if opinion.answer is Answer.SAT:
-            return (
-                Outcome.REFUTED,
-                f"the script {opinion.name!r} in the certificate can be satisfied",
-            )
-    if reason:
-        return Outcome.UNKNOWN, reason
+def _part(settling: Iterator[Settled]) -> Part:
+    """What becomes of obligations, one after the other."""
+    settled: list[Settled] = []
+    try:
+        for one in settling:
+            settled.append(one)
+            if one.answer is Answer.SAT:
+                reason = f"{one.name}: {one.claim} does not follow"
+                return Part(Outcome.REFUTED, tuple(settled), reason)
+    except NotRecheckedError as error:
+        return Part(Outcome.UNKNOWN, tuple(settled), error.reason, error.span)
     for one in settled:
         if one.answer is Answer.UNKNOWN:
-            return Outcome.UNKNOWN, f"{one.name}: {one.claim or 'not settled'} (no answer in time)"
-    return Outcome.CONFIRMED, ""
+            reason = f"{one.name}: {one.claim or 'not settled'} (no answer in time)"
+            return Part(Outcome.UNKNOWN, tuple(settled), reason)
+    return Part(Outcome.CONFIRMED, tuple(settled))
+
+
+def _for_everyone(
+    it: Argument, seed: int, clock: _Clock, progress: Callable[[str], None]
+) -> Iterator[Settled]:
+    """The obligations for every number of robots."""
+    values = Values(Terms(), None, it.world.sealed)
+    settling = Settling(values, Session.start(seed), lambda: clock.left(QUESTION_S), progress)
+    for obligation in EveryNumber(it.world, it.claims, values, it.consequences):
+        progress(f"any number of robots: {obligation.name}")
+        yield instances.settled(settling, obligation)
+
+
+#: With so few robots a claim about every number of them is looked at that was not shown.
+_FEW = (1, 2, 3)
+
+
+def _refuted_by_few(
+    it: Argument, part: Part, seed: int, clock: _Clock, progress: Callable[[str], None]
+) -> Part:
+    """What holds for every number of robots holds for a few; if it does not, that refutes it."""
+    if len(it.world.program.agents) > 1:
+        return part
+    for robots in _FEW:
+        world = World(it.world.program, (0,) * robots, it.world.delta_s)
+        few = Argument(world, it.claims, it.consequences)
+        found = _part(_Pass(few, Session.start(seed), clock, progress).settled())
+        if found.outcome is Outcome.REFUTED:
+            reason = f"with {robots} robot{'' if robots == 1 else 's'}, {found.reason}"
+            return Part(Outcome.REFUTED, (*part.settled, found.settled[-1]), reason)
+    return part
+
+
+def _joined(
+    everyone: Part | None, here: Part | None, opinions: tuple[Opinion, ...], seconds: float
+) -> Rechecked:
+    parts = [part for part in (everyone, here) if part is not None]
+    for part in parts:
+        if part.outcome is Outcome.REFUTED:
+            return Rechecked(Outcome.REFUTED, everyone, here, opinions, seconds, part.reason)
+    for opinion in opinions:
+        if opinion.answer is Answer.SAT:
+            reason = f"the script {opinion.name!r} in the certificate can be satisfied"
+            return Rechecked(Outcome.REFUTED, everyone, here, opinions, seconds, reason)
+    for part in parts:
+        if part.outcome is Outcome.UNKNOWN:
+            return Rechecked(
+                Outcome.UNKNOWN, everyone, here, opinions, seconds, part.reason, part.span
+            )
+    return Rechecked(Outcome.CONFIRMED, everyone, here, opinions, seconds)
 
 
 @dataclass(slots=True)
 class _Pass:
     """One way through the obligations, and back to those that were too much at first."""
 
-    it: Opened
+    it: Argument
     session: Session
     clock: _Clock
     progress: Callable[[str], None]

@@ -13,7 +13,7 @@ from functools import cached_property, partial
 from koord.recheck.body import Fault
 from koord.recheck.racing import made
 from koord.recheck.rounds import Prefix, Rounds
-from koord.recheck.storage import Cell, Robot, State, Storage, Storages, Store
+from koord.recheck.storage import Cell, Crowd, Robot, State, Storage, Storages, Store
 from koord.recheck.terms import BOOL, INT, Term, Terms
 from koord.recheck.turns import Opening, Turn, Turns
 from koord.recheck.updates import meeting
@@ -71,11 +71,15 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """From the hypotheses each goal follows. ``shown`` is what to tell of a counterexample."""
+    """From the hypotheses each goal follows. ``shown`` is what to tell of a counterexample.
+
+    ``names`` are numbers of robots that it is about, where there is any number of them.
+    """
 
     hypotheses: tuple[Term, ...]
     goals: tuple[Goal, ...]
     shown: tuple[Shown, ...] = ()
+    names: tuple[Term, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,10 +138,10 @@ class Obligations:
                 past = self._extended(past, assumed, f"an earlier round {number}")
             yield from self._round(past, assumed, asked, "")
 
-        for stated in self.consequences:
-            claim = Claim(stated.name, Kind.STATEMENT, stated)
+        for property_ in self.consequences:
+            claim = Claim(property_.name, Kind.STATEMENT, property_)
             yield Obligation(
-                f"the invariant implies {stated.name}",
+                f"the invariant implies {claim.name}",
                 (partial(self._implied, claim, tuple(self.claims)),),
             )
 
@@ -270,7 +274,7 @@ class Obligations:
     ) -> Iterator[Obligation]:
         """Everything that one more step of a round may break."""
         round_ = Round(self, past, assumed, asked, label)
-        for i in range(self.world.robots):
+        for i in range(len(self.world.kinds)):
             for position in range(len(self.world.agent(i).events)):
                 yield from round_.event(i, position)
         yield from round_.quiet()
@@ -283,12 +287,7 @@ class Obligations:
         self, state: State, claims: Iterable[Claim], *, between_rounds: bool = False
     ) -> list[Goal]:
         """Statements that are to hold in a configuration."""
-        goals = []
-        for claim in claims:
-            if claim.stated is not None and (between_rounds or not claim.at_round):
-                holds, legal = self.turns.holds(state, claim.stated.condition, claim.stated.bound)
-                goals.append(Goal(claim.name, legal, holds))
-        return goals
+        return stated(self.turns, state, claims, between_rounds=between_rounds)
 
     # --- counterexamples ------------------------------------------------------------------------
 
@@ -318,6 +317,7 @@ class Obligations:
             return
         parts = self.v.parts(type_)
         assert parts is not None
+        assert isinstance(storage, tuple)
         for below, (label, part) in zip(storage, parts, strict=True):
             yield from self._leaves(name + label, where, below, part)
 
@@ -394,7 +394,9 @@ class Round:
             free = t.negation(self.of.rounds.taken(prefix, lock))
             facts.append(t.implies(entered, free))
         others = [
-            prefix.ran_none(j, self.of.turns) for j in range(self.world.robots) if j != turn.robot
+            prefix.ran_none(j, self.of.turns)
+            for j in range(len(self.world.kinds))
+            if j != turn.robot
         ]
         last, after = self._moved(prefix.state, turn)
         if last is not None:
@@ -413,7 +415,7 @@ class Round:
         allread = tuple(
             (*x[:i], own[i], *x[i + 1 :])
             for x, own in zip(state.store.allread, before.store.allread, strict=True)
-            if not isinstance(x, Cell) and not isinstance(own, Cell)
+            if isinstance(x, tuple) and isinstance(own, tuple)
         )
         allwrite = []
         for d, x, old in zip(
@@ -445,7 +447,7 @@ class Round:
             return None, after
         # END-PROG comes with the last turn of a round.
         last = t.truth(True)
-        if self.world.robots > 1:
+        if len(self.world.kinds) > 1:
             last = self.of.v.symbol(f"{i} is the last to move", BOOL)
         _, ended = self.of.rounds.stopped_together(after)
         robots = tuple(
@@ -554,6 +556,18 @@ class Round:
         return self._attempt([*facts, *evolution.facts, *sound], goals, shown)
 
 
+def stated(
+    turns: Turns, state: State | Crowd, claims: Iterable[Claim], *, between_rounds: bool
+) -> list[Goal]:
+    """The claims that are statements, of a configuration."""
+    goals = []
+    for claim in claims:
+        if claim.stated is not None and (between_rounds or not claim.at_round):
+            holds, legal = turns.holds(state, claim.stated.condition, claim.stated.bound)
+            goals.append(Goal(claim.name, legal, holds))
+    return goals
+
+
 def _sound(turns: Turns, fault: Fault, legal: Term | None = None) -> Goal:
     t = turns.v.t
     place = f"{fault.span.line}:{fault.span.column}"
@@ -568,6 +582,7 @@ def _taken(goals: Iterable[Goal]) -> list[Term]:
 def _has_unknown(storage: Storage) -> bool:
     """Whether anything below is not a constant."""
     if not isinstance(storage, Cell):
+        assert isinstance(storage, tuple)
         return any(_has_unknown(below) for below in storage)
     if storage.is_set.value is None:
         return True
@@ -576,6 +591,6 @@ def _has_unknown(storage: Storage) -> bool:
         value = pending.pop()
         if isinstance(value, tuple):
             pending += value
-        elif value.value is None:
+        elif not isinstance(value, Term) or value.value is None:
             return bool(storage.is_set.value)
     return False

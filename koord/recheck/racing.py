@@ -101,9 +101,10 @@ class Racing:
             return Cell(is_set, value)
         parts = v.parts(type_)
         assert parts is not None
+        assert isinstance(storage, tuple)
         below = []
         for k, (part_storage, (_, part)) in enumerate(zip(storage, parts, strict=True)):
-            inner = [(r, m[k]) for r, m in ranked if not isinstance(m, Cell)]
+            inner = [(r, m[k]) for r, m in ranked if isinstance(m, tuple)]
             below.append(self._atoms(part_storage, part, inner, rank))
         return tuple(below)
 

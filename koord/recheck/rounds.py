@@ -52,7 +52,7 @@ class Rounds:
         t = v.t
         facts: list[Term] = []
         choices: list[tuple[Choice, ...]] = []
-        for i in range(world.robots):
+        for i in range(len(world.kinds)):
             mine = []
             for position, event in enumerate(world.agent(i).events):
                 turn = self.turns.turn(start, i, position)

@@ -13,10 +13,14 @@ _SMALL = 2
 
 @dataclass(slots=True)
 class Script:
-    """Writes terms. What it has named stays named, so a term is written once."""
+    """Writes terms. What it has named stays named, so a term is written once.
+
+    A part in which variables of quantifiers are free is named as a function of these.
+    """
 
     _names: dict[int, str] = field(default_factory=dict)
-    _free: dict[int, frozenset[str]] = field(default_factory=dict)
+    _free: dict[int, dict[str, str]] = field(default_factory=dict)
+    _count: int = 0
 
     def text(self, term: Term) -> tuple[list[str], str]:
         """Definitions that are needed first, and the term in their words."""
@@ -25,11 +29,13 @@ class Script:
         for node in _inside_out(term, self._names):
             if id(node) in self._names or id(node) in written:
                 continue
-            body = self._body(node, written)
-            if node.args and not self._is_open(node) and node is not term and len(body) > 24:
-                name = f"t{len(self._names)}"
-                definitions.append(f"(define-fun {name} () {node.sort} {body})")
-                self._names[id(node)] = name
+            body, free = self._body(node, written), self._free_in(node)
+            if node.args and node is not term and len(body) > 24:
+                name = f"t{self._count}"
+                self._count += 1
+                variables = " ".join(f"({head} {sort})" for head, sort in free.items())
+                definitions.append(f"(define-fun {name} ({variables}) {node.sort} {body})")
+                self._names[id(node)] = f"({name} {' '.join(free)})" if free else name
             else:
                 written[id(node)] = body
         return definitions, self._names.get(id(term)) or written[id(term)]
@@ -43,17 +49,15 @@ class Script:
             return f"(forall ({bound}) {args})"
         return f"({node.head} {args})"
 
-    def _is_open(self, node: Term) -> bool:
-        """Whether a variable is free in it: then it has no name outside of its quantifier."""
-        return bool(self._free_in(node))
-
-    def _free_in(self, node: Term) -> frozenset[str]:
+    def _free_in(self, node: Term) -> dict[str, str]:
+        """The variables that are free in a term whose parts were asked about before, with sorts."""
         known = self._free.get(id(node))
         if known is None:
-            known = frozenset[str]().union(*(self._free_in(a) for a in node.args))
+            known = {head: sort for a in node.args for head, sort in self._free[id(a)].items()}
             if node.head.startswith("|?"):
-                known |= {node.head}
-            known -= {b.head for b in node.binders}
+                known[node.head] = node.sort
+            for b in node.binders:
+                known.pop(b.head, None)
             self._free[id(node)] = known
         return known
 

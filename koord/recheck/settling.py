@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -77,8 +78,8 @@ class Settling:
         # What answers satisfy that any claim asks for, they satisfy.
         legal = [goal.legal for goal in attempt.goals]
         proved: list[Goal] = []
-        with self._pushed([*self.values.ranges, *attempt.hypotheses, *legal]):
-            with self._pushed([t.negation(t.conjunction(goal.holds for goal in goals))]):
+        with self.pushed([*self.values.ranges, *attempt.hypotheses, *legal]):
+            with self.pushed([t.negation(t.conjunction(goal.holds for goal in goals))]):
                 answer = self._check(quick=quick)
             if quick or answer is Answer.UNSAT:
                 return Settled(name, answer)
@@ -87,7 +88,7 @@ class Settling:
             return settled
         # Perhaps what is open follows from the goals that are proved, with nothing else given.
         left_over = [goal for goal in goals if goal not in proved]
-        with self._pushed([*self.values.ranges, *legal, *(goal.holds for goal in proved)]):
+        with self.pushed([*self.values.ranges, *legal, *(goal.holds for goal in proved)]):
             found = [self._alone(name, attempt, goal).answer for goal in left_over]
         if all(answer is Answer.UNSAT for answer in found):
             return Settled(name, Answer.UNSAT)
@@ -108,7 +109,7 @@ class Settling:
                     waiting.append(goal)
                 else:
                     proved.append(goal)
-                    self.session.tell(self._asserted([goal.holds]))
+                    self.tell([goal.holds])
             if not waiting:
                 return Settled(name, Answer.UNSAT)
             if len(waiting) == len(left):
@@ -118,7 +119,7 @@ class Settling:
     def _alone(self, name: str, attempt: Attempt, goal: Goal) -> Settled:
         """One goal, case by case."""
         for case in conjuncts(self.values.t, goal.holds):
-            with self._pushed([self.values.t.negation(case)]):
+            with self.pushed([self.values.t.negation(case)]):
                 answer = self._check()
                 if answer is Answer.SAT:
                     state = tuple(self._told(attempt.shown))
@@ -128,19 +129,28 @@ class Settling:
         return Settled(name, Answer.UNSAT, goal.claim)
 
     def _check(self, *, quick: bool = False) -> Answer:
-        seconds = self.deadline()
-        if seconds <= 0:
-            return Answer.UNKNOWN
-        self.session.allow(min(QUICK_S, seconds) if quick else seconds)
-        return self.session.check()
+        return self.check(QUICK_S if quick else math.inf)
 
     @contextmanager
-    def _pushed(self, facts: Sequence[Term]) -> Iterator[None]:
+    def pushed(self, facts: Sequence[Term]) -> Iterator[None]:
+        """Assert something for a while."""
         self.session.tell(["(push 1)", *self._asserted(facts)])
         try:
             yield
         finally:
             self.session.tell(["(pop 1)"])
+
+    def tell(self, facts: Sequence[Term]) -> None:
+        """Assert something until what was pushed last is taken back."""
+        self.session.tell(self._asserted(facts))
+
+    def check(self, seconds: float) -> Answer:
+        """Whether what is asserted can hold."""
+        left = min(seconds, self.deadline())
+        if left <= 0:
+            return Answer.UNKNOWN
+        self.session.allow(left)
+        return self.session.check()
 
     def _asserted(self, terms: Sequence[Term]) -> list[str]:
         commands: list[str] = []
@@ -187,4 +197,6 @@ def conjuncts(t: Terms, term: Term) -> list[Term]:
             if arg.head == "and":
                 rest = [*term.args[:k], *term.args[k + 1 :]]
                 return [p for x in arg.args for p in conjuncts(t, t.disjunction([*rest, x]))]
+    if term.head == "forall":
+        return [t.for_all(term.binders, part) for part in conjuncts(t, term.args[0])]
     return [term]

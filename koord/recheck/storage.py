@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 from koord.recheck.terms import Term
-from koord.recheck.values import Value, Values
+from koord.recheck.values import Family, Value, Values
 from koord.syntax.types import Type
 
 
@@ -19,7 +19,14 @@ class Cell:
     value: Value
 
 
-Storage: TypeAlias = "Cell | tuple[Storage, ...]"
+@dataclass(frozen=True, slots=True)
+class Many:
+    """What an array over all robots holds, of whom there may be any number."""
+
+    at: Callable[[Term], Storage]
+
+
+Storage: TypeAlias = "Cell | tuple[Storage, ...] | Many"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +68,23 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
+class Crowd:
+    """A configuration of any number of robots; ``robot`` gives that of a kind with a number."""
+
+    robot: Callable[[int, Term], Robot]
+    store: Store
+
+
+@dataclass(frozen=True, slots=True)
 class Storages:
     """Reads, writes and merges storage."""
 
     v: Values
 
     def unset(self, type_: Type) -> Storage:
+        if self.v.is_family(type_):
+            element = self.unset(self.v.element(type_))
+            return Many(lambda index: element)
         parts = self.v.parts(type_)
         if parts is not None:
             return tuple(self.unset(part) for _, part in parts)
@@ -74,6 +92,9 @@ class Storages:
 
     def stored(self, value: Value, type_: Type) -> Storage:
         """A value as storage, every atom set; a list literal may set a part of an array only."""
+        if isinstance(value, Family) and self.v.is_family(type_):
+            below, family = self.v.element(type_), value
+            return Many(lambda index: self.stored(family.at(index), below))
         parts = self.v.parts(type_)
         if parts is None:
             return Cell(self.v.t.truth(True), value)
@@ -85,6 +106,9 @@ class Storages:
 
     def anything(self, name: str, type_: Type, like: Storage) -> Storage:
         """Any state of a variable, in which every atom is set that is surely set in ``like``."""
+        if isinstance(like, Many):
+            element = self.v.element(type_)
+            return self.many(lambda index: self.anything(f"{name}[]", element, like.at(index)))
         if isinstance(like, Cell):
             is_set = like.is_set
             if is_set.value is not True:
@@ -101,6 +125,9 @@ class Storages:
 
     def loosened(self, storage: Storage, type_: Type) -> Storage:
         """The same storage, with lists of known length as lists of any length."""
+        if isinstance(storage, Many):
+            element = self.v.element(type_)
+            return Many(lambda index: self.loosened(storage.at(index), element))
         if isinstance(storage, Cell):
             if self.v.parts(type_) is None and isinstance(storage.value, tuple):
                 return Cell(storage.is_set, self.v.pack(storage.value, type_))
@@ -113,6 +140,10 @@ class Storages:
 
     def read(self, storage: Storage, type_: Type) -> tuple[Value, Term]:
         """What storage holds, and whether every atom of it is set."""
+        if isinstance(storage, Many):
+            element = self.v.element(type_)
+            whole = self.v.every(lambda index: self.read(storage.at(index), element)[1])
+            return Family(lambda index: self.read(storage.at(index), element)[0]), whole
         if isinstance(storage, Cell):
             return storage.value, storage.is_set
         parts = self.v.parts(type_)
@@ -120,8 +151,13 @@ class Storages:
         below = [self.read(s, part) for s, (_, part) in zip(storage, parts, strict=True)]
         return tuple(value for value, _ in below), self.v.t.conjunction(s for _, s in below)
 
-    def below(self, storage: tuple[Storage, ...], location: Location, type_: Type) -> Storage:
+    def below(
+        self, storage: tuple[Storage, ...] | Many, location: Location, type_: Type
+    ) -> Storage:
         """A part of a tree; some part if there is none."""
+        if isinstance(storage, Many):
+            assert isinstance(location, Term)
+            return storage.at(location)
         if isinstance(location, Field):
             return storage[location.position]
         if location.value is not None:
@@ -141,6 +177,10 @@ class Storages:
             return a if condition.value else b
         if a is b:
             return a
+        if isinstance(a, Many):
+            assert isinstance(b, Many)
+            element, other = self.v.element(type_), b
+            return Many(lambda k: self.merge(condition, a.at(k), other.at(k), element))
         if isinstance(a, Cell):
             assert isinstance(b, Cell)
             is_set = self.v.t.ite(condition, a.is_set, b.is_set)
@@ -169,10 +209,13 @@ class Storages:
             return Cell(storage.is_set, self.v.merge(there, value, storage.value, type_))
         if not locations:
             return self.merge(guard, self.stored(new, type_), storage, type_)
+        first, rest = locations[0], locations[1:]
+        if isinstance(storage, Many):
+            assert isinstance(first, Term)
+            return self._put_in(storage, self.v.element(type_), first, rest, new, guard)
         assert isinstance(storage, tuple)
         parts = self.v.parts(type_)
         assert parts is not None
-        first, rest = locations[0], locations[1:]
         changed = []
         for k, (below, (_, part)) in enumerate(zip(storage, parts, strict=True)):
             if isinstance(first, Field):
@@ -181,6 +224,56 @@ class Storages:
                 here = self.v.t.equal(first, self.v.t.integer(k))
             changed.append(self.put(below, part, rest, new, self.v.t.both(guard, here)))
         return tuple(changed)
+
+    def _put_in(
+        self,
+        storage: Many,
+        type_: Type,
+        index: Term,
+        locations: Sequence[Location],
+        new: Value,
+        guard: Term,
+    ) -> Many:
+        t = self.v.t
+
+        def at(k: Term) -> Storage:
+            here = t.both(guard, t.equal(index, k))
+            return self.put(storage.at(k), type_, locations, new, here)
+
+        return Many(at)
+
+    def many(self, element: Callable[[Term], Storage]) -> Many:
+        """Storage of which one element is worked out, for whatever number."""
+        with self.v.scoped((*self.v.scope, blank := self.v.t.blank())):
+            one = element(blank)
+        return Many(lambda index: self.of(one, blank, index))
+
+    def of(self, storage: Storage, old: Term, new: Term) -> Storage:
+        """Storage with a term in the place of a variable."""
+        if isinstance(storage, Cell):
+            return Cell(self.v.t.put(storage.is_set, old, new), self.v.put(storage.value, old, new))
+        if isinstance(storage, Many):
+            return Many(lambda index: self.of(storage.at(index), old, new))
+        return tuple(self.of(part, old, new) for part in storage)
+
+    def same(self, a: Storage, b: Storage, type_: Type) -> Term:
+        """Whether two variables hold the same."""
+        if a is b:
+            return self.v.t.truth(True)
+        if isinstance(a, Cell):
+            assert isinstance(b, Cell)
+            alike = self.v.t.equal(a.is_set, b.is_set)
+            return self.v.t.both(alike, self.v.equal(a.value, b.value, type_))
+        if isinstance(a, Many):
+            assert isinstance(b, Many)
+            element, other = self.v.element(type_), b
+            return self.v.every(lambda k: self.same(a.at(k), other.at(k), element))
+        assert isinstance(b, tuple)
+        parts = self.v.parts(type_)
+        assert parts is not None
+        return self.v.t.conjunction(
+            self.same(x, y, part) for x, y, (_, part) in zip(a, b, parts, strict=True)
+        )
 
     def _put_value(
         self, value: Value, type_: Type, locations: Sequence[Location], new: Value

@@ -39,6 +39,9 @@ class Terms:
     """Makes terms; one instance per script."""
 
     _known: dict[tuple[object, ...], Term] = field(default_factory=dict)
+    _free: dict[int, frozenset[str]] = field(default_factory=dict)
+    _put: dict[tuple[int, int], dict[int, Term]] = field(default_factory=dict)
+    _blanks: int = 0
 
     def _make(
         self,
@@ -145,9 +148,113 @@ class Terms:
         return self._make("=", (a, b), BOOL)
 
     def for_all(self, binders: Sequence[Term], body: Term) -> Term:
-        if not binders or body.value is not None:
+        """Binders that the body does not mention are left out."""
+        free = self.free(body)
+        kept = tuple(b for b in binders if b.head in free)
+        if not kept or body.value is not None:
             return body
-        return self._make("forall", (body,), BOOL, None, tuple(binders))
+        if body.binders and not {b.head for b in kept} & {b.head for b in body.binders}:
+            return self._make("forall", body.args, BOOL, None, (*kept, *body.binders))
+        return self._make("forall", (body,), BOOL, None, kept)
+
+    def exists(self, binders: Sequence[Term], body: Term) -> Term:
+        return self.negation(self.for_all(binders, self.negation(body)))
+
+    # --- variables of quantifiers ---------------------------------------------------------------
+
+    def bound(self, level: int, sort: str = INT) -> Term:
+        """The variable of a quantifier inside so many others: one statement is one term."""
+        return self._make(quoted(f"?{sort} {level}"), (), sort)
+
+    def blank(self, sort: str = INT) -> Term:
+        """A variable that no quantifier has."""
+        self._blanks += 1
+        return self._make(quoted(f"?blank {self._blanks}"), (), sort)
+
+    def free(self, term: Term) -> frozenset[str]:
+        """The variables that are free in a term, by their heads."""
+        found = self._free.get(id(term))
+        if found is None:
+            # Inside out, since terms may be deep.
+            pending = [term]
+            while pending:
+                node = pending[-1]
+                below = [a for a in node.args if id(a) not in self._free]
+                if below:
+                    pending += below
+                    continue
+                pending.pop()
+                names = frozenset[str]().union(*(self._free[id(a)] for a in node.args))
+                if node.head.startswith("|?"):
+                    names |= {node.head}
+                self._free[id(node)] = names - {b.head for b in node.binders}
+            found = self._free[id(term)]
+        return found
+
+    def put(self, term: Term, old: Term, new: Term) -> Term:
+        """The term with another one in the place of a variable, folded anew."""
+        if old is new or old.head not in self.free(term):
+            return term
+        known = self._put.setdefault((id(old), id(new)), {id(old): new})
+        pending = [term]
+        while pending:
+            node = pending[-1]
+            if id(node) in known or old.head not in self.free(node):
+                known.setdefault(id(node), node)
+                pending.pop()
+                continue
+            if any(b.head in self.free(new) for b in node.binders):
+                # What the new term speaks of is not what this quantifier does.
+                pending.pop()
+                known[id(node)] = self.put(self._renamed(node), old, new)
+                continue
+            below = [a for a in node.args if id(a) not in known]
+            if below:
+                pending += below
+                continue
+            pending.pop()
+            known[id(node)] = self.again(node, [known[id(a)] for a in node.args])
+        return known[id(term)]
+
+    def _renamed(self, node: Term) -> Term:
+        """The same quantifier over variables that nobody else has."""
+        (body,), fresh = node.args, []
+        for b in node.binders:
+            fresh.append(self.blank(b.sort))
+            body = self.put(body, b, fresh[-1])
+        return self.for_all(fresh, body)
+
+    def again(self, node: Term, args: list[Term]) -> Term:
+        """The same operation on other operands, folded."""
+        match node.head, args:
+            case "and", _:
+                return self.conjunction(args)
+            case "or", _:
+                return self.disjunction(args)
+            case "not", [a]:
+                return self.negation(a)
+            case "ite", [a, b, c]:
+                return self.ite(a, b, c)
+            case "=", [a, b]:
+                return self.equal(a, b)
+            case "<", [a, b]:
+                return self.less(a, b)
+            case "<=", [a, b]:
+                return self.at_most(a, b)
+            case "+", [a, b]:
+                return self.plus(a, b)
+            case "-", [a, b]:
+                return self.minus(a, b)
+            case "-", [a]:
+                return self.negative(a)
+            case "*", [a, b]:
+                return self.times(a, b)
+            case "forall", [a]:
+                return self.for_all(node.binders, a)
+            case "to_real", [a]:
+                return self.widened(a)
+            case _:
+                return self._make(node.head, tuple(args), node.sort, node.value, node.binders)
 
     # --- numbers --------------------------------------------------------------------------------
 

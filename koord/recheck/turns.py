@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from koord.recheck.body import Body, Fault, Memory, Write
 from koord.recheck.racing import Part, Racing
-from koord.recheck.storage import Robot, State, Storage, Storages, Store
+from koord.recheck.storage import Crowd, Robot, State, Storage, Storages, Store
 from koord.recheck.terms import Term
 from koord.recheck.values import Values
 from koord.recheck.world import World
@@ -22,6 +22,8 @@ from koord.syntax.types import INT, ArrayType
 @dataclass(frozen=True, slots=True)
 class Turn:
     """What one event of one robot does, if it runs.
+
+    ``robot`` is its number, or its kind where it is any robot of any number of them.
 
     ``enabled``: its ``pre`` holds. ``faults`` are those of ``pre`` and ``eff``. ``legal`` is what
     the answers satisfy that it asks for; ``entered`` the lock classes, with their conditions.
@@ -60,6 +62,16 @@ class Evolution:
 
 
 @dataclass(frozen=True, slots=True)
+class Evolved:
+    """One robot after the environment's turn, with what holds of it and what may go wrong."""
+
+    robot: Robot
+    facts: tuple[Term, ...]
+    faults: tuple[Fault, ...]
+    promises: tuple[tuple[str, Term], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Turns:
     """Works out turns."""
 
@@ -75,15 +87,11 @@ class Turns:
     def opening(self) -> Opening:
         """The configuration after INIT, in which all assumptions hold. [INIT] [PROP-ASSUME]"""
         program, t = self.world.program, self.v.t
-        base = Store(
-            tuple(self.s.unset(d.variable.type) for d in program.allread),
-            tuple(self.s.unset(d.variable.type) for d in program.allwrite),
-        )
-        shared = Body(self.world, self.v, None, Memory([], [], [*base.allread], [*base.allwrite]))
-        for d in program.allwrite:
-            self._start(shared, d, shared.memory.allwrite, "")
-        base = Store(base.allread, tuple(shared.memory.allwrite))
-        bodies = [self._initial(i, base) for i in range(self.world.robots)]
+        shared, base = self.declared()
+        bodies = [
+            self.initial(self.world.agent(i), t.integer(i), f"{i}", base)
+            for i in range(len(self.world.kinds))
+        ]
         racing = Racing(self.s, "INIT")
         everyone = [Part(i, t.truth(True), tuple(b.writes)) for i, b in enumerate(bodies)]
         store = racing.joined(base, everyone)
@@ -100,8 +108,18 @@ class Turns:
         faults = [fault for b in (shared, *bodies) for fault in b.faults]
         return Opening(state, tuple(facts), tuple(faults))
 
-    def _initial(self, robot: int, base: Store) -> Body:
-        agent = self.world.agent(robot)
+    def declared(self) -> tuple[Body, Store]:
+        """The store before robots begin, and the body that made it."""
+        program = self.world.program
+        allread = [self.s.unset(d.variable.type) for d in program.allread]
+        allwrite = [self.s.unset(d.variable.type) for d in program.allwrite]
+        shared = Body(self.world, self.v, None, Memory([], [], [*allread], allwrite))
+        for d in program.allwrite:
+            self._start(shared, d, shared.memory.allwrite, "")
+        return shared, Store(tuple(allread), tuple(shared.memory.allwrite))
+
+    def initial(self, agent: core.Agent, robot: Term, name: str, base: Store) -> Body:
+        """What a robot does in INIT; ``name`` is what its unknowns are called after."""
         memory = Memory(
             [self.s.unset(d.variable.type) for d in agent.locals],
             [self.s.unset(p.declaration.variable.type) for p in agent.ports],
@@ -112,11 +130,11 @@ class Turns:
         body.bound = [None] * agent.init_bound
         for port in agent.ports:
             entry = port.declaration
-            self._start(body, entry, memory.ports, f"@{robot}")
+            self._start(body, entry, memory.ports, f"@{name}")
         for entry in agent.locals:
-            self._start(body, entry, memory.locals, f"@{robot}")
+            self._start(body, entry, memory.locals, f"@{name}")
         for entry in self.world.program.allread:
-            self._start_own(body, entry, robot)
+            self._start_own(body, entry, name)
         body.run(agent.init)
         return body
 
@@ -137,7 +155,7 @@ class Turns:
             value = body.value(entry.initial)
         storages[variable.slot] = self.s.stored(value, variable.type)
 
-    def _start_own(self, body: Body, entry: core.Declaration, robot: int) -> None:
+    def _start_own(self, body: Body, entry: core.Declaration, robot: str) -> None:
         """The robot's own entry of an allread variable: a write like any other. [ALLREAD]"""
         variable = entry.variable
         assert isinstance(variable.type, ArrayType)
@@ -155,12 +173,16 @@ class Turns:
 
     def turn(self, state: State, robot: int, position: int) -> Turn:
         """One event of a robot, on a configuration at the start of a round. [EVENT-TRANS]"""
-        event = self.world.agent(robot).events[position]
-        own, t = state.robots[robot], self.v.t
-        memory = Memory(
-            [*own.locals], [*own.ports], [*state.store.allread], [*state.store.allwrite]
-        )
-        body = Body(self.world, self.v, robot, memory)
+        agent, number = self.world.agent(robot), self.v.t.integer(robot)
+        return self.attempt(agent, number, robot, state.robots[robot], state.store, position)
+
+    def attempt(
+        self, agent: core.Agent, pid: Term, robot: int, own: Robot, store: Store, position: int
+    ) -> Turn:
+        """One event of a robot of a kind, whose number is ``pid``. [ATOMIC]"""
+        event, t = agent.events[position], self.v.t
+        memory = Memory([*own.locals], [*own.ports], [*store.allread], [*store.allwrite])
+        body = Body(self.world, self.v, pid, memory)
         body.bound = [None] * event.bound
         enabled = body.condition(event.guard)
         guard_faults, guard_legal = tuple(body.faults), t.conjunction(body.legal)
@@ -196,31 +218,41 @@ class Turns:
         promises: list[tuple[str, int, Term]] = []
         robots: list[Robot] = []
         for i, own in enumerate(state.robots):
-            memory = Memory(ports=[*own.ports], after=[*own.ports])
-            body = Body(self.world, self.v, i, memory)
-            agent = self.world.agent(i)
-            for module in agent.modules:
-                if module.environment is not None:
-                    body.bound = [None] * module.environment_bound
-                    body.run(module.environment)
-                else:
-                    self._sense(agent, module, i, memory)
-            faults += body.faults
-            body.closed = True
-            for module in agent.modules:
-                for contract in module.contracts:
-                    kept = self._kept(body, contract)
-                    if module.environment is None:
-                        facts.append(kept)
-                    else:
-                        promises.append((contract.name, i, kept))
-            facts += body.legal
-            assert memory.after is not None
-            robots.append(Robot(own.locals, tuple(memory.after), own.asked, own.stopped, own.ran))
+            mine = self.evolved(self.world.agent(i), self.v.t.integer(i), f"{i}", own)
+            facts += mine.facts
+            faults += mine.faults
+            promises += [(name, i, kept) for name, kept in mine.promises]
+            robots.append(mine.robot)
         after = State(tuple(robots), state.store)
         return Evolution(after, tuple(facts), tuple(faults), tuple(promises))
 
-    def _sense(self, agent: core.Agent, module: core.Module, robot: int, memory: Memory) -> None:
+    def evolved(self, agent: core.Agent, robot: Term, name: str, own: Robot) -> Evolved:
+        """One robot's ports."""
+        facts: list[Term] = []
+        promises: list[tuple[str, Term]] = []
+        memory = Memory(ports=[*own.ports], after=[*own.ports])
+        body = Body(self.world, self.v, robot, memory)
+        for module in agent.modules:
+            if module.environment is not None:
+                body.bound = [None] * module.environment_bound
+                body.run(module.environment)
+            else:
+                self._sense(agent, module, name, memory)
+        faults = tuple(body.faults)
+        body.closed = True
+        for module in agent.modules:
+            for contract in module.contracts:
+                kept = self._kept(body, contract)
+                if module.environment is None:
+                    facts.append(kept)
+                else:
+                    promises.append((contract.name, kept))
+        facts += body.legal
+        assert memory.after is not None
+        after = Robot(own.locals, tuple(memory.after), own.asked, own.stopped, own.ran)
+        return Evolved(after, tuple(facts), faults, tuple(promises))
+
+    def _sense(self, agent: core.Agent, module: core.Module, robot: str, memory: Memory) -> None:
         assert memory.after is not None
         for position in module.ports:
             port = agent.ports[position]
@@ -238,7 +270,7 @@ class Turns:
 
     # --- statements about configurations --------------------------------------------------------
 
-    def holds(self, state: State, condition: core.Expr, bound: int) -> tuple[Term, Term]:
+    def holds(self, state: State | Crowd, condition: core.Expr, bound: int) -> tuple[Term, Term]:
         """Whether a statement holds in a configuration; and what the answers in it satisfy."""
         memory = Memory([], [], [*state.store.allread], [*state.store.allwrite], None, state)
         body = Body(self.world, self.v, None, memory)

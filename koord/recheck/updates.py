@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from koord.recheck.body import Write
 from koord.recheck.rounds import Prefix
 from koord.recheck.storage import Field
-from koord.recheck.terms import Term
+from koord.recheck.terms import Term, Terms
 from koord.recheck.turns import Turns
 from koord.syntax import core
 from koord.syntax.core import Home
@@ -29,7 +29,7 @@ def meeting(turns: Turns, prefix: Prefix, name: str) -> Term:
             for a in mine.turn.writes:
                 for b in other.turn.writes:
                     if a.variable.name == b.variable.name == name and _shared(a) and _shared(b):
-                        found.append(t.both(both, _overlap(turns, a, b)))
+                        found.append(t.both(both, overlap(t, a, b)))
     return t.disjunction(found)
 
 
@@ -37,9 +37,8 @@ def _shared(w: Write) -> bool:
     return w.variable.home is Home.ALLWRITE
 
 
-def _overlap(turns: Turns, a: Write, b: Write) -> Term:
-    """One location is a prefix of the other."""
-    t = turns.v.t
+def overlap(t: Terms, a: Write, b: Write) -> Term:
+    """Whether both are made, to locations one of which is a prefix of the other."""
     same = [a.when, b.when]
     for x, y in zip(a.locations, b.locations, strict=False):
         if isinstance(x, Field) or isinstance(y, Field):

@@ -7,7 +7,8 @@ any length. So nothing here bounds the length of a list.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
@@ -33,7 +34,18 @@ from koord.syntax.types import (
     show,
 )
 
-Value: TypeAlias = "Term | tuple[Value, ...]"
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """An array with an element for each robot, of whom there may be any number."""
+
+    at: Callable[[Term], Value]
+
+
+Value: TypeAlias = "Term | tuple[Value, ...] | Family"
+
+
+_AS_ONE = "an array over all robots as one value is not rechecked for every number of robots"
 
 
 class NotRecheckedError(Exception):
@@ -45,12 +57,23 @@ class NotRecheckedError(Exception):
         self.span = span
 
 
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """``total`` is the sum of ``part``, in which ``index`` is free, from ``low`` up to ``high``."""
+
+    total: Term
+    low: Term
+    high: Term
+    index: Term
+    part: Term
+
+
 @dataclass(slots=True)
 class Values:
-    """Makes and combines values, for so many robots."""
+    """Makes and combines values, for so many robots; None is any number of them."""
 
     t: Terms
-    robots: int
+    robots: int | None
     #: Types of lists that are sorts of their own, of which nothing is known but equality.
     sealed: frozenset[Type] = frozenset()
     #: Declarations of sorts, functions and constants, in the order in which they are needed.
@@ -61,11 +84,55 @@ class Values:
     _strings: dict[str, int] = field(default_factory=dict)
     _names: dict[str, int] = field(default_factory=dict)
     _functions: set[str] = field(default_factory=set)
+    #: The variables of quantifiers around what is worked out: all that is new depends on them.
+    scope: tuple[Term, ...] = ()
+    #: External functions whose summaries are supposed of all questions.
+    promised: set[str] = field(default_factory=set)
+    #: Functions of numbers of robots.
+    indexed: set[str] = field(default_factory=set)
+    #: Sums over all robots that were met so far.
+    sums: list[Sum] = field(default_factory=list)
+
+    @property
+    def count(self) -> Term:
+        """The number of robots."""
+        if self.robots is not None:
+            return self.t.integer(self.robots)
+        if "N" not in self._names:
+            with self.scoped(()):
+                self.ranges.append(self.t.at_most(self.t.integer(1), self.symbol("N", INT)))
+        return self.t.symbol("N", INT)
+
+    @contextmanager
+    def scoped(self, scope: tuple[Term, ...]) -> Iterator[None]:
+        """While this lasts, all that is new is a function of these."""
+        outer, self.scope = self.scope, scope
+        try:
+            yield
+        finally:
+            self.scope = outer
+
+    @contextmanager
+    def within(self, sort: str = INT) -> Iterator[Term]:
+        """The variable of a quantifier around what is worked out meanwhile."""
+        variable = self.t.bound(len(self.scope), sort)
+        while variable in self.scope:
+            variable = self.t.blank(sort)
+        with self.scoped((*self.scope, variable)):
+            yield variable
+
+    def is_family(self, type_: Type) -> bool:
+        return isinstance(type_, ArrayType) and type_.size is Robots.ALL and self.robots is None
 
     # --- types ----------------------------------------------------------------------------------
 
     def size(self, type_: ArrayType) -> int:
-        return self.robots if type_.size is Robots.ALL else type_.size
+        """How many elements there are. Raises NotRecheckedError if that is open."""
+        if type_.size is not Robots.ALL:
+            return type_.size
+        if self.robots is None:
+            raise NotRecheckedError(_AS_ONE)
+        return self.robots
 
     def parts(self, type_: Type) -> list[tuple[str, Type]] | None:
         """Labels and types of what a value is made of, or None for scalars and lists."""
@@ -127,6 +194,9 @@ class Values:
 
     def default(self, type_: Type) -> Value:
         """Some value, to go on with after a fault."""
+        if isinstance(type_, ArrayType) and self.is_family(type_):
+            element = self.default(type_.element)
+            return Family(lambda index: element)
         parts = self.parts(type_)
         if parts is not None:
             return tuple(self.default(part) for _, part in parts)
@@ -142,22 +212,45 @@ class Values:
                 return self.t.integer(0)
 
     def symbol(self, name: str, sort: str) -> Term:
-        """A new constant. Names that are asked for twice are numbered."""
+        """A new constant; inside a quantifier a function. Names that are asked for twice are
+        numbered.
+        """
         count = self._names[name] = self._names.get(name, 0) + 1
         full = name if count == 1 else f"{name} ({count})"
+        if self.scope:
+            sorts = " ".join(variable.sort for variable in self.scope)
+            self.declarations.append(f"(declare-fun {quoted(full)} ({sorts}) {sort})")
+            self.indexed.add(quoted(full))
+            return self.t.op(quoted(full), self.scope, sort)
         self.declarations.append(f"(declare-const {quoted(full)} {sort})")
         return self.t.symbol(full, sort)
 
     def fresh(self, name: str, type_: Type, length: int | None = None) -> Value:
         """Any value of a type; ``length`` is that of a list, if it is known."""
+        if isinstance(type_, ArrayType) and self.is_family(type_):
+            return self.family(lambda index: self.fresh(f"{name}[]", type_.element, length))
         parts = self.parts(type_)
         if parts is not None:
             return tuple(self.fresh(name + label, part) for label, part in parts)
         if length is not None and isinstance(type_, ListType | QueueType):
             return tuple(self.fresh(f"{name}[{k}]", type_.element) for k in range(length))
         made = self.symbol(name, self.sort(type_))
-        self.ranges += self.bounds(made, type_)
+        self.ranges += [self.t.for_all(self.scope, b) for b in self.bounds(made, type_)]
         return made
+
+    def family(self, element: Callable[[Term], Value]) -> Family:
+        """A family of which one element is worked out, for whatever number."""
+        with self.scoped((*self.scope, blank := self.t.blank())):
+            one = element(blank)
+        return Family(lambda index: self.put(one, blank, index))
+
+    def put(self, value: Value, old: Term, new: Term) -> Value:
+        """The value with a term in the place of a variable."""
+        if isinstance(value, Term):
+            return self.t.put(value, old, new)
+        if isinstance(value, Family):
+            return Family(lambda index: self.put(value.at(index), old, new))
+        return tuple(self.put(part, old, new) for part in value)
 
     def bounds(self, term: Term, type_: Type) -> list[Term]:
         """What a term satisfies because it is of a type."""
@@ -186,7 +279,7 @@ class Values:
 
     def leaves(self, value: Value, type_: Type) -> Iterator[tuple[Term, Type]]:
         """The scalars and lists of a value, each as one term, with their types."""
-        parts = self.parts(type_)
+        parts = None if isinstance(value, Family) else self.parts(type_)
         if parts is None:
             yield self.pack(value, type_), type_
             return
@@ -198,6 +291,8 @@ class Values:
         """A value as one term."""
         if isinstance(value, Term):
             return value
+        if isinstance(value, Family):
+            raise NotRecheckedError(_AS_ONE)
         sort = self.sort(type_)
         if type_ in self.sealed:
             element = self.element(type_)
@@ -236,6 +331,9 @@ class Values:
             return a if condition.value else b
         if a is b:
             return a
+        if isinstance(a, Family) and isinstance(b, Family):
+            element = self.element(type_)
+            return Family(lambda index: self.merge(condition, a.at(index), b.at(index), element))
         types = self._types_below(a, b, type_)
         if types is None:
             return self.t.ite(condition, self.pack(a, type_), self.pack(b, type_))
@@ -248,6 +346,9 @@ class Values:
     def equal(self, a: Value, b: Value, type_: Type) -> Term:
         if a is b:
             return self.t.truth(True)
+        if isinstance(a, Family) and isinstance(b, Family):
+            element = self.element(type_)
+            return self.every(lambda index: self.equal(a.at(index), b.at(index), element))
         types = self._types_below(a, b, type_)
         if types is None:
             if isinstance(a, tuple) and isinstance(b, tuple):
@@ -272,7 +373,28 @@ class Values:
         assert isinstance(type_, ListType | QueueType | ArrayType)
         return type_.element
 
+    def every(self, holds: Callable[[Term], Term]) -> Term:
+        """Whether something holds of all robots, by their numbers."""
+        with self.within() as index:
+            return self.t.for_all([index], self.t.implies(self.is_robot(index), holds(index)))
+
+    def is_robot(self, index: Term) -> Term:
+        return self.t.both(self.t.at_most(self.t.integer(0), index), self.t.less(index, self.count))
+
+    def kind(self, index: Term, kinds: int) -> Term:
+        """Which of so many kinds a robot is of, where there is any number of robots."""
+        if "|kind()|" not in self._functions:
+            with self.within() as robot:
+                its = self._function("kind", [robot], INT)
+                bounds = self.t.both(
+                    self.t.at_most(self.t.integer(0), its), self.t.less(its, self.t.integer(kinds))
+                )
+                self.ranges.append(self.t.for_all([robot], bounds))
+        return self._function("kind", [index], INT)
+
     def length(self, value: Value) -> Term:
+        if isinstance(value, Family):
+            return self.count
         if isinstance(value, tuple):
             return self.t.integer(len(value))
         return self.t.op("seq.len", [value], INT)
@@ -285,6 +407,8 @@ class Values:
     def at(self, value: Value, index: Term, type_: Type) -> Value:
         """An element of a list or array; some value if there is none."""
         element = self.element(type_)
+        if isinstance(value, Family):
+            return value.at(index)
         if isinstance(value, Term):
             found = self.t.op("seq.nth", [value, index], self.sort(element))
             return self.unpack(found, element)
@@ -306,6 +430,8 @@ class Values:
             sort = value.sort
             unit = self.t.op("seq.unit", [self.pack(new, element)], sort)
             return self.t.op("seq.update", [value, index, unit], sort)
+        if isinstance(value, Family):
+            return Family(lambda k: self.merge(self.t.equal(index, k), new, value.at(k), element))
         return tuple(
             self.merge(self.t.equal(index, self.t.integer(k)), new, old, element)
             for k, old in enumerate(value)
@@ -316,13 +442,17 @@ class Values:
         if isinstance(value, Term):
             unit = self.t.op("seq.unit", [self.pack(wanted, element)], value.sort)
             return self.t.op("seq.contains", [value, unit], BOOL)
+        if isinstance(value, Family):
+            return self.t.negation(
+                self.every(lambda k: self.t.negation(self.equal(value.at(k), wanted, element)))
+            )
         return self.t.disjunction(self.equal(item, wanted, element) for item in value)
 
     def appended(self, value: Value, new: Value, type_: Type) -> Value:
         if isinstance(value, tuple):
             return (*value, new)
-        tail = self.pack((new,), type_)
-        return self.t.op("seq.++", [value, tail], value.sort)
+        whole, tail = self.pack(value, type_), self.pack((new,), type_)
+        return self.t.op("seq.++", [whole, tail], whole.sort)
 
     def without(self, value: Value, position: Term, type_: Type) -> Value:
         """The list without one element, which there is."""
@@ -347,5 +477,4 @@ class Values:
             pair = (best, item) if greatest else (item, best)
             return self.t.ite(self.t.less(*pair), item, best)
 
-        terms = [item for item in items if isinstance(item, Term)]
-        return reduce(better, terms)
+        return reduce(better, [item for item in items if isinstance(item, Term)])

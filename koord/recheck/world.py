@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
-from koord.recheck.values import NotRecheckedError
+from koord.recheck.terms import Term
+from koord.recheck.values import NotRecheckedError, Values
 from koord.syntax import core
 from koord.syntax.core import Direction, Home
 from koord.syntax.source import Span
@@ -19,7 +20,10 @@ Key = tuple[Home, int, int]
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A program, which kind each robot is of, and the length of a round in seconds."""
+    """A program, which kind each robot is of, and the length of a round in seconds.
+
+    Without ``kinds`` there is any number of robots, each of any kind.
+    """
 
     program: core.Program
     kinds: tuple[int, ...]
@@ -43,15 +47,22 @@ class World:
         object.__setattr__(self, "sealed", _sealed(self.program))
 
     @property
-    def robots(self) -> int:
-        return len(self.kinds)
+    def robots(self) -> int | None:
+        """How many robots there are; None is any number."""
+        return len(self.kinds) or None
+
+    def is_of(self, v: Values, index: Term, kind: int) -> Term:
+        """Whether a robot is of a kind, where there is any number of robots."""
+        if len(self.program.agents) == 1:
+            return v.t.truth(True)
+        return v.t.equal(v.kind(index, len(self.program.agents)), v.t.integer(kind))
 
     def agent(self, robot: int) -> core.Agent:
         return self.program.agents[self.kinds[robot]]
 
-    def slot_of(self, robot: int, variable: core.Variable) -> int | None:
-        """Where a robot's kind keeps a local or port of that name. [PROP-READ]"""
-        agent = self.agent(robot)
+    def slot_of(self, kind: int, variable: core.Variable) -> int | None:
+        """Where robots of a kind keep a local or port of that name. [PROP-READ]"""
+        agent = self.program.agents[kind]
         own = agent.locals if variable.home is Home.LOCAL else _ports(agent)
         here = [d.variable for d in own if d.variable.name == variable.name]
         for found in here:

@@ -7,14 +7,15 @@ them. ``koord recheck`` makes obligations of its own: it does not rely on these
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
 from koord.syntax import ast, core
 from koord.syntax.core import PropertyKind
 from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.load import load
 from koord.syntax.parser import parse
 from koord.syntax.printer import print_program
 from koord.syntax.source import Source
@@ -26,7 +27,7 @@ from koord.verify.induction import prove, step_scripts
 from koord.verify.solving import Deadline, Effort
 
 FORMAT = "koord certificate"
-VERSION = 1
+VERSION = 2
 
 #: What the configurations are called that a step looks at.
 _MOMENTS = {
@@ -47,25 +48,52 @@ class Texts:
 
 
 @dataclass(frozen=True, slots=True)
+class Shown:
+    """Names of claims that hold in all rounds, whoever found that out.
+
+    ``everyone`` are those of them that hold for every number of robots, with the help of the
+    ``lemmas``: statements in Koord that were found. ``beyond`` are claims that hold and that no
+    certificate is about, each with the reason.
+    """
+
+    holding: tuple[str, ...]
+    everyone: frozenset[str] = frozenset()
+    lemmas: tuple[str, ...] = ()
+    beyond: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class Certificate:
-    """A document to be written as JSON, and the claims that are not in it although they hold."""
+    """A document to be written as JSON, and why some claims are not in it although they hold."""
 
     document: dict[str, object]
-    left_out: tuple[str, ...]
+    not_covered: Mapping[str, str]
 
 
 def certificate(
-    system: System, texts: Texts, holding: Sequence[Claim], deadline: Deadline, version: str
+    system: System, texts: Texts, shown: Shown, deadline: Deadline, version: str
 ) -> Certificate | None:
-    """The certificate of those claims that are inductive together; None if there are none.
-
-    ``holding`` are claims that hold in all rounds, whoever found that out.
-    """
+    """The certificate of those claims that are inductive together; None if there are none."""
+    found = _found(shown.lemmas)
+    names = frozenset(name for name, _ in found)
+    if found:
+        system = replace(system, program=_with_found(texts, found))
+    holding = {*shown.holding, *names}
     subject, depths = _inductive(system, holding, deadline)
     if not depths:
         return None
     originals = dict(zip(claims_of(subject), claims_of(system), strict=True))
     depth_of = {originals[claim].name: depth for claim, depth in depths.items()}
+    # A proof for every number stands or falls as a whole.
+    everyone = (
+        (shown.everyone | names) if shown.everyone and names <= set(depth_of) else frozenset()
+    )
+    claimed = [originals[claim] for claim in depths if originals[claim].name not in names]
+    not_covered = dict(shown.beyond) | {
+        name: "it is not shown by induction over the rounds"
+        for name in shown.holding
+        if name not in depth_of
+    }
     document: dict[str, object] = {
         "format": FORMAT,
         "version": VERSION,
@@ -79,17 +107,37 @@ def certificate(
         "kinds": list(system.kinds),
         "delta": str(system.delta_s),
         "claims": [
-            {"name": c.name, "kind": c.kind.value, "subject": c.subject}
-            for c in map(originals.__getitem__, depths)
+            {
+                "name": c.name,
+                "kind": c.kind.value,
+                "subject": c.subject,
+                "every_number": c.name in everyone,
+            }
+            for c in claimed
         ],
-        "invariant": list(_invariant(system.program, texts, depth_of)),
+        "invariant": list(_invariant(system.program, texts, found, depth_of, everyone)),
         "rests_on": rests_on(system.program),
+        "not_covered": [{"name": name, "reason": why} for name, why in not_covered.items()],
         "obligations": [
             {"name": name, "smt2": text} for name, text in _obligations(subject, depths)
         ],
     }
-    left_out = tuple(claim.name for claim in holding if claim.name not in depth_of)
-    return Certificate(document, left_out)
+    return Certificate(document, not_covered)
+
+
+def _found(lemmas: Sequence[str]) -> list[tuple[str, Source]]:
+    """Statements that were found, each with a name, as an invariant in Koord."""
+    return [
+        (f"Found{k}", Source(f"found invariant {k}", f"invariant Found{k}: {text}\n"))
+        for k, text in enumerate(lemmas, start=1)
+    ]
+
+
+def _with_found(texts: Texts, found: Sequence[tuple[str, Source]]) -> core.Program:
+    sources = (*texts.properties, *(source for _, source in found))
+    program = load(texts.program, texts.settings, sources).program
+    assert program is not None, "what is found is Koord"
+    return program
 
 
 def _text(source: Source) -> dict[str, str]:
@@ -115,10 +163,9 @@ def _value(value: ParamValue) -> object:
 
 
 def _inductive(
-    system: System, holding: Sequence[Claim], deadline: Deadline
+    system: System, names: Set[str], deadline: Deadline
 ) -> tuple[System, dict[Claim, int]]:
     """The claims that induction alone shows, each with the number of rounds that takes."""
-    names = {claim.name for claim in holding}
     best: tuple[System, dict[Claim, int]] = (system, {})
     for subject in _subjects(system):
         claims = [claim for claim in claims_of(subject) if claim.name in names]
@@ -145,21 +192,30 @@ def _subjects(system: System) -> Iterator[System]:
 
 
 def _invariant(
-    program: core.Program, texts: Texts, depth_of: Mapping[str, int]
+    program: core.Program,
+    texts: Texts,
+    found: Sequence[tuple[str, Source]],
+    depth_of: Mapping[str, int],
+    everyone: Set[str],
 ) -> Iterator[dict[str, object]]:
-    """The conjuncts as they are written in the program and its files of properties."""
+    """The conjuncts as they are written in the program and its files of properties, or found."""
     kinds = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
     names = [p.name for p in program.properties if p.kind in kinds]
     sections = [
         section
-        for source in (texts.program, *texts.properties)
+        for source in (texts.program, *texts.properties, *(source for _, source in found))
         for section in parse(source).program.sections
         if isinstance(section, ast.Invariant)
     ]
     for name, section in zip(names, sections, strict=True):
         if name in depth_of:
             written = print_program(ast.Program((section,), (), span=section.span))
-            yield {"name": name, "depth": depth_of[name], "text": written.rstrip("\n")}
+            yield {
+                "name": name,
+                "depth": depth_of[name],
+                "every_number": name in everyone,
+                "text": written.rstrip("\n"),
+            }
 
 
 def rests_on(program: core.Program) -> dict[str, list[str]]:

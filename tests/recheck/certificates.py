@@ -15,7 +15,7 @@ from koord.semantics.configurations import dealt
 from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
-from koord.verify.certificates import Texts, certificate, digest
+from koord.verify.certificates import Shown, Texts, certificate, digest
 from koord.verify.claims import claims_of
 from koord.verify.solving import Deadline
 
@@ -26,26 +26,40 @@ Document = dict[str, Any]
 
 @cache
 def _made(
-    file: str, robots: int, delta: Fraction, params: tuple[tuple[str, ParamValue], ...]
+    file: str,
+    robots: int,
+    delta: Fraction,
+    params: tuple[tuple[str, ParamValue], ...],
+    everyone: tuple[str, ...],
+    lemmas: tuple[str, ...],
 ) -> str:
     source = Source(file, (EXAMPLES / file).read_text(encoding="utf-8"))
     settings = Settings(dict(params))
     program = load(source, settings).program
     assert program is not None
     system = dealt(program, robots, delta)
-    made = certificate(
-        system, Texts(source, (), settings), claims_of(system), Deadline.after(60), "test"
-    )
+    shown = Shown(tuple(claim.name for claim in claims_of(system)), frozenset(everyone), lemmas)
+    texts = Texts(source, (), settings)
+    made = certificate(system, texts, shown, Deadline.after(60), "test")
     assert made is not None
-    assert made.left_out == ()
+    assert made.not_covered == {}
     return json.dumps(made.document)
 
 
 def document_of(
-    file: str, robots: int, delta: Fraction = Fraction(1, 10), **params: ParamValue
+    file: str,
+    robots: int,
+    delta: Fraction = Fraction(1, 10),
+    everyone: tuple[str, ...] = (),
+    lemmas: tuple[str, ...] = (),
+    **params: ParamValue,
 ) -> Document:
-    """The certificate of an example of which everything is inductive; a copy to be changed."""
-    made: Document = json.loads(_made(file, robots, delta, tuple(params.items())))
+    """The certificate of an example of which everything is inductive; a copy to be changed.
+
+    ``everyone`` are the claims that it makes for every number of robots.
+    """
+    given = tuple(params.items())
+    made: Document = json.loads(_made(file, robots, delta, given, everyone, lemmas))
     return copy.deepcopy(made)
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
+from koord.recheck import instances
+from koord.recheck.every_number import EveryNumber
 from koord.recheck.obligations import Claim, Kind, Obligations
 from koord.recheck.settling import Settled, Settling
 from koord.recheck.solving import Answer, Session
@@ -36,7 +38,19 @@ def settled(world: World, claims: Sequence[Claim]) -> Iterator[Settled]:
         yield settling.settled(obligation)
 
 
-def confirmed(system: System) -> set[str] | None:
+def settled_for_everyone(world: World, claims: Sequence[Claim]) -> Iterator[Settled]:
+    """Every obligation of some claims for any number of robots, settled."""
+    anyone = World(world.program, (), world.delta_s)
+    values = Values(Terms(), None, anyone.sealed)
+    settling = Settling(values, Session.start(), lambda: SECONDS)
+    for obligation in EveryNumber(anyone, claims, values):
+        yield instances.settled(settling, obligation)
+
+
+def confirmed(
+    system: System,
+    settled: Callable[[World, Sequence[Claim]], Iterator[Settled]] = settled,
+) -> set[str] | None:
     """The names of the claims that prove themselves; None if a construct is not rechecked."""
     try:
         world = world_of(system)

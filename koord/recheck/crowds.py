@@ -1,0 +1,175 @@
+"""What a body asks of all robots at once, where there may be any number of them. [T-EVERY-N]
+
+Statements about all robots are given to the solver as such: with quantifiers over their numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from koord.recheck.storage import Storage
+from koord.recheck.terms import INT, Term
+from koord.recheck.values import Family, Value
+from koord.syntax import core
+from koord.syntax.core import Home, ListOp, QuantifierKind
+
+if TYPE_CHECKING:
+    from koord.recheck.body import Body
+
+
+def is_robot(body: Body, index: Term) -> Term:
+    """Whether a number is that of a robot."""
+    if index is body.robot or index in body.here or index.value == 0:
+        return body.t.truth(True)
+    return body.v.is_robot(index)
+
+
+# --- quantifiers ----------------------------------------------------------------------------------
+
+
+def is_open(body: Body, domain: core.QuantifierDomain) -> bool:
+    """Whether there is no list of what a quantifier ranges over."""
+    if body.v.robots is not None:
+        return False
+    match domain:
+        case core.RobotRange():
+            return True
+        case core.IntRange(low=low, high=high):
+            return body.condition(low).value is None or body.condition(high).value is None
+        case core.Elements(sequence=sequence):
+            return isinstance(body.value(sequence), Family)
+        case core.AllValues():
+            return False
+
+
+def quantified(body: Body, e: core.Quantified) -> Term:
+    """A quantifier over robots, or over numbers up to one that hangs on theirs. [E-QUANT]"""
+    v, type_ = body.v, e.variable.type
+    low, high, universal = v.t.integer(0), v.count, e.quantifier is QuantifierKind.FORALL
+    item: Callable[[Term], Value] = lambda index: index  # noqa: E731
+    allowed: Callable[[Term], Term] = lambda index: v.t.truth(True)  # noqa: E731
+    match e.domain:
+        case core.RobotRange(agent=int() as agent):
+            allowed = lambda index: body.world.is_of(v, index, agent)  # noqa: E731
+        case core.IntRange():
+            low, high = body.condition(e.domain.low), body.condition(e.domain.high)
+        case core.Elements(sequence=sequence):
+            family = body.value(sequence)
+            assert isinstance(family, Family)
+            item = family.at
+        case _:
+            pass
+
+    def holds(index: Term) -> Term:
+        body.bound[e.variable.slot] = body.s.stored(item(index), type_)
+        return body.condition(e.body)
+
+    return over(body, low, high, allowed, holds, universal=universal)
+
+
+def over(
+    body: Body,
+    low: Term,
+    high: Term,
+    allowed: Callable[[Term], Term],
+    holds: Callable[[Term], Term],
+    *,
+    universal: bool,
+) -> Term:
+    """Whether something holds of all (of some) integers of a range. What is decided by a lesser one
+    is not looked at, and cannot fault.
+    """
+    t, v = body.t, body.v
+
+    def inside(index: Term, end: Term) -> Term:
+        return t.conjunction([t.at_most(low, index), t.less(index, end), allowed(index)])
+
+    faults, legal = len(body.faults), len(body.legal)
+    with v.within() as k:
+        with body.where(inside(k, high)), body.among(k, low, high):
+            found = holds(k)
+        with v.within() as lesser:
+            goes_on = found if universal else t.negation(found)
+            earlier = t.for_all([lesser], t.implies(inside(lesser, k), t.put(goes_on, k, lesser)))
+    body.faults[faults:] = [
+        fault.of(t.exists([k], t.both(fault.when, earlier))) for fault in body.faults[faults:]
+    ]
+    body.legal[legal:] = [t.for_all([k], fact) for fact in body.legal[legal:]]
+    if universal:
+        return t.for_all([k], t.implies(inside(k, high), found))
+    return t.exists([k], t.both(inside(k, high), found))
+
+
+# --- functions of lists ---------------------------------------------------------------------------
+
+
+def of_all(body: Body, e: core.Builtin, family: Family) -> Term:
+    """``any``, ``all``, ``min``, ``max`` of an array over all robots. [E-LIST]"""
+    t, v = body.t, body.v
+
+    def at(index: Term) -> Term:
+        found = family.at(index)
+        assert isinstance(found, Term)
+        return found
+
+    if e.op is ListOp.ALL:
+        return v.every(at)
+    if e.op is ListOp.ANY:
+        return t.negation(v.every(lambda index: t.negation(at(index))))
+    best = v.symbol(e.op.value, at(t.integer(0)).sort)
+    witness = v.symbol("where it is", INT)
+
+    def bounded(index: Term) -> Term:
+        return t.at_most(best, at(index)) if e.op is ListOp.MIN else t.at_most(at(index), best)
+
+    body.legal += [
+        v.every(bounded),
+        t.both(v.is_robot(witness), t.equal(best, at(witness))),
+    ]
+    return best
+
+
+# --- robots by number -----------------------------------------------------------------------------
+
+
+def named(body: Body, place: core.Place, number: Term) -> Storage:
+    """``v@i``: the variable of the robot that the number names. [PROP-READ]"""
+    crowd, world, t = body.crowd, body.world, body.t
+    assert crowd is not None
+    assert place.robot is not None
+    type_ = place.variable.type
+    found: Storage | None = None
+    there = []
+    for kind in range(len(world.program.agents)):
+        slot = world.slot_of(kind, place.variable)
+        if slot is None:
+            continue
+        robot = crowd.robot(kind, number)
+        own = (robot.locals if place.variable.home is Home.LOCAL else robot.ports)[slot]
+        here = world.is_of(body.v, number, kind)
+        # The last one needs no condition: there is no such robot otherwise, which is a fault.
+        found = own if found is None else body.s.merge(here, own, found, type_)
+        there.append(here)
+    everywhere = len(there) == len(world.program.agents)
+    kinds = t.truth(True) if everywhere else t.disjunction(there)
+    right = t.both(is_robot(body, number), kinds)
+    body.fault_unless(right, "no such robot", place.robot.span)
+    return body.s.unset(type_) if found is None else found
+
+
+def of_robot(body: Body, e: core.Ran | core.Stopped) -> Term:
+    """Whether a robot ran an event, or is stopped; false if there is none. [PROP-RAN]"""
+    crowd, world, t = body.crowd, body.world, body.t
+    assert crowd is not None
+    number = body.condition(e.robot)
+    found = []
+    for kind in range(len(world.program.agents)):
+        robot = crowd.robot(kind, number)
+        if isinstance(e, core.Stopped):
+            holds = robot.stopped
+        else:
+            mine = [position for k, position in e.events if k == kind]
+            holds = t.disjunction(t.equal(robot.ran, t.integer(p)) for p in mine)
+        found.append(t.both(world.is_of(body.v, number, kind), holds))
+    return t.both(is_robot(body, number), t.disjunction(found))

@@ -1,0 +1,417 @@
+"""What has to be shown for claims to hold in every round, of any number of robots. [T-EVERY-N]
+
+The obligations are those of ``obligations.py``, of a robot of whatever number in place of each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+
+from koord.recheck.anyone import Anyone, Begun, Crowds
+from koord.recheck.body import Fault
+from koord.recheck.gatherings import Gathered, Gathering, Moves, may_run, off, stopped_together
+from koord.recheck.obligations import Attempt, Claim, Goal, Kind, Obligation, stated
+from koord.recheck.racing import made
+from koord.recheck.storage import Crowd, Many, Robot, Storages
+from koord.recheck.terms import BOOL, INT, Term, Terms
+from koord.recheck.turns import Turn, Turns
+from koord.recheck.updates import overlap, updated
+from koord.recheck.values import Values
+from koord.recheck.world import World
+from koord.syntax import core
+from koord.syntax.core import Home
+
+
+@dataclass(slots=True)
+class EveryNumber:
+    """All obligations of some claims about a program with any number of robots."""
+
+    world: World
+    claims: Sequence[Claim]
+    v: Values
+    consequences: Sequence[core.Property] = ()
+    turns: Turns = field(init=False)
+    crowds: Crowds = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.turns = Turns(self.world, self.v)
+        self.crowds = Crowds(self.world, self.turns)
+
+    def __iter__(self) -> Iterator[Obligation]:
+        t, opening = self.v.t, self.crowds.opening()
+        sound = [t.negation(fault.when) for fault in opening.faults]
+        if any(claim.kind is Kind.FAULT for claim in self.claims):
+            goals = [_sound(t, fault) for fault in opening.faults]
+            yield _once("initiation: no fault", Attempt(opening.facts, tuple(goals)))
+        goals = stated(self.turns, opening.state, self.claims, between_rounds=True)
+        yield _once("initiation", Attempt((*opening.facts, *sound), tuple(goals)))
+        yield from Step(self, self._anything(opening))
+        for property_ in self.consequences:
+            claim = Claim(property_.name, Kind.STATEMENT, property_)
+            name = f"the invariant implies {claim.name}"
+            yield Obligation(name, (partial(self._implied, claim, opening),))
+
+    def _implied(self, claim: Claim, opening: Begun) -> Attempt:
+        state, facts = self._anything(opening)
+        at_round = claim.at_round
+        known = stated(self.turns, state, self.claims, between_rounds=at_round)
+        goals = stated(self.turns, state, [claim], between_rounds=at_round)
+        return Attempt((*facts, *taken(known)), tuple(goals))
+
+    def _anything(self, opening: Begun) -> tuple[Crowd, list[Term]]:
+        """Any configuration, but for what nobody ever writes: that is as INIT left it."""
+        t = self.v.t
+        state = self.crowds.anything_like(opening.state, self.world.written, "")
+        facts = [*opening.facts]
+        if self.world.mentions(core.Ran):
+            for kind in self.crowds.kinds:
+                with self.v.within() as robot:
+                    ran = state.robot(kind, robot).ran
+                    last = t.integer(len(self.world.program.agents[kind].events))
+                    inside = t.both(t.at_most(t.integer(-1), ran), t.less(ran, last))
+                    facts.append(self.crowds.all_of(kind, robot, inside))
+        return state, facts
+
+
+@dataclass
+class Step:
+    """The obligations of one step of a round, from any configuration with the invariant."""
+
+    of: EveryNumber
+    begun: tuple[Crowd, list[Term]]
+
+    def __iter__(self) -> Iterator[Obligation]:
+        for kind in self.crowds.kinds:
+            for position in range(len(self.world.program.agents[kind].events)):
+                yield from self._event(kind, position)
+        yield from self._quiet()
+        if any(claim.kind is Kind.LOST_UPDATE for claim in self.claims):
+            yield from self._updates()
+        yield from self._environment()
+
+    @property
+    def world(self) -> World:
+        return self.of.world
+
+    @property
+    def claims(self) -> Sequence[Claim]:
+        return self.of.claims
+
+    @property
+    def crowds(self) -> Crowds:
+        return self.of.crowds
+
+    @property
+    def v(self) -> Values:
+        return self.of.v
+
+    @property
+    def t(self) -> Terms:
+        return self.of.v.t
+
+    @property
+    def s(self) -> Storages:
+        return self.crowds.s
+
+    @property
+    def start(self) -> Crowd:
+        return self.begun[0]
+
+    @cached_property
+    def known(self) -> list[Term]:
+        """What holds at the start of the round."""
+        goals = self._stated(self.start, between_rounds=True)
+        return [*self.begun[1], *taken(goals)]
+
+    def _stated(self, state: Crowd, *, between_rounds: bool = False) -> list[Goal]:
+        return stated(self.of.turns, state, self.claims, between_rounds=between_rounds)
+
+    @cached_property
+    def moves(self) -> Moves:
+        return [
+            [
+                self.crowds.turn(self.start, kind, position)
+                for position in range(len(self.world.program.agents[kind].events))
+            ]
+            for kind in self.crowds.kinds
+        ]
+
+    @cached_property
+    def gathering(self) -> Gathering:
+        return Gathered(self.crowds, self.start, self.moves).gathering()
+
+    @cached_property
+    def loose(self) -> Crowd:
+        """Any configuration that shares with the start of the round what no event writes."""
+        return self.crowds.anything_like(self.start, self.world.moved, " inside")
+
+    def _one(self, name: str, kind: int) -> tuple[Term, Term]:
+        """Some robot of a kind, and that it is one."""
+        robot = self.v.symbol(name, INT)
+        return robot, self.crowds.is_one(robot, kind)
+
+    # --- events ---------------------------------------------------------------------------------
+
+    def _event(self, kind: int, position: int) -> Iterator[Obligation]:
+        move = self.moves[kind][position]
+        agents = self.world.program.agents
+        whose = f" of {agents[kind].name}" if len(agents) > 1 else ""
+        name = f"event {move.said.event.name}{whose}"
+        robot, is_one = self._one(f"who runs {name}", kind)
+        turn = move.of(robot)
+        if any(claim.kind is Kind.FAULT for claim in self.claims):
+            yield Obligation(f"{name}: no fault", (partial(self._no_fault, robot, is_one, turn),))
+        attempts = [partial(self._exactly, robot, is_one, turn)]
+        if not self.world.mentions(core.Ran) and not self.world.asks():
+            attempts.insert(0, partial(self._loosely, robot, is_one, turn))
+        yield Obligation(name, tuple(attempts))
+
+    def _no_fault(self, robot: Term, is_one: Term, turn: Turn) -> Attempt:
+        """A fault needs one robot only. [T-FAULT]"""
+        awake = self.t.negation(self.start.robot(turn.robot, robot).stopped)
+        goals = [_sound(self.t, fault, turn.legal) for fault in turn.faults]
+        return Attempt((*self.known, is_one, awake), tuple(goals), names=(robot,))
+
+    def _loosely(self, robot: Term, is_one: Term, turn: Turn) -> Attempt:
+        """Of what the other robots have done only the claims are known, and the locks."""
+        t, before, inside, s = self.t, self.start, self.loose, self.s
+        program, agent = self.world.program, self.world.program.agents[turn.robot]
+        facts = [is_one, *taken(self._stated(inside))]
+        own, its = before.robot(turn.robot, robot), inside.robot(turn.robot, robot)
+        ports = [port.declaration for port in agent.ports]
+        for declarations, old, new in (
+            (agent.locals, own.locals, its.locals),
+            (ports, own.ports, its.ports),
+        ):
+            for d, x, y in zip(declarations, old, new, strict=True):
+                facts.append(s.same(x, y, d.variable.type))
+        facts += [t.equal(own.asked, its.asked), t.equal(own.stopped, its.stopped)]
+        for d, x, y in zip(
+            program.allread, before.store.allread, inside.store.allread, strict=True
+        ):
+            assert isinstance(x, Many)
+            assert isinstance(y, Many)
+            facts.append(s.same(x.at(robot), y.at(robot), self.v.element(d.variable.type)))
+        for d, x, y in zip(
+            program.allwrite, before.store.allwrite, inside.store.allwrite, strict=True
+        ):
+            # What only blocks of a class write is as it was, for whoever enters the class.
+            lock = self.world.guarding(d.variable.slot)
+            if lock is not None and lock in turn.entered:
+                facts.append(t.implies(turn.entered[lock], s.same(x, y, d.variable.type)))
+        facts.append(may_run(self.crowds, before, robot, turn))
+        after = self._moved(inside, robot, turn)
+        return Attempt((*self.known, *facts), tuple(self._stated(after)), names=(robot,))
+
+    def _exactly(self, robot: Term, is_one: Term, turn: Turn) -> Attempt:
+        """The other robots have done what they can do at the start of the round."""
+        round_, t = self.gathering, self.t
+        facts = [is_one, *round_.facts, *self.inside, round_.ran_none(robot)]
+        for lock, entered in turn.entered.items():
+            facts.append(t.implies(entered, t.negation(round_.taken(lock))))
+        facts.append(may_run(self.crowds, self.start, robot, turn))
+        after = self._moved(round_.state, robot, turn)
+        if self.world.asks():
+            # END-PROG comes with the last turn of a round.
+            last = self.v.symbol("nobody moves after it", BOOL)
+            facts += [t.implies(last, fact) for fact in round_.skips_legally(but=robot, mover=turn)]
+            after = self._ended(after, last)
+        return Attempt((*self.known, *facts), tuple(self._stated(after)), names=(robot,))
+
+    def _ended(self, state: Crowd, last: Term) -> Crowd:
+        """The configuration after END-PROG, if the last robot has moved."""
+        _, ended = stopped_together(self.crowds, state)
+
+        def robot(kind: int, k: Term) -> Robot:
+            own = state.robot(kind, k)
+            stopped = self.t.ite(last, ended.robot(kind, k).stopped, own.stopped)
+            return replace(own, stopped=stopped)
+
+        return Crowd(robot, state.store)
+
+    def _moved(self, state: Crowd, mover: Term, turn: Turn) -> Crowd:
+        """One more robot has run an event."""
+        t, s = self.t, self.s
+        agent = self.world.program.agents[turn.robot]
+        locals_ = [d.variable.type for d in agent.locals]
+        ports = [p.declaration.variable.type for p in agent.ports]
+
+        def robot(kind: int, k: Term) -> Robot:
+            own = state.robot(kind, k)
+            if kind != turn.robot:
+                return own
+            here, after = t.equal(k, mover), turn.after
+            return Robot(
+                tuple(
+                    s.merge(here, x, y, type_)
+                    for x, y, type_ in zip(after.locals, own.locals, locals_, strict=True)
+                ),
+                tuple(
+                    s.merge(here, x, y, type_)
+                    for x, y, type_ in zip(after.ports, own.ports, ports, strict=True)
+                ),
+                t.ite(here, after.asked, own.asked),
+                t.ite(here, after.stopped, own.stopped),
+                t.ite(here, after.ran, own.ran),
+            )
+
+        return Crowd(robot, made(s, state.store, turn.writes, t.truth(True)))
+
+    @cached_property
+    def inside(self) -> list[Term]:
+        """What is assumed of the configuration before the last step.
+
+        Where nobody has run yet it is the one that the round started in, but for who ran what in
+        the round before.
+        """
+        facts = taken(self._stated(self.gathering.state))
+        if not self.world.mentions(core.Ran):
+            return facts
+        t = self.t
+        with self.v.within() as robot:
+            idle = t.implies(self.v.is_robot(robot), self.gathering.ran_none(robot))
+            begun = t.negation(t.for_all([robot], idle))
+        return [t.implies(begun, fact) for fact in facts]
+
+    # --- turns that run nothing -----------------------------------------------------------------
+
+    def _quiet(self) -> Iterator[Obligation]:
+        """Skips that can be seen: the first turn of a round, and the last."""
+        if self.world.mentions(core.Ran):
+            yield Obligation("a first turn in which a robot skips", (self._first_skip,))
+        if self.world.asks():
+            yield Obligation("a last turn in which a robot skips", (self._last_skip,))
+
+    def _first_skip(self) -> Attempt:
+        t, never = self.t, self.t.integer(-1)
+
+        def robot(kind: int, k: Term) -> Robot:
+            return replace(self.start.robot(kind, k), ran=never)
+
+        skipping = []
+        for kind in self.crowds.kinds:
+            one, is_one = self._one("who skips", kind)
+            free = [off(self.crowds, m.of(one)) for m in self.moves[kind] if m.said.event.urgent]
+            may = t.either(self.start.robot(kind, one).stopped, t.conjunction(free))
+            skipping.append(t.both(is_one, may))
+        goals = self._stated(Crowd(robot, self.start.store))
+        return Attempt((*self.known, t.disjunction(skipping)), tuple(goals))
+
+    def _last_skip(self) -> Attempt:
+        round_ = self.gathering
+        idle, ended = stopped_together(self.crowds, round_.state)
+        facts = [*round_.facts, *self.inside, idle, *round_.skips_legally()]
+        return Attempt((*self.known, *facts), tuple(self._stated(ended)))
+
+    # --- pairs of robots ------------------------------------------------------------------------
+
+    def _updates(self) -> Iterator[Obligation]:
+        """No two robots write one location in the round, of whom one updates it."""
+        flat = [move for mine in self.moves for move in mine]
+        for mine in flat:
+            names = set(updated(mine.said.event.effect))
+            asked = [c for c in self.claims if c.kind is Kind.LOST_UPDATE and c.subject in names]
+            for other in flat if asked else ():
+                name = f"updates of {mine.said.event.name} and {other.said.event.name}"
+                yield Obligation(name, (partial(self._update, mine, other, asked),))
+
+    def _update(self, mine: Anyone[Turn], other: Anyone[Turn], asked: Sequence[Claim]) -> Attempt:
+        t = self.t
+        facts, pair = [], []
+        for number, move in enumerate((mine, other)):
+            robot, is_one = self._one(f"writer {number}", move.said.robot)
+            turn = move.of(robot)
+            facts += [is_one, may_run(self.crowds, self.start, robot, turn)]
+            pair.append((robot, turn))
+        (one, a), (two, b) = pair
+        facts.append(t.negation(t.equal(one, two)))
+        for lock, entered in a.entered.items():
+            if lock in b.entered:
+                facts.append(t.negation(t.both(entered, b.entered[lock])))
+        goals = [
+            Goal(
+                claim.name,
+                t.truth(True),
+                t.negation(
+                    t.disjunction(
+                        overlap(t, x, y)
+                        for x in a.writes
+                        for y in b.writes
+                        if x.variable == y.variable
+                        and x.variable.home is Home.ALLWRITE
+                        and x.variable.name == claim.subject
+                    )
+                ),
+            )
+            for claim in asked
+        ]
+        return Attempt((*self.known, *facts), tuple(goals), names=(one, two))
+
+    # --- the environment ------------------------------------------------------------------------
+
+    def _environment(self) -> Iterator[Obligation]:
+        name = "the environment's turn"
+        ways = (self._end_loosely, self._end_exactly)
+        if any(claim.kind is Kind.FAULT for claim in self.claims):
+            faults = tuple(partial(self._no_fault_after, end) for end in ways)
+            yield Obligation(f"{name}: no fault", faults)
+        yield Obligation(name, tuple(partial(self._evolved, end) for end in ways))
+
+    def _end_loosely(self) -> tuple[Crowd, list[Term]]:
+        return self.loose, taken(self._stated(self.loose))
+
+    def _end_exactly(self) -> tuple[Crowd, list[Term]]:
+        round_ = self.gathering
+        _, end = stopped_together(self.crowds, round_.state)
+        facts = [*round_.facts, *round_.skips_legally()]
+        return end, [*facts, *taken(self._stated(end))]
+
+    def _no_fault_after(self, end: Callable[[], tuple[Crowd, list[Term]]]) -> Attempt:
+        state, facts = end()
+        goals = []
+        for kind, one in enumerate(self.crowds.evolved(state)):
+            legal = [self.crowds.all_of(kind, one.blank, fact) for fact in one.said.facts]
+            for fault in one.said.faults:
+                never = self.crowds.all_of(kind, one.blank, self.t.negation(fault.when))
+                goals.append(Goal(_words(fault), self.t.conjunction(legal), never))
+        return Attempt((*self.known, *facts), tuple(goals))
+
+    def _evolved(self, end: Callable[[], tuple[Crowd, list[Term]]]) -> Attempt:
+        t = self.t
+        state, facts = end()
+        evolved = self.crowds.evolved(state)
+        for kind, one in enumerate(evolved):
+            calm = [t.negation(fault.when) for fault in one.said.faults]
+            facts += [self.crowds.all_of(kind, one.blank, x) for x in (*one.said.facts, *calm)]
+        after = Crowd(lambda kind, k: evolved[kind].of(k).robot, state.store)
+        goals = self._stated(after, between_rounds=True)
+        for claim in self.claims:
+            if claim.kind is Kind.CONTRACT:
+                kept = [
+                    self.crowds.all_of(kind, one.blank, promise)
+                    for kind, one in enumerate(evolved)
+                    for name, promise in one.said.promises
+                    if name == claim.subject
+                ]
+                goals.append(Goal(claim.name, t.truth(True), t.conjunction(kept)))
+        return Attempt((*self.known, *facts), tuple(goals))
+
+
+def taken(goals: Iterable[Goal]) -> list[Term]:
+    """Goals as facts."""
+    return [term for goal in goals for term in (goal.legal, goal.holds)]
+
+
+def _once(name: str, attempt: Attempt) -> Obligation:
+    return Obligation(name, (lambda: attempt,))
+
+
+def _words(fault: Fault) -> str:
+    return f"no fault ({fault.what}, {fault.span.line}:{fault.span.column})"
+
+
+def _sound(t: Terms, fault: Fault, legal: Term | None = None) -> Goal:
+    known = t.truth(True) if legal is None else legal
+    return Goal(_words(fault), known, t.negation(fault.when))

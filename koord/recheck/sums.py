@@ -1,0 +1,153 @@
+"""Sums over as many numbers as there are robots: symbols of which laws are known. [T-SUM]"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import pairwise
+from math import factorial, lcm
+
+from koord.recheck.terms import INT, Term, Terms
+from koord.recheck.values import Sum, Values
+
+#: Parts are recognised as polynomials of their number up to this degree.
+_MOST_DEGREE = 3
+
+
+def total(v: Values, low: Term, high: Term, index: Term, part: Term) -> Term:
+    """The sum of ``part``, in which ``index`` is free, from ``low`` up to and without ``high``."""
+    t = v.t
+    for known in v.sums:
+        if (known.low, known.high, t.put(known.part, known.index, index)) == (low, high, part):
+            return known.total
+    made = Sum(v.symbol("sum", part.sort), low, high, index, part)
+    if v.scope:
+        return made.total  # what hangs on other variables is not compared with anything
+    v.ranges += _alone(t, made)
+    for other in v.sums:
+        if other.low is low and other.high is high and other.total.sort == part.sort:
+            v.ranges.append(_compared(t, other, made))
+    v.sums.append(made)
+    return made.total
+
+
+def _inside(t: Terms, one: Sum, index: Term) -> Term:
+    return t.both(t.at_most(one.low, index), t.less(index, one.high))
+
+
+def _every(t: Terms, one: Sum, holds: Term) -> Term:
+    return t.for_all([one.index], t.implies(_inside(t, one, one.index), holds))
+
+
+def _alone(t: Terms, one: Sum) -> Iterator[Term]:
+    """Where all parts are nothing, or a polynomial of their number, or at most that."""
+    nothing = t.minus(one.part, one.part)
+    yield t.implies(_every(t, one, t.equal(one.part, nothing)), t.equal(one.total, nothing))
+    ahead = t.at_most(one.low, one.high)
+    for piece, whole in _polynomials(t, one):
+        whole_sum = t.minus(_at(t, whole, one.high, one), _at(t, whole, one.low, one))
+        scale = _denominator(whole)
+        scaled = t.times(_number(t, scale, one), one.total)
+        same = _every(t, one, t.equal(one.part, piece))
+        below = _every(t, one, t.at_most(one.part, piece))
+        reached = t.equal(scaled, whole_sum)
+        yield t.implies(t.both(ahead, same), reached)
+        yield t.implies(t.both(ahead, below), t.at_most(scaled, whole_sum))
+        yield t.implies(t.conjunction([ahead, below, reached]), same)
+
+
+def _compared(t: Terms, one: Sum, two: Sum) -> Term:
+    """Sums that differ in one part differ by what that part does."""
+    changed, index = t.bound(0), t.bound(1)
+
+    def at(s: Sum, k: Term) -> Term:
+        return t.put(s.part, s.index, k)
+
+    elsewhere = t.either(t.equal(index, changed), t.equal(at(one, index), at(two, index)))
+    alike = t.for_all([index], t.implies(_inside(t, one, index), elsewhere))
+    grown = t.minus(two.total, one.total)
+    change = t.minus(at(two, changed), at(one, changed))
+    known = t.both(_inside(t, one, changed), alike)
+    return t.for_all([changed], t.implies(known, t.equal(grown, change)))
+
+
+# --- polynomials, by coefficients from the constant on --------------------------------------------
+
+
+def _polynomials(t: Terms, one: Sum) -> Iterator[tuple[Term, tuple[Fraction, ...]]]:
+    """Pieces of the part that are polynomials of its number, with those that sum them up."""
+    seen: set[int] = set()
+    pending = [one.part]
+    while pending:
+        piece = pending.pop()
+        if id(piece) in seen:
+            continue
+        seen.add(id(piece))
+        pending += piece.args
+        if piece.sort != one.part.sort or piece.value == 0 or not _is_polynomial(piece, one.index):
+            continue
+        values = [t.put(piece, one.index, t.integer(n)).value for n in range(_MOST_DEGREE + 1)]
+        if all(value is not None for value in values):
+            yield piece, _summed([Fraction(value) for value in values if value is not None])
+
+
+def _is_polynomial(piece: Term, index: Term) -> bool:
+    """Whether a term is written with sums and products of its number and of constants, of degree
+    at most ``_MOST_DEGREE``.
+    """
+    return _degree(piece, index) <= _MOST_DEGREE
+
+
+def _degree(piece: Term, index: Term) -> int:
+    if piece is index:
+        return 1
+    if piece.value is not None:
+        return 0
+    below = [_degree(a, index) for a in piece.args]
+    if piece.head == "to_real" and below:
+        return below[0]
+    if piece.head in ("+", "-") and below:
+        return max(below)
+    if piece.head == "*" and below:
+        return sum(below)
+    return _MOST_DEGREE + 1
+
+
+def _summed(values: list[Fraction]) -> tuple[Fraction, ...]:
+    """The polynomial V with V(0) = 0 whose steps V(n + 1) - V(n) have these values at 0, 1, 2, …"""
+    made = [Fraction(0)] * (len(values) + 2)
+    differences = list(values)
+    for k in range(len(values)):
+        # The k-th difference counts n over k + 1 times.
+        for power, c in enumerate(_choose(k + 1)):
+            made[power] += differences[0] * c
+        differences = [b - a for a, b in pairwise(differences)]
+    return tuple(made)
+
+
+def _choose(k: int) -> list[Fraction]:
+    """The polynomial n over k."""
+    made = [Fraction(1)]
+    for root in range(k):
+        shifted = [Fraction(0), *made]
+        made = [a - root * b for a, b in zip(shifted, [*made, Fraction(0)], strict=True)]
+    return [c / factorial(k) for c in made]
+
+
+def _denominator(polynomial: tuple[Fraction, ...]) -> int:
+    return lcm(*(c.denominator for c in polynomial))
+
+
+def _number(t: Terms, value: Fraction | int, one: Sum) -> Term:
+    return t.integer(int(value)) if one.part.sort == INT else t.real(Fraction(value))
+
+
+def _at(t: Terms, polynomial: tuple[Fraction, ...], index: Term, one: Sum) -> Term:
+    """The polynomial's value, times its denominator."""
+    scale = _denominator(polynomial)
+    x = index if one.part.sort == INT else t.widened(index)
+    power, value = _number(t, 1, one), _number(t, 0, one)
+    for c in polynomial:
+        value = t.plus(value, t.times(_number(t, c * scale, one), power))
+        power = t.times(power, x)
+    return value
