@@ -24,6 +24,7 @@ from koord.sim.hosting import ANSWERED, SENSED, plain_name
 from koord.sim.running import Cast, Simulation
 from koord.sim.scene import Scene, params, scene
 from koord.syntax import core
+from koord.syntax.collector import uncollected
 from koord.syntax.core import Direction
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.elaborate.settings import ParamValue, Settings
@@ -113,6 +114,7 @@ class Job:
 
         return self._watched(Followed, keep_going, summaries, tracing)
 
+    @uncollected()
     def _watched(
         self, kind: type[Run], keep_going: bool, summaries: bool, tracing: Tracing | None
     ) -> Run:
@@ -191,6 +193,7 @@ class Asked:
     params: Mapping[str, ParamValue]
     delta_s: float | None = None  #: None: as the configuration says
 
+    @uncollected()
     def job(self, report: Report, robots: int | None, seed: int | None) -> Job | None:
         """The job, for so many robots and with that seed; None if there are errors in the report.
 

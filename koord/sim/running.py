@@ -6,7 +6,6 @@ give equal runs, and equal :attr:`Figures.digest`.
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
@@ -29,6 +28,7 @@ from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_of, header_of
 from koord.sim.recording import Recorder, Recording
 from koord.sim.scene import Scene
+from koord.syntax.collector import uncollected
 
 #: A run in which nothing has changed for so long is over.
 _STILL_S = 3.0
@@ -155,6 +155,7 @@ class Simulation:
     def recording(self) -> Recording:
         return self.recorder.recording
 
+    @uncollected()
     def begin(self) -> Decision:
         """INIT."""
         decision = self.engine.begin()
@@ -275,22 +276,13 @@ def _held(robot: Robot) -> dict[str, Any]:
 
 
 def run(simulation: Simulation, time_s: float) -> Iterator[Decision]:
-    """The rest of a run that has begun, up to a time: what was decided in each round.
-
-    Values that programs hold and recordings keep make no cycles, and are many: the collector of
-    cycles would look at all of them again and again, so it waits until the run is over.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
+    """The rest of a run that has begun, up to a time: what was decided in each round."""
+    with uncollected():
         while simulation.ending is None:
             if simulation.time_s > time_s - 1e-9:
                 simulation.end(Ending.LIMIT)
                 break
             yield simulation.round()
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 from koord.syntax import ast
+from koord.syntax.collector import uncollected
 from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.layout import lay_out
 from koord.syntax.lines import Part
@@ -34,7 +32,7 @@ def parse(source: Source) -> Parsed:
 
     Never raises on any text: what cannot be read is told and left out, and the rest is there.
     """
-    with _no_collector():
+    with uncollected():
         return _parse(source)
 
 
@@ -63,15 +61,3 @@ def _parse(source: Source) -> Parsed:
         span=source.span(0, len(source.text)),
     )
     return Parsed(program, report.in_order())
-
-
-@contextmanager
-def _no_collector() -> Iterator[None]:
-    """Spare the collector of garbage: a tree has no cycles, and looking for some takes as long."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()

@@ -32,6 +32,7 @@ from koord.runtime.configuration.model import (
 )
 from koord.runtime.configuration.reading import Document, Path, problem, read
 from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
+from koord.syntax.collector import uncollected
 from koord.syntax.diagnostics import Diagnostic, KoordError
 from koord.syntax.source import Source
 
@@ -55,6 +56,7 @@ _CHOICES: Mapping[str, Iterable[str]] = {
 _MISSING = re.compile(r"Object missing required field `([^`]*)`")
 
 
+@uncollected()
 def load(source: Source) -> Configuration:
     """The configuration of a text. Raises KoordError with all that is wrong."""
     document = read(source)
