@@ -83,8 +83,13 @@ def check_campaign(arguments: argparse.Namespace) -> None:
     """Raises ArgumentTypeError and KoordError before long work is done."""
     if arguments.cluster is not None:
         require(("distributed",), "cluster")
-    if arguments.trace is not None or arguments.record:
-        raise ArgumentTypeError("--trace and --record are of one run: leave out --runs and --sweep")
+    of_one = ("trace", "record", "processes", "live", "pace")
+    given = [f"--{name}" for name in of_one if getattr(arguments, name)]
+    if given:
+        those = " and ".join(given)
+        raise ArgumentTypeError(
+            f"{those} {'is' if len(given) == 1 else 'are'} of one run: leave out --runs and --sweep"
+        )
     if arguments.csv is not None:
         check_writable(arguments.csv)
     if arguments.plot is not None:

@@ -134,9 +134,8 @@ def main(arguments: argparse.Namespace) -> int:
         from koord.cli.campaigns import campaign, check_campaign
 
         check_campaign(arguments)
-    elif arguments.csv is not None:
-        raise argparse.ArgumentTypeError("--csv is of campaigns: say --runs K")
     else:
+        _check_single(arguments)
         check_outputs(arguments)
     report = Report()
     wanted = asked(arguments, report)
@@ -169,15 +168,39 @@ def main(arguments: argparse.Namespace) -> int:
     return _run(arguments, job, simulation, tracing)
 
 
+def _check_single(arguments: argparse.Namespace) -> None:
+    """Whether nothing is asked for that campaigns alone have."""
+    given = {
+        "--csv": arguments.csv is not None,
+        "--cluster": arguments.cluster is not None,
+        "--jobs": arguments.jobs != 1,
+    }
+    for name, is_given in given.items():
+        if is_given:
+            raise argparse.ArgumentTypeError(f"{name} is of campaigns: say --runs K")
+
+
 def _rehearse(arguments: argparse.Namespace) -> int:
     """Play a recorded run."""
     from koord.cli.rehearsals import rehearsal
 
-    given = (arguments.config, arguments.robots, arguments.seed, arguments.runs, arguments.sweep)
-    if any(one is not None for one in given) or arguments.trace is not None:
-        raise argparse.ArgumentTypeError(
-            "--schedule plays a run as it is recorded: leave out CONFIG and what would change it"
-        )
+    given = {
+        "CONFIG": arguments.config is not None,
+        "--robots": arguments.robots is not None,
+        "--seed": arguments.seed is not None,
+        "--delta": arguments.delta is not None,
+        "--set": bool(arguments.settings),
+        "--runs": arguments.runs is not None,
+        "--sweep": arguments.sweep is not None,
+        "--trace": arguments.trace is not None,
+        "--processes": arguments.processes,
+    }
+    for name, is_given in given.items():
+        if is_given:
+            raise argparse.ArgumentTypeError(
+                f"--schedule plays a run as it is recorded: leave out {name}"
+            )
+    _check_single(arguments)
     check_outputs(arguments)
     job, simulation = rehearsal(arguments)
     return _run(arguments, job, simulation, None)

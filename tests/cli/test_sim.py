@@ -355,3 +355,25 @@ def test_a_level_without_its_library_is_refused_with_the_cure(
     err = capsys.readouterr().err
     assert "K950" in err
     assert "pip install 'koord[mujoco]'" in err
+
+
+@pytest.mark.parametrize(
+    ("flags", "story"),
+    [
+        (["--runs", "2", "--processes"], "--processes is of one run"),
+        (["--runs", "2", "--live", "--record", "a.mcap"], "--record and --live are of one run"),
+        (["--sweep", "robots=2..3", "--pace", "2"], "--pace is of one run"),
+        (["--jobs", "2"], "--jobs is of campaigns"),
+        (["--cluster", "tcp://localhost:1"], "--cluster is of campaigns"),
+        (["--csv", "a.csv"], "--csv is of campaigns"),
+        (["--schedule", "t.json", "--processes"], "leave out --processes"),
+        (["--schedule", "t.json", "--seed", "0"], "leave out --seed"),
+        (["--schedule", "t.json", "--set", "tasks=3"], "leave out --set"),
+        (["--schedule", "t.json", "--jobs", "2"], "--jobs is of campaigns"),
+    ],
+)
+def test_flags_that_do_not_go_together_are_refused(
+    flags: list[str], story: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sim", example("task.krd"), *flags]) == Exit.BAD_INPUT
+    assert story in capsys.readouterr().err
