@@ -97,18 +97,11 @@ def squares(devices: tuple[str, ...], count: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def simulated(program: str, devices: str, count: int, seconds: float) -> dict[str, Any]:
-    """What a run costs, and what it comes to. An example has its own configuration."""
-    import resource
-    import time
-    from pathlib import Path
-
+def begun(program: str, devices: str = "", count: int = 0) -> Any:
+    """A run after INIT, as `koord sim` makes it. An example has its own configuration."""
     from koord.cli.diagnostics import Report as Diagnostics
     from koord.cli.simulating import Asked
     from koord.runtime.configuration.checking import load
-    from koord.sim.files.mcap import mcap_of
-    from koord.sim.running import run
-    from koord.sim.viewing import page_of
     from koord.syntax.source import Source
 
     if program == "squares":
@@ -120,12 +113,24 @@ def simulated(program: str, devices: str, count: int, seconds: float) -> dict[st
     asked = Asked(source, load(Source("fleet.yaml", configuration)), (), {})
     job = asked.job(Diagnostics(), None, None)
     assert job is not None
-    simulation = job.simulation()
-    simulation.begin()
-    begun = time.process_time()
+    return job.begun()
+
+
+def simulated(program: str, devices: str, count: int, seconds: float) -> dict[str, Any]:
+    """What a run costs, and what it comes to."""
+    import resource
+    import time
+    from pathlib import Path
+
+    from koord.sim.files.mcap import mcap_of
+    from koord.sim.running import run
+    from koord.sim.viewing import page_of
+
+    simulation = begun(program, devices, count)
+    began = time.process_time()
     for _ in run(simulation, seconds):
         pass
-    cpu_s = time.process_time() - begun
+    cpu_s = time.process_time() - began
     threads = len(list(Path("/proc/self/task").iterdir()))
     peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     sizes: dict[str, float] = {}
