@@ -403,8 +403,10 @@ class Robot:
         held = self.__dict__
         held.update(after)
         for name in self.SENSORS:
-            if name in readings and ((value := readings[name]) != held[name] or value is None):
-                held[name] = from_plain(self.PORTS[name], value, self.numAgents)
+            if name in readings and (reading := readings[name]) is not held[name]:
+                value = from_plain(self.PORTS[name], reading, self.numAgents)
+                if value != held[name]:
+                    held[name] = value
         return None
 
     # --- inside -----------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from koord.refinement.cases import Policy
@@ -110,7 +111,7 @@ def test_what_is_read_again_stays_the_same_object() -> None:
     assert seen[0] is seen[1]
     assert [tuple(value) for value in seen[1:]] == [(1.0, 0.0, 0.0), (2.0, 0.0, 0.0)]
     assert vars(robot)[name] is seen[2]
-    for wrong in (None, (3, 0.0, 0.0), (3.0, 0.0)):
+    for wrong in (None, (3, 0.0, 0.0), (3.0, 0.0), (2, 0, 0), np.array([2.0, 0, 0])):
         with pytest.raises(ShapeError):
             robot.evolve({name: wrong})
 
