@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 MOST_ROBOTS = 10_000
 MOST_ROUNDS = 1_000_000_000
 MOST_VIOLATIONS = 1_000
+#: Processes of one verification.
+MOST_JOBS = 1_000
 DEEPEST_LIST = 20
 MOST_SWEPT = 1_000
 
@@ -89,6 +91,10 @@ def rounds(text: str) -> int:
 
 def violations(text: str) -> int:
     return _whole(text, "violations", 1, MOST_VIOLATIONS)
+
+
+def jobs(text: str) -> int:
+    return _whole(text, "jobs", 1, MOST_JOBS)
 
 
 def seed(text: str) -> int:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
+from functools import partial
 from typing import TYPE_CHECKING
 
 from koord.cli.arguments import (
@@ -19,6 +21,7 @@ from koord.cli.arguments import (
     add_settings,
     add_trace,
     check_files,
+    jobs,
     seconds,
     violations,
 )
@@ -66,6 +69,8 @@ class Request:
     engine: Engine
     properties: tuple[str, ...]  #: their names; none means all
     timeout_s: float | None
+    claim_s: float | None  #: the time for each property
+    jobs: int
     violations: int  #: how many different ones of each claim
     seed: int
     trace: str | None  #: the file for the trace of a violation
@@ -97,6 +102,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--timeout", metavar="SECONDS", type=seconds, help="give up after this time (never)"
+    )
+    parser.add_argument(
+        "--property-timeout",
+        dest="claim_s",
+        metavar="SECONDS",
+        type=seconds,
+        help="give up each property after this time, and go on with the others (never)",
+    )
+    parser.add_argument(
+        "--jobs",
+        metavar="N",
+        type=jobs,
+        default=os.cpu_count() or 1,
+        help="how many properties that take long are looked at at a time, with "
+        "--property-timeout (as many as there are cores)",
     )
     parser.add_argument(
         "--instants",
@@ -172,6 +192,8 @@ def main(arguments: argparse.Namespace) -> int:
         check_writable(request.found)
     if request.rests_on and len(request.fleets) > 1:
         raise argparse.ArgumentTypeError("--rests-on takes one number of robots at a time")
+    if request.claim_s is not None and request.instants:
+        raise argparse.ArgumentTypeError("--property-timeout and --instants do not go together")
     if request.fleets[0].any_number and request.engine is not Engine.AUTO:
         raise argparse.ArgumentTypeError(
             "--robots any has an engine of its own: leave --engine out"
@@ -214,6 +236,8 @@ def _request(arguments: argparse.Namespace) -> Request:
         engine=Engine(arguments.engine),
         properties=tuple(arguments.names),
         timeout_s=arguments.timeout,
+        claim_s=arguments.claim_s,
+        jobs=arguments.jobs,
         violations=arguments.violations,
         seed=arguments.seed,
         trace=arguments.trace,
@@ -367,7 +391,11 @@ def _asked(system: System, request: Request, *, every_n: bool = False) -> Asked:
         between = []
     _check_names(request.properties, [*known, *between])
     choice = Choice.EVERY_N if every_n else Choice(request.engine.value)
-    bounds = Bounds(request.rounds, request.timeout_s, request.violations)
+    bounds = Bounds(request.rounds, request.timeout_s, request.violations, request.claim_s)
+    if request.claim_s is not None:
+        from koord.verify.apart import verify_apart
+
+        verify = partial(verify_apart, jobs=request.jobs)
     own = [name for name in request.properties if name in known]
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
         report = Report((), (), 0.0)

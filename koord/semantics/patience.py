@@ -33,5 +33,9 @@ class Patience:
                 raise OutOfPatienceError
 
 
-#: That of somebody who waits for ever.
-ENDLESS = Patience(lambda: False)
+def _never() -> bool:
+    return False
+
+
+#: That of somebody who waits for ever. Its question has a name, so that systems can be pickled.
+ENDLESS = Patience(_never)

@@ -48,14 +48,16 @@ def verify(
     choice: Choice = Choice.AUTO,
     *,
     names: Sequence[str] = (),
+    known: Sequence[Verdict] = (),
     seed: int = 0,
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Report:
     """Verdicts on all claims about a system, or on the named ones.
 
-    Claims that are not named still serve as lemmas. KeyboardInterrupt ends it with what is known so
-    far, and so does ``interrupted``, which is asked now and then.
+    Claims that are not named still serve as lemmas. If verdicts on all claims are ``known``, of
+    what they leave open the named ones alone are asked. KeyboardInterrupt ends it with what is
+    known so far, and so does ``interrupted``, which is asked now and then.
     """
 
     def is_over() -> bool:
@@ -68,20 +70,21 @@ def verify(
     system = replace(system, patience=Patience(is_over))
     ask = partial(_ask, bounds=bounds, choice=choice, seed=seed, progress=progress)
     subject = _abstract_subject(system) or _plain_subject(system)
-    asked = ask(subject, deadline)
+    before = _before(system, known, names) if known else None
+    asked = ask(subject, deadline, known=before)
     given, cut = asked.verdicts, asked.interrupted
     if subject.is_abstract and asked.suspected is not None and not cut:
         # Opaque values let something happen that real ones do not: look at those.
         again = ask(_plain_subject(system), deadline, known=asked)
         given, cut = again.verdicts, again.interrupted
-    verdicts = tuple(
+    every = [
         replace(verdict, claim=claim)
         for claim, verdict in zip(claims_of(system), given, strict=True)
-        if not names or claim.name in names
-    )
+    ]
+    verdicts = tuple(v for v in every if not names or v.claim.name in names)
     vacuities = asked.vacuities
     if any(not names or claim.name in names for claim in liveness_of(system)):
-        held = [v for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
+        held = [v for v in every if v.outcome is Outcome.HOLDS and v.rounds is None]
         live = _of_whole_runs(
             system, bounds, None if cut else choice, deadline, names, held, seed, progress
         )
@@ -96,13 +99,23 @@ def verify(
 class _Asked:
     """The verdicts on a subject's claims, in order.
 
-    ``suspected`` is the last round in which something seemed violated and was not.
+    ``suspected`` is the last round in which something seemed violated and was not. ``left`` are
+    the positions of claims that are left as they are, known or not.
     """
 
     verdicts: tuple[Verdict, ...]
     vacuities: tuple[Vacuity, ...]
     interrupted: bool
     suspected: int | None
+    left: frozenset[int] = frozenset()
+
+
+def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _Asked:
+    """What is known already, where nobody asks about claims that are not named."""
+    verdicts = {verdict.claim: verdict for verdict in known}
+    claims = claims_of(system)
+    left = frozenset(n for n, claim in enumerate(claims) if claim.name not in names)
+    return _Asked(tuple(verdicts[claim] for claim in claims), (), False, None, left)
 
 
 def _plain_subject(system: System) -> Subject:
@@ -146,9 +159,11 @@ def _ask(
     """
     claims = claims_of(subject.system)
     ledger = Ledger(subject, bounds, deadline, claims, seed, progress)
-    for claim, verdict in zip(claims, known.verdicts if known else (), strict=known is not None):
-        if verdict.outcome is not Outcome.UNKNOWN:
-            ledger.settle({claim: verdict})
+    left = known.left if known is not None else frozenset()
+    for n, verdict in enumerate(known.verdicts if known is not None else ()):
+        if verdict.outcome is not Outcome.UNKNOWN or n in left:
+            ledger.settle({claims[n]: replace(verdict, claim=claims[n])})
+    asked = ledger.open()
     unrolling = ByUnrolling()
     empty: tuple[Vacuity, ...] = ()
     with ledger.stopping():
@@ -157,17 +172,19 @@ def _ask(
         in_turn = engines(choice, unrolling)
         while ledger.open() and (engine := next(in_turn, None)) is not None:
             engine.work(ledger)
-        _find_others(ledger)
+        _find_others(ledger, asked)
         if known is None:
             empty = vacuities(ledger)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
-    return _Asked(verdicts, empty, ledger.interrupted, unrolling.suspected)
+    return _Asked(verdicts, empty, ledger.interrupted, unrolling.suspected, left)
 
 
-def _find_others(ledger: Ledger) -> None:
-    """As many different counterexamples as were asked for."""
+def _find_others(ledger: Ledger, asked: Sequence[Claim]) -> None:
+    """As many different counterexamples to each claim as were asked for."""
     wanted = ledger.bounds.violations - 1
     for claim, verdict in list(ledger.verdicts.items()):
+        if claim not in asked:
+            continue
         if wanted > 0 and verdict.counterexample is not None:
             ledger.progress(f"other ways to break {claim.name}")
             found = tuple(islice(others(ledger, claim, verdict.counterexample), wanted))

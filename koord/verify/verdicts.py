@@ -36,11 +36,13 @@ class Bounds:
     """How far to look: rounds, and seconds for everything (None: no limit).
 
     ``violations`` is how many different counterexamples to look for where a claim is violated.
+    ``claim_s`` is for each claim (:mod:`koord.verify.apart`).
     """
 
     rounds: int = 20
     timeout_s: float | None = None
     violations: int = 1
+    claim_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,20 @@ def program(tmp_path: Path) -> str:
     return str(path)
 
 
+def test_each_property_may_have_a_time_limit(
+    program: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["verify", program, "--property-timeout"]
+    assert frame.main([*words, "600"]) == Exit.OK
+    assert "Small     holds" in capsys.readouterr().out
+    assert frame.main([*words, "1e-9"]) == Exit.UNKNOWN
+    assert "unknown" in capsys.readouterr().out
+    assert frame.main([*words, "0"]) == Exit.BAD_INPUT
+    assert frame.main([*words, "1", "--jobs", "0"]) == Exit.BAD_INPUT
+    assert frame.main([*words, "1", "--instants"]) == Exit.BAD_INPUT
+    assert "do not go together" in capsys.readouterr().err
+
+
 def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
     seen: list[tuple[str, verify.Request]] = []
 
@@ -38,6 +52,7 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
     words = ["verify", program, "--robots", "Car=2,Drone=1", "--rounds", "5", "--delta", "1/3"]
     words += ["--engine", "bmc", "--property", "Small", "--timeout", "2.5", "--seed", "9"]
     words += ["--max-violations", "4", "--explain", "--rests-on", "--instants"]
+    words += ["--jobs", "3"]
     words += ["--trace", f"{program}.json", "--json"]
     assert frame.main(words) == Exit.UNKNOWN
     assert seen == [
@@ -50,6 +65,8 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
                 engine=verify.Engine.BMC,
                 properties=("Small",),
                 timeout_s=2.5,
+                claim_s=None,
+                jobs=3,
                 violations=4,
                 seed=9,
                 trace=f"{program}.json",
