@@ -167,6 +167,8 @@ class Robot:
     MODEL_MAY_FAULT: ClassVar[bool] = False
     #: The sensors that no model of the environment writes.
     SENSORS: ClassVar[tuple[str, ...]] = ()
+    #: The others.
+    MODELLED: ClassVar[tuple[str, ...]] = ()
     EXTERNALS: ClassVar[Mapping[str, Shape]] = {}
     EVENTS: ClassVar[tuple[Event, ...]] = ()
 

@@ -219,7 +219,9 @@ def _own(one: type[Robot]) -> Iterator[Variable]:
     for name, shape in one.LOCALS.items():
         yield Variable(name, Home.LOCAL, shape)
     for name, shape in one.PORTS.items():
-        if name not in one.SENSORS:
+        if name in one.MODELLED:
+            yield Variable(name, Home.SENSOR, shape)
+        elif name not in one.SENSORS:
             yield Variable(name, Home.ACTUATOR, shape)
         elif not _is_measured(shape):
             yield Variable(name, Home.SENSOR, shape)

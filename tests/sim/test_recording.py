@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from koord.runtime.motion.world import World
 from koord.runtime.shapes import from_plain
 from koord.sim.recording import (
     SHARED,
@@ -17,7 +18,7 @@ from koord.sim.recording import (
     tilts_of,
     turns_of,
 )
-from tests.sim.recorded import TASKS, TEAM, Recorded, lineform, recorded_text, task
+from tests.sim.recorded import TASKS, TEAM, Recorded, lineform, recorded, recorded_text, task
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +36,13 @@ def test_the_header_says_what_is_drawn(run: Recorded) -> None:
     ]
     own = {v.name for v in header.agents[0].variables}
     assert own == {"isOnTask", "mine", "testRoute", "Motion_path", "Motion_reached"}
+
+
+def test_what_a_model_writes_is_a_sensor() -> None:
+    header = recorded("waypoints", World((-5, -5, 0), (20, 9, 3)), TEAM[1:], 2).recording.header
+    homes = {v.name: v.home for v in header.agents[0].variables}
+    assert homes["Motion_psn"] is homes["Motion_reached"] is Home.SENSOR
+    assert homes["Motion_target"] is Home.ACTUATOR
 
 
 def test_poses_are_those_of_the_fleet(run: Recorded) -> None:

@@ -252,16 +252,19 @@ class Module:
         return [f"{what} = {{{', '.join(made)}}}"] if made else []
 
     def sensors(self, number: int) -> Lines:
-        """The sensors that no model writes."""
+        """The sensors, of modules without a model and with one."""
         agent = self.program.agents[number]
-        found = [
-            string(self.names.attribute(agent.ports[position].declaration.variable, number))
-            for module in agent.modules
-            if module.environment is None
-            for position in module.ports
-            if agent.ports[position].direction is Direction.SENSOR
-        ]
-        return [f"SENSORS = {tuple_of(found)}"] if found else []
+        lines = []
+        for name, is_modelled in (("SENSORS", False), ("MODELLED", True)):
+            found = [
+                string(self.names.attribute(agent.ports[position].declaration.variable, number))
+                for module in agent.modules
+                if (module.environment is not None) is is_modelled
+                for position in module.ports
+                if agent.ports[position].direction is Direction.SENSOR
+            ]
+            lines += [f"{name} = {tuple_of(found)}"] if found else []
+        return lines
 
     # --- INIT -----------------------------------------------------------------------------------
 
