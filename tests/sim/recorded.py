@@ -15,6 +15,7 @@ from koord.runtime.motion.planning import PlannerName
 from koord.runtime.motion.world import World
 from koord.sim.fleet import Placed
 from koord.sim.kinds import Kind
+from koord.sim.measuring import Figures
 from koord.sim.recording import Recording
 from koord.sim.running import Cast, Simulation, run
 from koord.sim.scene import Scene
@@ -42,6 +43,7 @@ class Recorded:
     engine: Engine
     last: tuple[Floats, Floats]  #: where robots were in the end, and where they pointed
     attitudes: Floats  #: in the end
+    figures: Figures
 
 
 def recorded(
@@ -82,7 +84,8 @@ def recorded_text(
         pass
     fleet = simulation.fleet
     last = fleet.positions(), fleet.headings()
-    return Recorded(simulation.recording, simulation.engine, last, fleet.attitudes())
+    figures = simulation.figures()
+    return Recorded(simulation.recording, simulation.engine, last, fleet.attitudes(), figures)
 
 
 def task() -> Recorded:
