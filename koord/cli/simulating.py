@@ -151,6 +151,14 @@ class Job:
         stops = any(isinstance(node, core.Stop | core.TryStop) for node in nodes(events))
         return _LONG_S if stops else _ENDLESS_S
 
+    def _cure(self) -> str:
+        """What to do if a run does not begin as it should."""
+        if not _is_placed(self.loaded.program):
+            return "give the variables that it speaks of an initial value"
+        if self.configuration.name == NO_FILE:
+            return "name a configuration that says where robots are, with `position`"
+        return "say where robots are with `position`"
+
     def check_start(self, simulation: Simulation) -> None:
         """Raises KoordError if the run does not begin as the program assumes. (K934)"""
         problems = []
@@ -168,7 +176,7 @@ class Job:
             who = f" of robot{'s' * (len(broken.robots) > 1)} " if broken.robots else ""
             who += " and ".join(map(str, broken.robots))
             story = f"the run does not begin as the program assumes: {broken.claim}{who}"
-            hint = f"it is {broken.words}; {_cure(self.loaded.program)}"
+            hint = f"it is {broken.words}; {self._cure()}"
             problems.append(
                 Diagnostic("K934", Severity.ERROR, span if name == NO_FILE else place, story, hint)
             )
@@ -326,13 +334,6 @@ def gaps_of(program: core.Program) -> tuple[str, ...]:
         if port.direction is Direction.SENSOR and port.declaration.variable.name not in SENSED
     ]
     return tuple(dict.fromkeys(found))
-
-
-def _cure(program: core.Program) -> str:
-    """What to do if a run does not begin as it should."""
-    if _is_placed(program):
-        return "say where robots are with `position`"
-    return "give the variables that it speaks of an initial value"
 
 
 def _is_placed(program: core.Program) -> bool:
