@@ -174,6 +174,7 @@ class Robot:
 
     _numbers: ClassVar[dict[str, int]] = {}
     _urgent: ClassVar[tuple[int, ...]] = ()
+    _modelled: ClassVar[bool] = False
     _blanks: ClassVar[dict[int, dict[str, Any]]] = {}
 
     __slots__ = (
@@ -195,6 +196,7 @@ class Robot:
     def __init_subclass__(cls) -> None:
         cls._numbers = {v.name: k for k, v in enumerate(cls.SHARED.variables)}
         cls._urgent = tuple(k for k, event in enumerate(cls.EVENTS) if event.urgent)
+        cls._modelled = cls.environment is not Robot.environment
         cls._blanks = {}
 
     def __init__(self, pid: int, kinds: Sequence[int], delta: float, host: Host) -> None:
@@ -398,12 +400,12 @@ class Robot:
         """
         self._answers = {}
         self._turn = Turn.ENV
-        try:
-            after = self.environment()
-        except FaultError as error:
-            return error.fault
         held = self.__dict__
-        held.update(after)
+        if self._modelled:
+            try:
+                held.update(self.environment())
+            except FaultError as error:
+                return error.fault
         for name in self.SENSORS:
             if name in readings and (reading := readings[name]) is not held[name]:
                 value = from_plain(self.PORTS[name], reading, self.numAgents)
