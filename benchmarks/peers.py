@@ -125,50 +125,15 @@ def work(robots: int, tasks: int, rounds: int, patience_s: float) -> int:
 
 
 def abc(path: Path, patience_s: float) -> tuple[Measured | None, str]:
-    """Abc's PDR on a circuit in ASCII AIGER."""
+    """Abc's PDR on a circuit in binary AIGER, the only form that it reads."""
     program = shutil.which("berkeley-abc") or shutil.which("abc")
     if program is None:
         return None, "no abc"
-    compact = path.with_suffix(".aig")
-    compact.write_bytes(binary(path.read_text("ascii")))
-    done = measure([program, "-c", f"read_aiger {compact}; pdr"], timeout_s=patience_s)
+    done = measure([program, "-c", f"read_aiger {path}; pdr"], timeout_s=patience_s)
     if done.timed_out:
         return done, "gave up"
     proved = "Property proved" in done.output
     return done, "proved" if proved else f"no answer: {done.output[-200:]}"
-
-
-def binary(text: str) -> bytes:
-    """ASCII AIGER as binary AIGER, the only one that abc reads: gates as differences of literals.
-
-    The variables have to be numbered inputs first, then latches, then gates, as koord does.
-    """
-    lines = iter(text.splitlines())
-    _, _, inputs, latches, outputs, gates, *more = next(lines).split()
-    for number in range(1, int(inputs) + 1):
-        assert next(lines) == str(2 * number)
-    head = [f"aig {int(inputs) + int(latches) + int(gates)} {inputs} {latches} {outputs} {gates}"]
-    head[0] = " ".join([*head, *more])
-    for number in range(int(inputs) + 1, int(inputs) + int(latches) + 1):
-        literal, _, rest = next(lines).partition(" ")
-        assert literal == str(2 * number)
-        head.append(rest)
-    head += [next(lines) for _ in range(int(outputs) + sum(map(int, more)))]
-    body = bytearray()
-    for _ in range(int(gates)):
-        gate, left, right = map(int, next(lines).split())
-        low, high = sorted((left, right))
-        for difference in (gate - high, high - low):
-            body += _seven_bits_each(difference)
-    return "\n".join([*head, ""]).encode("ascii") + bytes(body)
-
-
-def _seven_bits_each(number: int) -> bytes:
-    made = bytearray()
-    while number >= 0x80:
-        made.append(number & 0x7F | 0x80)
-        number >>= 7
-    return bytes([*made, number])
 
 
 # --- tables ---------------------------------------------------------------------------------------
@@ -209,7 +174,7 @@ def circuit(
 ) -> tuple[Measured | None, str]:
     """The same question for abc."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "circuit.aag"
+        path = Path(folder) / "circuit.aig"
         words = ["verify", str(EXAMPLES / file), "--robots", str(robots)]
         words += ["--set", f"tasks={tasks}"] if tasks else []
         words += [word for claim in claims for word in ("--property", claim)]

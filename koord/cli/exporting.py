@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
 from koord import __version__
 from koord.cli.diagnostics import Report
@@ -12,6 +13,9 @@ from koord.cli.files import DASH, check_writable, write_atomically
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.systems import system_of
 from koord.semantics.configurations import System
+
+if TYPE_CHECKING:
+    from koord.verify.bits.exporting import Format
 
 #: What a program can be written as; see :class:`koord.verify.bits.exporting.Format`.
 FORMATS = ("aiger", "vmt", "smt2")
@@ -25,7 +29,11 @@ def add_export(parser: argparse.ArgumentParser) -> None:
         help="verify nothing: write the claims as a problem for other tools",
     )
     parser.add_argument(
-        "-o", "--output", metavar="FILE", default=DASH, help="where --export writes to (-)"
+        "-o",
+        "--output",
+        metavar="FILE",
+        default=DASH,
+        help="where --export writes to; a name in .aig makes AIGER binary (-)",
     )
 
 
@@ -47,24 +55,32 @@ def export(arguments: argparse.Namespace) -> int:
 
 def _write(program: LoadedProgram, system: System, arguments: argparse.Namespace) -> int:
     from koord.semantics.machine import NotFiniteError
-    from koord.verify.bits.exporting import Format, problem
+    from koord.verify.bits.exporting import problem
 
     try:
-        lines = problem(
+        written = problem(
             system,
             tuple(arguments.names),
-            Format(arguments.export),
+            _format(arguments),
             arguments.rounds,
             f"{program.source.name}, {system.robots} robots, by koord {__version__}",
         )
     except NotFiniteError as error:
         print(f"koord verify: not to be written as bits: {error}", file=sys.stderr)
         return Exit.UNKNOWN
-    for note in lines.notes:
+    for note in written.notes:
         print(f"koord verify: {note}", file=sys.stderr)
-    text = "\n".join(lines.lines) + "\n"
     if arguments.output == DASH:
-        sys.stdout.write(text)
+        sys.stdout.write(written.content.decode())
     else:
-        write_atomically(arguments.output, text.encode())
+        write_atomically(arguments.output, written.content)
     return Exit.OK
+
+
+def _format(arguments: argparse.Namespace) -> Format:
+    """What is asked for; AIGER has a binary form, in files of a name of their own."""
+    from koord.verify.bits.exporting import Format
+
+    asked = Format(arguments.export)
+    binary = asked is Format.AIGER and arguments.output.endswith(".aig")
+    return Format.AIG if binary else asked

@@ -6,6 +6,7 @@ that there was such a step and that all steps since were legal; nothing is bad w
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -22,6 +23,7 @@ class Format(Enum):
     """What a circuit is written as."""
 
     AIGER = "aiger"  #: ASCII, version 1.9, one bad literal for each claim
+    AIG = "aig"  #: the same in its binary form
     VMT = "vmt"  #: a transition system in SMT-LIB, for tools like nuXmv and ic3ia
     SMT2 = "smt2"  #: the question whether a claim breaks within the bound, for any SMT solver
 
@@ -59,9 +61,9 @@ def machine_of(circuit: Circuit) -> Machine:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A problem as lines of text, and what it says more loosely than the program."""
+    """A problem as a file, and what it says more loosely than the program."""
 
-    lines: tuple[str, ...]
+    content: bytes
     notes: tuple[str, ...]
 
 
@@ -83,47 +85,95 @@ def problem(
         notes.append(
             "of infinitely many values, so a violation need not be one of the program: " + loose
         )
-    return Problem(tuple(exported(circuit, format_, rounds, comment)), tuple(notes))
+    return Problem(exported(circuit, format_, rounds, comment), tuple(notes))
 
 
-def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> Iterator[str]:
-    """The lines of a file. ``rounds`` is how far an SMT-LIB question goes."""
+def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> bytes:
+    """A file. ``rounds`` is how far an SMT-LIB question goes."""
+    of = machine_of(circuit)
     match format_:
         case Format.AIGER:
-            return _aiger(machine_of(circuit), comment)
+            return _text(_aiger(of, comment))
+        case Format.AIG:
+            return _aig(of, comment)
         case Format.VMT:
-            return _vmt(machine_of(circuit), comment)
+            return _text(_vmt(of, comment))
         case Format.SMT2:
-            return _smt2(machine_of(circuit), rounds, comment)
+            return _text(_smt2(of, rounds, comment))
+
+
+def _text(lines: Iterable[str]) -> bytes:
+    return "".join(f"{line}\n" for line in lines).encode()
 
 
 # --- AIGER ----------------------------------------------------------------------------------------
 
 
+class _Numbered:
+    """Inputs, latches and conjunctions, numbered in this order, each after what it is made of."""
+
+    def __init__(self, of: Machine) -> None:
+        self._numbers = {0: 0}
+        for literal in (*of.inputs, *(latch.literal for latch in of.latches)):
+            self._numbers[literal >> 1] = len(self._numbers)
+        assert len(self._numbers) == 1 + len(of.inputs) + len(of.latches)
+        g = of.graph
+        nodes = [n for n in _cone(of) if not g.is_input(n)]
+        for node in nodes:
+            self._numbers[node] = len(self._numbers)
+        #: Each conjunction with what it is made of, the larger one first.
+        self.conjunctions = [
+            (self.of(2 * n), *sorted((self.of(g.left[n]), self.of(g.right[n])), reverse=True))
+            for n in nodes
+        ]
+
+    def of(self, literal: int) -> int:
+        return 2 * self._numbers[literal >> 1] + (literal & 1)
+
+    def header(self, kind: str, of: Machine) -> str:
+        sizes = len(of.inputs), len(of.latches), 0, len(self.conjunctions), len(of.bad)
+        return f"{kind} {len(self._numbers) - 1} {' '.join(map(str, sizes))}"
+
+
 def _aiger(of: Machine, comment: str) -> Iterator[str]:
-    g = of.graph
-    numbers = {0: 0}
-    for literal in (*of.inputs, *(latch.literal for latch in of.latches)):
-        numbers[literal >> 1] = len(numbers)
-    leaves = len(numbers)
-    nodes = [n for n in _cone(of) if not g.is_input(n)]
-    for node in nodes:
-        numbers[node] = len(numbers)
+    numbered = _Numbered(of)
+    yield numbered.header("aag", of)
+    yield from (str(numbered.of(literal)) for literal in of.inputs)
+    yield from (f"{numbered.of(x.literal)} {numbered.of(x.next)}" for x in of.latches)
+    yield from (str(numbered.of(literal)) for _, literal in of.bad)
+    yield from (f"{node} {left} {right}" for node, left, right in numbered.conjunctions)
+    yield from _symbols(of, comment)
 
-    def number(literal: int) -> int:
-        return 2 * numbers[literal >> 1] + (literal & 1)
 
-    counts = [len(numbers) - 1, len(of.inputs), len(of.latches), 0, len(nodes), len(of.bad)]
-    assert leaves == 1 + len(of.inputs) + len(of.latches)
-    yield f"aag {' '.join(map(str, counts))}"
-    yield from (str(number(literal)) for literal in of.inputs)
-    yield from (f"{number(latch.literal)} {number(latch.next)}" for latch in of.latches)
-    yield from (str(number(literal)) for _, literal in of.bad)
-    for node in nodes:
-        pair = sorted((number(g.left[node]), number(g.right[node])), reverse=True)
-        yield f"{number(2 * node)} {pair[0]} {pair[1]}"
-    yield from (f"i{k} {g.names[x >> 1]}" for k, x in enumerate(of.inputs))
-    yield from (f"l{k} {latch.name}" for k, latch in enumerate(of.latches))
+def _aig(of: Machine, comment: str) -> bytes:
+    """The numbers of inputs and latches go without saying; conjunctions are differences."""
+    numbered = _Numbered(of)
+    head = [numbered.header("aig", of)]
+    head += [str(numbered.of(latch.next)) for latch in of.latches]
+    head += [str(numbered.of(literal)) for _, literal in of.bad]
+    body = bytearray()
+    for node, left, right in numbered.conjunctions:
+        for difference in (node - left, left - right):
+            body.extend(_seven_bits_each(difference))
+    return _text(head) + bytes(body) + _text(_symbols(of, comment))
+
+
+def _seven_bits_each(number: int) -> Iterator[int]:
+    """A number as bytes, the lowest bits first; the highest bit of each says that more follow."""
+    while number > 0x7F:
+        yield number & 0x7F | 0x80
+        number >>= 7
+    yield number
+
+
+def _symbols(of: Machine, comment: str) -> Iterator[str]:
+    """The names of things, which some tools want to be of one thing each."""
+    seen: Counter[str] = Counter()
+    named = [(f"i{k}", of.graph.names[x >> 1]) for k, x in enumerate(of.inputs)]
+    named += [(f"l{k}", latch.name) for k, latch in enumerate(of.latches)]
+    for key, name in named:
+        seen[name] += 1
+        yield f"{key} {name}" if seen[name] == 1 else f"{key} {name} #{seen[name]}"
     yield from (f"b{k} {name}" for k, (name, _) in enumerate(of.bad))
     yield "c"
     yield comment

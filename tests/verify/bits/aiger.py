@@ -1,4 +1,4 @@
-"""Reading AIGER (ASCII) back, by its specification and not by what writes it; and running it."""
+"""Reading AIGER back, by its specification and not by what writes it; and running it."""
 
 from __future__ import annotations
 
@@ -59,3 +59,32 @@ def read(text: str) -> Aiger:
         key, name = line.split(" ", 1)
         found.names[key] = name
     return found
+
+
+def read_binary(content: bytes) -> Aiger:
+    """The same of the binary form: it is written out as the other one."""
+    kind, *sizes = content.split(b"\n", 1)[0].split()
+    assert kind == b"aig"
+    largest, inputs, latches, outputs, ands, bad = map(int, sizes)
+    assert (largest, outputs) == (inputs + latches + ands, 0)
+    *head, rest = content.split(b"\n", 1 + latches + bad)
+    lines = [f"aag {' '.join(str(int(size)) for size in sizes)}"]
+    lines += [str(2 * n) for n in range(1, 1 + inputs)]
+    states = zip(range(1 + inputs, 1 + inputs + latches), head[1:], strict=False)
+    lines += [f"{2 * n} {int(then)}" for n, then in states]
+    lines += [str(int(literal)) for literal in head[1 + latches :]]
+    at = 0
+
+    def number() -> int:
+        nonlocal at
+        value = shift = 0
+        while True:
+            value |= (rest[at] & 0x7F) << shift
+            shift, at = shift + 7, at + 1
+            if rest[at - 1] < 0x80:
+                return value
+
+    for n in range(1 + inputs + latches, 1 + largest):
+        left = 2 * n - number()
+        lines.append(f"{2 * n} {left} {left - number()}")
+    return read("\n".join(lines) + "\n" + rest[at:].decode())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 from collections import Counter
 from pathlib import Path
 from random import Random
@@ -18,7 +20,12 @@ from koord.verify.bits.exporting import Format, exported, machine_of
 from koord.verify.bits.transition import Circuit, circuit_of
 from koord.verify.claims import claims_of
 from tests.verify.asking import bounded
-from tests.verify.bits.aiger import read
+from tests.verify.bits.aiger import read, read_binary
+
+
+def abc_of() -> str | None:
+    return shutil.which("berkeley-abc") or shutil.which("abc")
+
 
 SEEDS = range(9_000, 9_040)
 
@@ -37,7 +44,7 @@ def test_aiger_steps_as_the_circuit_does() -> None:
         of = circuit(seed)
         if of is None:
             continue
-        text = "\n".join(exported(of, Format.AIGER, 0, "of a test"))
+        text = exported(of, Format.AIGER, 0, "of a test").decode()
         written, machine = read(text), machine_of(of)
         assert len(written.latches) == len(machine.latches)
         assert {v for k, v in written.names.items() if k[0] == "b"} == {c.name for c in of.bad}
@@ -64,7 +71,7 @@ def test_smt_lib_asks_whether_a_claim_breaks(rounds: int) -> None:
         if of is None:
             continue
         solver = z3.Solver()
-        solver.from_string("\n".join(exported(of, Format.SMT2, rounds, "of a test")))
+        solver.from_string(exported(of, Format.SMT2, rounds, "of a test").decode())
         answer = solver.check()
         breaks = bounded(system(Random(seed), FINITE), rounds=rounds).rounds
         assert (answer == z3.sat) == bool(breaks), seed
@@ -77,7 +84,7 @@ def test_vmt_is_well_formed_and_says_the_same() -> None:
         of = circuit(seed)
         if of is None:
             continue
-        text = "\n".join(exported(of, Format.VMT, 0, "of a test"))
+        text = exported(of, Format.VMT, 0, "of a test").decode()
         # The solver reads every definition; properties and steps are marked once each.
         z3.Solver().from_string(text)
         assert text.count(":init true") == text.count(":trans true") == 1
@@ -94,6 +101,44 @@ def test_the_command_writes_a_file(tmp_path: Path, capsys: pytest.CaptureFixture
     assert len(written.bad) == 1
     assert written.names["b0"] == "Exclusive"
     assert "assignedTo" in capsys.readouterr().err  # of which nothing is assumed
+
+
+def test_binary_aiger_says_the_same() -> None:
+    for seed in SEEDS[:20]:
+        # A graph grows with each question, so each form has a circuit of its own.
+        one, two = circuit(seed), circuit(seed)
+        if one is None or two is None:
+            continue
+        text = exported(one, Format.AIGER, 0, "of a test").decode()
+        binary = exported(two, Format.AIG, 0, "of a test")
+        assert read_binary(binary) == read(text), seed
+        assert len(binary) < len(text)
+
+
+def test_the_name_of_the_file_makes_it_binary(tmp_path: Path) -> None:
+    path = tmp_path / "sum.aig"
+    words = ["verify", "specs/examples/sum_of_ids.krd", "--robots", "2", "--export", "aiger"]
+    assert frame.main([*words, "-o", str(path)]) == Exit.OK
+    assert read_binary(path.read_bytes()).names["b0"] == "PartialSum"
+
+
+@pytest.mark.skipif(abc_of() is None, reason="abc is not installed (Debian: berkeley-abc)")
+def test_abc_reads_it(tmp_path: Path) -> None:
+    path = tmp_path / "sum.aig"
+    words = ["verify", "specs/examples/sum_of_ids.krd", "--robots", "2", "--export", "aiger"]
+    assert frame.main([*words, "--property", "Total", "-o", str(path)]) == Exit.OK
+    sizes = read_binary(path.read_bytes())
+    abc = abc_of()
+    assert abc is not None
+    done = subprocess.run(
+        [abc, "-c", f"read_aiger {path}; print_stats; pdr"],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=True,
+    )
+    assert f"i/o ={len(sizes.inputs):5d}/" in done.stdout
+    assert "Property proved" in done.stdout
 
 
 def test_several_programs_are_too_many_to_export() -> None:
