@@ -215,7 +215,7 @@ ONE = "num_robots: 1\n"
         ),
         (ONE + "world:\n  start: {low: [0, 0], high: [9, 0]}", 3, "no part of the world", None),
         ("num_robots: 90\nworld:\n  start: {low: [0, 0], high: [1, 1]}", 3, "no room", "position"),
-        ("a: &a {b: *a}", 1, "nested too deep", None),
+        ("a: &a {b: *a}", 1, "this contains itself", None),
         (ONE + "params:\n  tasks: {}", 3, "no value of a param", "number"),
         (ONE + "device: {planner: RRT_CAR, simulation: {level: fancy}}", 2, "'fancy'", "full"),
         (ONE + "params:\n  taks: 3", 0, "no `param` named `taks`", "tasks"),

@@ -88,7 +88,7 @@ class _Reader:
         if id(node) in self._open:
             story, hint = (
                 "this contains itself",
-                "an alias (`*name`) stands for what ended before it",
+                "an alias (`*name`) may stand for what ended before it",
             )
             raise KoordError((problem(span, story, hint, "K930"),))
         if len(path) > _DEEPEST:
