@@ -55,6 +55,7 @@ class Engine(Enum):
     AUTO = "auto"  #: induction, then whichever of the others fits the program
     BITS = "bits"  #: finite instances bit by bit: SAT, IC3
     BMC = "bmc"  #: bounded model checking, round by round
+    SPACER = "spacer"  #: constrained Horn clauses: reals and integers, all rounds
     SEARCH = "search"  #: all configurations one by one
     INDUCTION = "induction"  #: for all rounds at once
 

@@ -28,6 +28,7 @@ from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Vacui
 from koord.verify.witness import replayed, simplified
 
 if TYPE_CHECKING:
+    from koord.verify.horn.engine import BySpacer
     from koord.verify.live.settling import Settled
 
 
@@ -38,6 +39,7 @@ class Choice(Enum):
     BITS = "bits"
     BMC = "bmc"
     SEARCH = "search"
+    SPACER = "spacer"
     INDUCTION = "induction"
     EVERY_N = "every N"
 
@@ -204,7 +206,11 @@ def engines(choice: Choice, unrolling: ByUnrolling) -> Iterator[Works]:
             yield BySearch(Limits(states=FEW_STATES))
             yield _by_bits(sparing=True)
             yield ByGlance(unrolling)
+            spacer = _by_spacer(sparing=True)
+            yield spacer
+            # Of what holds, invariants for every number of robots say more.
             yield ByInference(SPARING)
+            yield _kept_back(spacer)
             yield unrolling
         case Choice.EVERY_N:
             yield ByEveryN()
@@ -215,6 +221,8 @@ def engines(choice: Choice, unrolling: ByUnrolling) -> Iterator[Works]:
             yield BySearch(Limits())
         case Choice.BITS:
             yield _by_bits()
+        case Choice.SPACER:
+            yield _by_spacer()
         case Choice.BMC:
             yield unrolling
         case _:
@@ -225,6 +233,18 @@ def _by_bits(*, sparing: bool = False) -> Works:
     from koord.verify.bits.engine import ByBits
 
     return ByBits(sparing=sparing)
+
+
+def _by_spacer(*, sparing: bool = False) -> BySpacer:
+    from koord.verify.horn.engine import SPARING_S, BySpacer
+
+    return BySpacer(SPARING_S, waits=True) if sparing else BySpacer()
+
+
+def _kept_back(spacer: BySpacer) -> Works:
+    from koord.verify.horn.engine import KeptBack
+
+    return KeptBack(spacer)
 
 
 def _of_whole_runs(

@@ -261,6 +261,12 @@ class Terms:
                         yield name, False
                 waiting += [(below, 0) for below in part.children()]
 
+    def is_constant(self, term: Term) -> bool:
+        """Whether a scalar is one unknown, and no more."""
+        if not isinstance(term, z3.ExprRef) or not z3.is_const(term):
+            return False
+        return bool(term.decl().kind() == z3.Z3_OP_UNINTERPRETED)
+
     def is_boolean(self, term: Term) -> bool:
         """Whether a scalar is a truth value."""
         return isinstance(term, bool | z3.BoolRef)

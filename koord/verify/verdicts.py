@@ -26,6 +26,7 @@ class Engine(Enum):
     EVERY_N = "every N"  #: for every number of robots at once
     INDUCTION = "induction"
     SEARCH = "search"
+    SPACER = "spacer"  #: constrained Horn clauses
     BITS = "bits"  #: and-inverter graphs, SAT and IC3
     BMC = "bmc"
     NONE = "none"

@@ -27,6 +27,7 @@ from koord.syntax import core
 from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Type
 from koord.verify.claims import ClaimKind, claims_of
 from koord.verify.every_n.proving import SPARING, prove
+from koord.verify.portfolio import Choice
 from koord.verify.solving import Deadline, Effort
 from koord.verify.verdicts import Engine, Outcome, Verdict
 from tests.generators.staged import staged
@@ -135,6 +136,17 @@ def every_n_agrees(case: Searched) -> Counter[str]:
     return Counter({"every N": 1, "every N: proved": len(proved)})
 
 
+def spacer_agrees(case: Searched, rounds: int) -> Counter[str]:
+    """What Spacer says is so; what breaks in the rounds that were seen it finds, or gives up."""
+    count = Counter(["spacer"])
+    for verdict in ask(case.system, rounds=rounds, choice=Choice.SPACER):
+        if verdict.claim.kind is ClaimKind.LIVENESS:
+            continue
+        assert_so(case, verdict)
+        count[f"spacer: {verdict.outcome.value}"] += 1
+    return count
+
+
 def portfolio_agrees(case: Searched, rounds: int) -> Counter[str]:
     """So does what is said at last, and nothing that breaks in these rounds is left open."""
     count = Counter(["portfolio"])
@@ -181,6 +193,8 @@ def compare(family: Family, seed: int) -> Counter[str]:
         count += induction_agrees(case, (1, 2, 3) if seed % 20 == 0 else (1,))
     if seed % 20 == 1:
         count += every_n_agrees(case)
+    if seed % 10 == 3:
+        count += spacer_agrees(case, rounds)
     if seed % 25 == 2:
         count += portfolio_agrees(case, rounds)
     return count

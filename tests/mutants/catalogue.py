@@ -7,6 +7,7 @@ from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.catalogue_liveness import LIVENESS
 from tests.mutants.deployed import DEPLOYED
 from tests.mutants.every_n import EVERY_N
+from tests.mutants.horn import HORN
 from tests.mutants.instants import INSTANTS
 from tests.mutants.mutant import Mutant
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
@@ -600,6 +601,7 @@ MUTANTS = (
     *VERIFY,
     *EVERY_N,
     *INSTANTS,
+    *HORN,
     *BITS,
     *LIVENESS,
     *PROTOCOL,

@@ -1,0 +1,150 @@
+"""What Spacer says of programs: proofs without lemmas, late violations, what it cannot follow."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from koord.semantics.configurations import System, dealt
+from koord.syntax.load import load
+from koord.syntax.source import Source
+from koord.verify.horn.clauses import Clauses, Reached, Safe
+from koord.verify.portfolio import Choice, verify
+from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+
+EXAMPLES = Path(__file__).parents[3] / "specs" / "examples"
+
+
+def of_text(text: str, robots: int = 2, delta: int = 1) -> System:
+    loaded = load(Source("test.krd", text))
+    assert loaded.program is not None, [str(d.message) for d in loaded.diagnostics]
+    return dealt(loaded.program, robots, Fraction(delta))
+
+
+def asked(system: System, rounds: int = 3, *names: str) -> dict[str, Verdict]:
+    report: Report = verify(system, Bounds(rounds, 60), Choice.SPACER, names=names)
+    return {verdict.claim.name: verdict for verdict in report.verdicts}
+
+
+def outcomes(text: str, robots: int = 2) -> dict[str, Outcome]:
+    return {name: verdict.outcome for name, verdict in asked(of_text(text, robots)).items()}
+
+
+def test_timing_excludes_without_any_lemma() -> None:
+    text = (EXAMPLES / "fischer.krd").read_text(encoding="utf-8")
+    alone = "\n".join(
+        line
+        for line in text.splitlines()
+        if not line.startswith("invariant") or "Exclusive" in line
+    )
+    found = asked(of_text(alone))
+    assert {v.outcome for v in found.values()} == {Outcome.HOLDS}
+    assert found["Exclusive"].engine is Engine.SPACER
+    assert found["Exclusive"].rounds is None
+
+
+def test_what_breaks_late_is_found_whatever_the_bound() -> None:
+    text = (EXAMPLES / "broken" / "sats_report_for_ever.krd").read_text(encoding="utf-8")
+    verdict = asked(of_text(text, 2, 50), 4, "Separation")["Separation"]
+    assert verdict.outcome is Outcome.VIOLATED
+    assert verdict.counterexample is not None
+    assert verdict.counterexample.round == 11
+
+
+COUNTER = """
+allwrite:
+  int x = 0
+Up:
+  pre: x < 7
+  eff: atomic: x = x + 1
+Jump:
+  pre: x == 5
+  eff: atomic: x = 40
+"""
+
+
+def test_each_claim_breaks_in_its_first_round() -> None:
+    text = COUNTER + "invariant Low: x < 3\ninvariant High: x <= 41\ninvariant Mid: x < 30\n"
+    found = asked(of_text(text))
+    assert {name: v.outcome for name, v in found.items()} == {
+        "Low": Outcome.VIOLATED,
+        "High": Outcome.HOLDS,
+        "Mid": Outcome.VIOLATED,
+        "no fault": Outcome.HOLDS,
+    }
+    shown = {n: v.counterexample.round for n, v in found.items() if v.counterexample is not None}
+    assert shown == {"Low": 3, "Mid": 6}
+
+
+def test_what_is_false_at_the_start() -> None:
+    verdict = asked(of_text(COUNTER + "invariant Late: x > 0\n"))["Late"]
+    assert verdict.outcome is Outcome.VIOLATED
+    assert verdict.counterexample is not None
+    assert verdict.counterexample.round == 0
+
+
+def test_faults_are_found() -> None:
+    text = COUNTER.replace("int x = 0", "int x = 0\n  int[5] of = [1, 1, 1, 1, 1]")
+    text = text.replace("x = 40", "x = of[x]") + "invariant Low: x < 30\n"
+    assert outcomes(text) == {"Low": Outcome.HOLDS, "no fault": Outcome.VIOLATED}
+
+
+def test_what_never_changes_is_the_same_in_all_rounds() -> None:
+    """What a variable starts with, and what a function without arguments answers."""
+    text = """
+def fun limit() -> int: extern
+  ensures: 1 <= result and result <= 5
+allwrite:
+  int first
+  int x = 0
+  int seen = 0
+Up:
+  pre: x < limit()
+  eff: atomic:
+    x = x + 1
+    seen = first
+assume: 3 <= first and first <= 4
+invariant Low: x <= 5
+invariant Seen: seen == 0 or seen == first
+invariant Three: seen != 2
+"""
+    assert set(outcomes(text).values()) == {Outcome.HOLDS}
+
+
+@pytest.mark.parametrize(
+    ("declaration", "reason"),
+    [
+        ("allwrite:\n  int[] many = []\nAdd:\n  eff: many.append(1)\n", "elements"),
+        ("allwrite:\n  Map<int, int> many = {}\nAdd:\n  eff: many[pid] = 1\n", "elements"),
+        (
+            "def fun f(int k) -> int: extern\nallwrite:\n  int y = 0\nAsk:\n  eff: y = f(y)\n",
+            "functions like f",
+        ),
+    ],
+)
+def test_what_it_cannot_follow_it_says(declaration: str, reason: str) -> None:
+    verdict = asked(of_text(declaration + "invariant Some: numAgents == 3\n"))["Some"]
+    assert verdict.outcome is Outcome.UNKNOWN
+    assert reason in verdict.reason
+
+
+def test_no_invariant_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Clauses, "solved", lambda *_: Safe(True))
+    assert set(outcomes(COUNTER + "invariant Low: x < 3\n").values()) == {Outcome.UNKNOWN}
+
+
+def test_no_run_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Clauses, "solved", lambda *_: Reached(((), ())))
+    verdict = asked(of_text(COUNTER + "invariant High: x <= 41\n"))["High"]
+    assert verdict.outcome is Outcome.UNKNOWN
+    assert "replay" in verdict.reason
+
+
+def test_it_is_asked_before_rounds_are_unrolled_for_long() -> None:
+    text = (EXAMPLES / "broken" / "sats_report_for_ever.krd").read_text(encoding="utf-8")
+    report = verify(of_text(text, 2, 50), Bounds(4, 60))
+    engines = {v.claim.name: v.engine for v in report.verdicts}
+    assert engines["Separation"] is Engine.SPACER
+    assert engines["Runway"] is Engine.SPACER
