@@ -100,15 +100,18 @@ allwrite:
   int first
   int x = 0
   int seen = 0
+  int cap = 0
 Up:
   pre: x < limit()
   eff: atomic:
     x = x + 1
     seen = first
+    cap = limit()
 assume: 3 <= first and first <= 4
 invariant Low: x <= 5
 invariant Seen: seen == 0 or seen == first
 invariant Three: seen != 2
+invariant Cap: cap == 0 or cap == limit()
 """
     assert set(outcomes(text).values()) == {Outcome.HOLDS}
 
