@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from koord.recheck import instances
@@ -106,8 +106,6 @@ def recheck(
     else:
         if it.everyone is not None:
             everyone = _part(_for_everyone(it.everyone, seed, clock, progress))
-            if everyone.outcome is not Outcome.CONFIRMED:
-                everyone = _refuted_by_few(it.everyone, everyone, seed, clock, progress)
         certain = everyone is not None and everyone.outcome is Outcome.CONFIRMED
         if not certain or not all(claimed.everyone for claimed in certificate.claims):
             session = Session.start(seed)
@@ -142,29 +140,35 @@ def _for_everyone(
     """The obligations for every number of robots."""
     values = Values(Terms(), None, it.world.sealed)
     settling = Settling(values, Session.start(seed), lambda: clock.left(QUESTION_S), progress)
+    looked = False
     for obligation in EveryNumber(it.world, it.claims, values, it.consequences):
         progress(f"any number of robots: {obligation.name}")
-        yield instances.settled(settling, obligation)
+        one = instances.settled(settling, obligation)
+        if one.answer is not Answer.UNSAT and not looked:
+            looked = True
+            yield from _refuted_by_few(it, seed, clock, progress)
+        yield one
 
 
-#: With so few robots a claim about every number of them is looked at that was not shown.
+#: With so few robots a claim about every number of them is looked at that is not shown at once.
 _FEW = (1, 2, 3)
 
 
 def _refuted_by_few(
-    it: Argument, part: Part, seed: int, clock: _Clock, progress: Callable[[str], None]
-) -> Part:
+    it: Argument, seed: int, clock: _Clock, progress: Callable[[str], None]
+) -> Iterator[Settled]:
     """What holds for every number of robots holds for a few; if it does not, that refutes it."""
     if len(it.world.program.agents) > 1:
-        return part
+        return
     for robots in _FEW:
         world = World(it.world.program, (0,) * robots, it.world.delta_s)
         few = Argument(world, it.claims, it.consequences)
         found = _part(_Pass(few, Session.start(seed), clock, progress).settled())
         if found.outcome is Outcome.REFUTED:
-            reason = f"with {robots} robot{'' if robots == 1 else 's'}, {found.reason}"
-            return Part(Outcome.REFUTED, (*part.settled, found.settled[-1]), reason)
-    return part
+            last = found.settled[-1]
+            yield replace(
+                last, name=f"with {robots} robot{'' if robots == 1 else 's'}, {last.name}"
+            )
 
 
 def _joined(

@@ -218,7 +218,8 @@ class Step:
             last = self.v.symbol("nobody moves after it", BOOL)
             facts += [t.implies(last, fact) for fact in round_.skips_legally(but=robot, mover=turn)]
             after = self._ended(after, last)
-        return Attempt((*self.known, *facts), tuple(self._stated(after)), names=(robot,))
+        names = (robot, *round_.winners.values())
+        return Attempt((*self.known, *facts), tuple(self._stated(after)), names=names)
 
     def _ended(self, state: Crowd, last: Term) -> Crowd:
         """The configuration after END-PROG, if the last robot has moved."""

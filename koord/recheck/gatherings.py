@@ -5,18 +5,19 @@ The counterpart of ``rounds.py``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 from koord.recheck.anyone import Anyone, Crowds
 from koord.recheck.body import Write
-from koord.recheck.racing import made
+from koord.recheck.racing import is_flat, made
 from koord.recheck.storage import Cell, Crowd, Many, Robot, Storage, Store
 from koord.recheck.terms import INT, Term
 from koord.recheck.turns import Turn
 from koord.syntax import core
 from koord.syntax.core import Home
+from koord.syntax.types import RecordType, Type
 
 Moves = list[list[Anyone[Turn]]]
 
@@ -224,30 +225,68 @@ class Gathered:
     def _shared(
         self, round_: Gathering, d: core.Declaration, storage: Storage, facts: list[Term]
     ) -> Storage:
-        """What blocks of one class write is as its winner left it; what any robot may write, as the
-        one that wrote it last; if that is more than one atom, anything. [T-COMMIT]
+        """What blocks of one class write is as its winner left it, any other atom as the one that
+        wrote it last; a variable with lists in it is anything, if it is written. [T-COMMIT]
         """
         crowds, slot = self.crowds, d.variable.slot
-        writers = [move for mine in self.moves for move in mine if self._writes(move.said, slot)]
-        if not writers:
+        if not any(self._writes(move.said, slot) for mine in self.moves for move in mine):
             return storage
         lock = crowds.world.guarding(slot)
         if lock is not None:
             return self._written_by(round_, round_.winners[lock], Home.ALLWRITE, slot, storage)
         v, t = crowds.v, crowds.v.t
-        if not isinstance(storage, Cell):
+        if not is_flat(d.variable.type):
             like = crowds.s.loosened(storage, d.variable.type)
-            with v.within() as robot:
-                anybody = t.exists(
-                    [robot], t.both(v.is_robot(robot), self._wrote(round_, slot, robot))
-                )
+            wrote = partial(self._wrote, round_, slot)
+            nobody = v.every(lambda k: t.negation(wrote(k)))
             race = crowds.s.anything(f"{d.variable.name} after a race", d.variable.type, like)
-            return crowds.s.merge(anybody, race, storage, d.variable.type)
-        last = v.symbol(f"last to write {d.variable.name}", INT)
-        facts.append(v.is_robot(last))
-        wrote = self._wrote(round_, slot, last)
-        facts.append(v.every(lambda k: t.implies(self._wrote(round_, slot, k), wrote)))
-        return self._written_by(round_, last, Home.ALLWRITE, slot, storage)
+            return crowds.s.merge(nobody, storage, race, d.variable.type)
+        unset = crowds.s.unset(d.variable.type)
+        marks = crowds.said(
+            lambda blank: self._written_by(round_, blank, Home.ALLWRITE, slot, unset),
+            crowds.s.of,
+        )
+        return self._atoms(round_, d, storage, marks, (), facts)
+
+    def _atoms(
+        self,
+        round_: Gathering,
+        d: core.Declaration,
+        storage: Storage,
+        marks: Anyone[Storage],
+        way: tuple[int, ...],
+        facts: list[Term],
+    ) -> Storage:
+        """The atoms below a part; ``marks`` of a robot are set where it writes, with the value."""
+        if not isinstance(storage, Cell):
+            assert isinstance(storage, tuple)
+            return tuple(
+                self._atoms(round_, d, below, marks, (*way, k), facts)
+                for k, below in enumerate(storage)
+            )
+
+        def mark(robot: Term) -> Cell:
+            found = marks.of(robot)
+            for k in way:
+                assert isinstance(found, tuple)
+                found = found[k]
+            assert isinstance(found, Cell)
+            return found
+
+        if mark(marks.blank).is_set.value is False:
+            return storage
+        crowds, v, t = self.crowds, self.crowds.v, self.crowds.v.t
+        type_, fields = _below(crowds, d.variable.type, way)
+        lock = crowds.world.guarding(d.variable.slot, fields)
+        if lock is not None:
+            last = round_.winners[lock]
+        else:
+            last = v.symbol(f"last to write {d.variable.name}", INT)
+            facts.append(v.is_robot(last))
+            facts.append(v.every(lambda k: t.implies(mark(k).is_set, mark(last).is_set)))
+        its = mark(last)
+        value = v.merge(its.is_set, its.value, storage.value, type_)
+        return Cell(t.either(storage.is_set, its.is_set), value)
 
     def _writes(self, turn: Turn, slot: int) -> bool:
         return any(_is_to(w, Home.ALLWRITE, slot) for w in turn.writes)
@@ -287,6 +326,18 @@ class Gathered:
 
 def _is_to(w: Write, home: Home, slot: int) -> bool:
     return w.variable.home is home and w.variable.slot == slot
+
+
+def _below(crowds: Crowds, type_: Type, way: Sequence[int]) -> tuple[Type, list[int]]:
+    """The type of a part, and the fields on the way to it."""
+    fields = []
+    for k in way:
+        if isinstance(type_, RecordType):
+            fields.append(k)
+        parts = crowds.v.parts(type_)
+        assert parts is not None
+        type_ = parts[k][1]
+    return type_, fields
 
 
 def _only(round_: Gathering, lock: int, winner: Term, robot: Term) -> Term:

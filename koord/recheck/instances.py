@@ -17,10 +17,10 @@ from koord.recheck.solving import Answer
 from koord.recheck.terms import Term
 
 #: How long all goals of an attempt together may take, with quantifiers.
-_AT_ONCE_S = 0.5
+_AT_ONCE_S = 1.0
 
 #: How long a question with quantifiers may take.
-_QUANTIFIED_S = 2.0
+_QUANTIFIED_S = 5.0
 
 #: How many names there are more from one generation to the next.
 _MORE = (0, 8, 12)

@@ -64,7 +64,7 @@ class Racing:
             if slot in self.exclusive or len({part.robot for part, _ in writes}) == 1:
                 for part, w in writes:
                     allwrite[slot] = _written(self.s, allwrite[slot], w, part.when)
-            elif _is_flat(type_):
+            elif is_flat(type_):
                 allwrite[slot] = self._won(allwrite[slot], type_, writes)
             else:
                 allwrite[slot] = self._any(allwrite[slot], type_, writes)
@@ -127,13 +127,13 @@ class Racing:
         return self.s.merge(written, self.s.anything(name, type_, like), storage, type_)
 
 
-def _is_flat(type_: Type) -> bool:
+def is_flat(type_: Type) -> bool:
     """Whether writes of a variable cannot be lost, and are to atoms as a whole: no lists."""
     match type_:
         case RecordType(fields=fields):
-            return all(_is_flat(part) for _, part in fields)
+            return all(is_flat(part) for _, part in fields)
         case ArrayType(element=element):
-            return _is_flat(element)
+            return is_flat(element)
         case ListType() | QueueType():
             return False
         case _:

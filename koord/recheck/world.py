@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
@@ -70,14 +70,19 @@ class World:
                 return found.slot
         return here[0].slot if here else None
 
-    def guarding(self, slot: int) -> int | None:
-        """The lock class whose blocks alone write an allwrite variable, if there is one."""
+    def guarding(self, slot: int, fields: Sequence[int] | None = None) -> int | None:
+        """The lock class whose blocks alone write an allwrite variable, if there is one.
+
+        With ``fields`` the positions of fields on the way to a part of it, whatever the indices:
+        then the class whose blocks alone write that part.
+        """
         classes = {
             lock
             for agent in self.program.agents
             for event in agent.events
             for place, lock in _places(event.effect, None)
             if place.variable.home is Home.ALLWRITE and place.variable.slot == slot
+            if fields is None or _may_meet(place, fields)
         }
         return classes.pop() if len(classes) == 1 else None
 
@@ -154,6 +159,12 @@ def _list_changes(block: core.Block) -> set[core.Place]:
     """The places whose lists become longer or shorter in a block."""
     kinds = core.Append | core.Remove | core.Pop
     return {node.place for node in nodes(block) if isinstance(node, kinds)}
+
+
+def _may_meet(place: core.Place, fields: Sequence[int]) -> bool:
+    """Whether a place may be a part of what some fields lead to, or the other way round."""
+    own = [step.position for step in place.steps if isinstance(step, core.FieldStep)]
+    return all(x == y for x, y in zip(own, fields, strict=False))
 
 
 def _in_list(place: core.Place) -> bool:

@@ -23,6 +23,8 @@ from koord.verify.abstraction import abstracted
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import Claim, Phase, claims_of
 from koord.verify.engines import MAX_DEPTH, PROOF_S
+from koord.verify.every_n.candidates import candidates
+from koord.verify.every_n.proving import GENEROUS, infer
 from koord.verify.induction import prove, step_scripts
 from koord.verify.solving import Deadline, Effort
 
@@ -74,14 +76,15 @@ def certificate(
     system: System, texts: Texts, shown: Shown, deadline: Deadline, version: str
 ) -> Certificate | None:
     """The certificate of those claims that are inductive together; None if there are none."""
-    found = _found(shown.lemmas)
-    names = frozenset(name for name, _ in found)
-    if found:
-        system = replace(system, program=_with_found(texts, found))
-    holding = {*shown.holding, *names}
-    subject, depths = _inductive(system, holding, deadline)
+    system, subject, found, depths = _argument(system, texts, shown, deadline)
+    if set(shown.holding) - {claim.name for claim in depths}:
+        helped = _with_lemmas(system, shown, depths, deadline)
+        if helped is not None:
+            shown = helped
+            system, subject, found, depths = _argument(system, texts, shown, deadline)
     if not depths:
         return None
+    names = frozenset(name for name, _ in found)
     originals = dict(zip(claims_of(subject), claims_of(system), strict=True))
     depth_of = {originals[claim].name: depth for claim, depth in depths.items()}
     # A proof for every number stands or falls as a whole.
@@ -123,6 +126,44 @@ def certificate(
         ],
     }
     return Certificate(document, not_covered)
+
+
+def _argument(
+    system: System, texts: Texts, shown: Shown, deadline: Deadline
+) -> tuple[System, System, list[tuple[str, Source]], dict[Claim, int]]:
+    """The system with what was found, what the proof is about, and over how many rounds it goes."""
+    found = _found(shown.lemmas)
+    if found:
+        system = replace(system, program=_with_found(texts, found))
+    holding = {*shown.holding, *(name for name, _ in found)}
+    subject, depths = _inductive(system, holding, deadline)
+    return system, subject, found, depths
+
+
+def _with_lemmas(
+    system: System, shown: Shown, inductive: Mapping[Claim, int], deadline: Deadline
+) -> Shown | None:
+    """The same with invariants that make more claims inductive, if some are found.
+
+    A search needs none to settle a claim, and a certificate does.
+    """
+    claims = {claim.name: claim for claim in claims_of(system)}
+    known = [claims[name] for name in sorted(shown.everyone) if claims[name].is_state_property]
+    done = {claim.name for claim in inductive}
+    left = [claims[name] for name in shown.holding if name not in done]
+    likely = candidates(system.program)
+    if not likely or deadline.passed():
+        return None
+    effort = Effort.of_seconds(GENEROUS.seconds)
+    found = infer(system, left, [*known, *likely], deadline, effort, GENEROUS)
+    if not found.proved:
+        return None
+    texts = [claim.name for claim in found.invariants if claim not in known]
+    return replace(
+        shown,
+        everyone=shown.everyone | {claim.name for claim in found.proved},
+        lemmas=tuple(dict.fromkeys([*shown.lemmas, *texts])),
+    )
 
 
 def _found(lemmas: Sequence[str]) -> list[tuple[str, Source]]:

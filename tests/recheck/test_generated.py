@@ -37,7 +37,7 @@ def compared(first: int, last: int) -> Counter[str]:
         if names is None:
             count["not rechecked"] += 1
             continue
-        broken = {_name(violation.claim) for violation in found.violated}
+        broken = {name_of(violation.claim) for violation in found.violated}
         assert not names & broken, seed
         count["systems"] += 1
         count["broken"] += len(broken)
@@ -46,7 +46,7 @@ def compared(first: int, last: int) -> Counter[str]:
     return count
 
 
-def _name(claim: Claim) -> str:
+def name_of(claim: Claim) -> str:
     """The name that the verifier gives to what the search calls so."""
     words = {
         Subject.FAULT: "no fault",

@@ -1,0 +1,218 @@
+"""Certificates about every number of robots: confirmed, and refused belief. [T-EVERY-N]"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from fractions import Fraction
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from koord.cli.main import main
+from koord.recheck.checking import Outcome
+from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.programs import system
+from koord.semantics.machine import NotFiniteError
+from koord.semantics.search.engine import survey
+from koord.semantics.search.findings import Subject
+from koord.semantics.search.finite import NotFinite
+from koord.semantics.search.limits import Limits
+from koord.verify.claims import claims_of
+from tests.recheck.certificates import Document, conjunct, document_of, rechecked, with_text
+from tests.recheck.proving import confirmed, settled_for_everyone
+from tests.recheck.test_generated import name_of
+
+pytest.importorskip("cvc5")
+
+QUICK = [
+    ("fischer.krd", 2, "1"),
+    ("hvac.krd", 1, "40"),
+    ("leader_elect.krd", 3, "1/10"),
+    ("lineform_1d.krd", 3, "10"),
+    ("traffic.krd", 2, "3"),
+]
+
+SLOW = [
+    ("cars_and_drones.krd", 3, "1/10"),
+    ("delivery.krd", 2, "1/10"),
+    ("fischer_drift.krd", 2, "1"),
+    ("follow_path.krd", 2, "1/10"),
+    ("mapping.krd", 2, "1/10"),
+    ("sats.krd", 2, "50"),
+    ("sum_of_ids.krd", 3, "1/10"),
+    ("task.krd", 2, "1/10"),
+    ("waypoints.krd", 2, "50"),
+]
+
+
+def everyone_of(file: str, robots: int, delta: str) -> Document:
+    """The certificate in which all that is claimed is claimed for every number of robots."""
+    seconds = Fraction(delta)
+    names = tuple(claim["name"] for claim in document_of(file, robots, seconds)["claims"])
+    return document_of(file, robots, seconds, everyone=names)
+
+
+def _cases() -> list[object]:
+    quick = [pytest.param(*case, id=case[0]) for case in QUICK]
+    return [*quick, *(pytest.param(*case, id=case[0], marks=pytest.mark.slow) for case in SLOW)]
+
+
+@pytest.mark.parametrize(("file", "robots", "delta"), _cases())
+def test_a_proof_for_every_number_is_confirmed(file: str, robots: int, delta: str) -> None:
+    found = rechecked(everyone_of(file, robots, delta))
+    assert found.outcome is Outcome.CONFIRMED, found.reason
+    assert found.everyone is not None
+    assert found.here is None, "all that is claimed is shown for every number"
+
+
+# --- mistakes -------------------------------------------------------------------------------------
+
+
+def _changed(file: str, robots: int, delta: str, old: str, new: str) -> Document:
+    document = everyone_of(file, robots, delta)
+    with_text(document, old, new)
+    return document
+
+
+MISTAKES = {
+    "not urgent": ("hvac.krd", 1, "40", "urgent Update", "Update"),
+    "another model": ("hvac.krd", 1, "40", "draught = 0.01", "draught = 0.3"),
+    "an assumption dropped": ("lineform_1d.krd", 2, "10", "Rail.psn <= high\n\ninv", "true\n\ninv"),
+    "starts elsewhere": ("sum_of_ids.krd", 2, "1/10", "int sum = 0", "int sum = 1"),
+}
+
+
+@pytest.mark.parametrize("change", MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_is_refuted(change: tuple[str, int, str, str, str]) -> None:
+    found = rechecked(_changed(*change))
+    assert found.outcome is Outcome.REFUTED, found.reason
+
+
+SLOW_MISTAKES = {
+    "another guard": ("traffic.krd", 2, "3", "crossing == -1 and not passed", "not passed"),
+    "decides too early": ("leader_elect.krd", 2, "1/10", "all(voted) and", "any(voted) and"),
+    "no lock": ("sum_of_ids.krd", 2, "1/10", "atomic:", "if true:"),
+    "another's entry": ("sum_of_ids.krd", 2, "1/10", "not added[pid]", "not added[0]"),
+    "no deadline": ("fischer.krd", 2, "1", "urgent SetAtLast", "SetAtLast"),
+    "looks too early": ("fischer.krd", 2, "1", "float Tk = 3.0", "float Tk = 2.5"),
+    "no reservation": ("traffic.krd", 2, "3", "crossing = pid", "crossing = 0"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("change", SLOW_MISTAKES.values(), ids=SLOW_MISTAKES)
+def test_a_deeper_mistake_is_not_confirmed(change: tuple[str, int, str, str, str]) -> None:
+    found = rechecked(_changed(*change))
+    assert found.outcome is not Outcome.CONFIRMED
+
+
+def test_what_holds_for_some_numbers_is_refuted_for_every_number() -> None:
+    """A certificate that says more than was shown: two robots are not any number of them."""
+    document = document_of("leader_elect.krd", 2)
+    highest = conjunct(document, "Highest")
+    highest["text"] = highest["text"].replace("numAgents - 1", "1")
+    with_text(document, "leader@i == numAgents - 1", "leader@i == 1")
+    assert rechecked(document).outcome is Outcome.CONFIRMED
+    for part in (*document["claims"], *document["invariant"]):
+        part["every_number"] = True
+    found = rechecked(document)
+    assert found.outcome is Outcome.REFUTED
+    assert found.reason.startswith("with 1 robot, ")
+
+
+def test_claims_for_every_number_need_their_own_invariant() -> None:
+    """What is inductive for the robots here is not supposed of any number of them."""
+    document = everyone_of("leader_elect.krd", 2, "1/10")
+    for name in ("Best", "Real", "Informed"):
+        conjunct(document, name)["every_number"] = False
+    found = rechecked(document)
+    assert found.everyone is not None
+    assert found.everyone.outcome is not Outcome.CONFIRMED
+
+
+# --- invariants that were found -------------------------------------------------------------------
+
+BARE = """\
+enum Phase: out, inside
+
+allwrite:
+    int holder = -1
+
+local:
+    Phase phase = out
+
+Enter:
+    pre: phase == out and holder == -1
+    eff:
+        atomic:
+            holder = pid
+            phase = inside
+
+Leave:
+    pre: phase == inside
+    eff:
+        atomic:
+            holder = -1
+            phase = out
+
+invariant Exclusive: forall i, j: i != j implies not (phase@i == inside and phase@j == inside)
+"""
+
+
+def test_found_invariants_are_in_the_certificate(tmp_path: Path) -> None:
+    program, path = tmp_path / "bare.krd", tmp_path / "proof.json"
+    program.write_text(BARE)
+    arguments = ["verify", str(program), "--robots", "2", "--certificate", str(path)]
+    assert main(arguments) == 0
+    document = json.loads(path.read_text())
+    found = [c for c in document["invariant"] if c["name"].startswith("Found")]
+    assert found
+    assert not any(claim["name"].startswith("Found") for claim in document["claims"])
+    said = rechecked(document)
+    assert said.outcome is Outcome.CONFIRMED, said.reason
+    assert said.everyone is not None
+    document["invariant"] = [c for c in document["invariant"] if c not in found]
+    assert rechecked(document).outcome is not Outcome.CONFIRMED
+
+
+# --- against a search -----------------------------------------------------------------------------
+
+
+def compared(first: int, last: int) -> Counter[str]:
+    """Nothing that a search breaks with the robots at hand is confirmed for any number of them."""
+    count: Counter[str] = Counter()
+    for seed in range(first, last):
+        made = system(Random(seed), FINITE)
+        properties = [c.stated for c in claims_of(made) if c.stated is not None]
+        limits = Limits(states=3_000, rounds=6)
+        try:
+            found = survey(made, properties, limits, subjects=frozenset(Subject))
+        except NotFiniteError:
+            continue
+        if isinstance(found.end, NotFinite):
+            continue
+        names = confirmed(made, settled_for_everyone)
+        if names is None:
+            count["not rechecked"] += 1
+            continue
+        broken = {name_of(violation.claim) for violation in found.violated}
+        assert not names & broken, seed
+        count["systems"] += 1
+        count["broken"] += len(broken)
+        count["confirmed"] += len(names)
+    return count
+
+
+def test_nothing_is_confirmed_for_every_number_that_a_search_breaks() -> None:
+    count = compared(0, 80)
+    assert count["systems"] >= 20
+    assert count["broken"] >= 30
+    assert count["confirmed"] >= 40
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", range(5))
+def test_nothing_is_confirmed_that_a_search_breaks_in_many(block: int) -> None:
+    assert compared(120 + 300 * block, 420 + 300 * block)["systems"] >= 50
