@@ -91,13 +91,14 @@ class Driving:
         cars = np.flatnonzero(wanted & (group.routes.size > 0))
         going = np.zeros(group.count, np.bool_)
         if len(cars):
-            left = self._advance(cars, measured)
+            k, left = self._advance(cars, measured)
             goes = left > _DONE_M
-            inputs[cars[goes], 1], turning = self._turn_wheels(cars[goes], measured)
-            cars = cars[goes][~turning]
+            cars, k, left = cars[goes], k[goes], left[goes]
+            inputs[cars, 1], turning = self._turn_wheels(cars, k, measured)
+            cars, left = cars[~turning], left[~turning]
             going[cars] = True
             if len(cars):
-                inputs[cars] = self._steer(cars, measured, dt_s)
+                inputs[cars] = self._steer(cars, left, measured, dt_s)
         self._watch(wanted, going, dt_s)
         slowest = np.abs(measured.speed_mps) - self.car.accel_mps2 * dt_s
         inputs[:, 0] = np.where(going, inputs[:, 0], np.maximum(slowest, 0.0))
@@ -105,8 +106,11 @@ class Driving:
         group.speed[:] = np.where(going, inputs[:, 0], 0.0)
         return np.column_stack([self.way * inputs[:, 0], inputs[:, 1]])
 
-    def _advance(self, cars: Ints, measured: Measured) -> Floats:
-        """Move ``s`` to where cars are, and on to the next leg; returns what is left of legs."""
+    def _advance(self, cars: Ints, measured: Measured) -> tuple[Ints, Floats]:
+        """Move ``s`` to where cars are, and on to the next leg.
+
+        Returns the segments that they are on then, and what is left of their legs.
+        """
         group, routes = self.group, self.group.routes
         s = np.maximum(group.s[cars], routes.nearest(cars, group.s[cars], measured.position[cars]))
         k = routes.segment(cars, s)
@@ -116,13 +120,11 @@ class Driving:
         s = np.where(done, end, np.minimum(s, end - 1e-9))
         k = routes.segment(cars, s)
         group.s[cars], self.way[cars] = s, routes.way[cars, k]
-        left: Floats = routes.leg_end[cars, k] - s
-        return left
+        return k, routes.leg_end[cars, k] - s
 
-    def _turn_wheels(self, cars: Ints, measured: Measured) -> tuple[Floats, Bools]:
-        """Who begins a leg with the wheels turned wrongly, and where they should be."""
+    def _turn_wheels(self, cars: Ints, k: Ints, measured: Measured) -> tuple[Floats, Bools]:
+        """Where the wheels of cars on segments should be, and who begins a leg with others."""
         routes, s = self.group.routes, self.group.s[cars]
-        k = routes.segment(cars, s)
         first = (k == 0) | (routes.leg_end[cars, np.maximum(k - 1, 0)] < routes.leg_end[cars, k])
         bend = routes.at(cars, s, k).curvature
         right = pursuit.steering(bend, self.way[cars], self.car)
@@ -131,10 +133,10 @@ class Driving:
         turning: Bools = first & stands & wrong
         return right, turning
 
-    def _steer(self, cars: Ints, measured: Measured, dt_s: float) -> Floats:
+    def _steer(self, cars: Ints, left: Floats, measured: Measured, dt_s: float) -> Floats:
         if self._predictive is None:
-            return self._pursue(cars, measured, dt_s)
-        return self._predict(cars, measured, self._predictive)
+            return self._pursue(cars, left, measured, dt_s)
+        return self._predict(cars, left, measured, self._predictive)
 
     def _pace(self, cars: Ints, s: Floats, left: Floats, dt_s: float) -> Floats:
         """The speed of travel: as the route allows a moment on, reached at the car's own pace."""
@@ -144,9 +146,8 @@ class Driving:
         speed: Floats = np.minimum(allowed, last + pace.accel_mps2 * dt_s)
         return np.maximum(speed, _CREEP_MPS)
 
-    def _pursue(self, cars: Ints, measured: Measured, dt_s: float) -> Floats:
+    def _pursue(self, cars: Ints, left: Floats, measured: Measured, dt_s: float) -> Floats:
         routes, s = self.group.routes, self.group.s[cars]
-        left = routes.leg_end[cars, routes.segment(cars, s)] - s
         speed = self._pace(cars, s, left, dt_s)
         ahead = pursuit.look_ahead(speed)
         spot = routes.at(cars, s + np.minimum(ahead, left) - 1e-9)
@@ -157,10 +158,11 @@ class Driving:
         bend = pursuit.curvature_towards(aim, measured.position[cars, :2], course)
         return np.column_stack([speed, pursuit.steering(bend, way, self.car)])
 
-    def _predict(self, cars: Ints, measured: Measured, controller: Predictive) -> Floats:
+    def _predict(
+        self, cars: Ints, left: Floats, measured: Measured, controller: Predictive
+    ) -> Floats:
         routes, s, way = self.group.routes, self.group.s[cars], self.way[cars]
         steps, dt, accel = self.horizon.steps, self.horizon.step_s, routes.pace.accel_mps2
-        left = routes.leg_end[cars, routes.segment(cars, s)] - s
         # Where the car will be after each step, going as fast as the end of the leg allows.
         at, speed = np.zeros((len(cars), steps + 1)), np.empty((len(cars), steps))
         last = self.inputs[cars, 0]

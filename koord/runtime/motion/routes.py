@@ -132,16 +132,13 @@ class Routes:
 
     def nearest(self, robots: Ints, s: Floats, position: Floats, window: int = 12) -> Floats:
         """The lengths at which routes are nearest to positions, on the leg of ``s``."""
-        k0 = np.maximum(self.segment(robots, s) - 2, 0)
+        here, rows = self.segment(robots, s), robots[:, None]
+        size = self.size[rows]
         k = np.minimum(
-            k0[:, None] + np.arange(window), np.maximum(self.size[robots] - 1, 0)[:, None]
+            np.maximum(here - 2, 0)[:, None] + np.arange(window), np.maximum(size - 1, 0)
         )
-        rows = robots[:, None]
-        same_leg = self.leg_end[rows, k] == self.leg_end[robots, self.segment(robots, s)][:, None]
-        a, b = (
-            self.points[rows, k],
-            self.points[rows, np.minimum(k + 1, self.size[robots][:, None])],
-        )
+        same_leg = self.leg_end[rows, k] == self.leg_end[robots, here][:, None]
+        a, b = self.points[rows, k], self.points[rows, np.minimum(k + 1, size)]
         along = b - a
         square = np.einsum("mki,mki->mk", along, along)
         share = np.einsum("mki,mki->mk", position[:, None] - a, along)
@@ -199,7 +196,7 @@ class Routes:
         short = room - self.points.shape[1]
         if short <= 0:
             return
-        short = max(short, self.points.shape[1])
+        short = max(short, self.points.shape[1] // 4)
         names = (
             "points",
             "s",
