@@ -9,7 +9,7 @@ from koord import __version__
 from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram
 from koord.semantics.configurations import System
-from koord.verify.certificates import Shown, Texts, certificate
+from koord.verify.certificates import Lemma, Shown, Texts, certificate
 from koord.verify.claims import ClaimKind
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Engine, Outcome, Report
@@ -24,7 +24,11 @@ def certify(
     shown = Shown(
         tuple(v.claim.name for v in holding),
         frozenset(v.claim.name for v in holding if v.engine is Engine.EVERY_N),
-        report.found,
+        tuple(
+            dict.fromkeys(
+                Lemma(text, v.engine is Engine.EVERY_N) for v in holding for text in v.lemmas
+            )
+        ),
         {v.claim.name: _OF_RUNS for v in settled if v.claim.kind is ClaimKind.LIVENESS},
     )
     texts = Texts(loaded.source, loaded.reading.properties, loaded.reading.settings)

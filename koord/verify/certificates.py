@@ -50,17 +50,24 @@ class Texts:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
-    """Names of claims that hold in all rounds, whoever found that out.
+class Lemma:
+    """A statement in Koord that was found; ``everyone``: for every number of robots."""
 
-    ``everyone`` are those of them that hold for every number of robots, with the help of the
-    ``lemmas``: statements in Koord that were found. ``beyond`` are claims that hold and that no
-    certificate is about, each with the reason.
+    text: str
+    everyone: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """Names of claims that hold in all rounds, whoever found that out, with what helps to show it.
+
+    ``everyone`` are those of them that hold for every number of robots. ``beyond`` are claims that
+    hold and that no certificate is about, each with the reason.
     """
 
     holding: tuple[str, ...]
     everyone: frozenset[str] = frozenset()
-    lemmas: tuple[str, ...] = ()
+    lemmas: tuple[Lemma, ...] = ()
     beyond: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -85,6 +92,7 @@ def certificate(
     if not depths:
         return None
     names = frozenset(name for name, _ in found)
+    helping = {name for (name, _), lemma in zip(found, shown.lemmas, strict=True) if lemma.everyone}
     originals = dict(zip(claims_of(subject), claims_of(system), strict=True))
     depth_of = {originals[claim].name: depth for claim, depth in depths.items()}
     # A proof for every number stands or falls as a whole.
@@ -158,19 +166,19 @@ def _with_lemmas(
     found = infer(system, left, [*known, *likely], deadline, effort, GENEROUS)
     if not found.proved:
         return None
-    texts = [claim.name for claim in found.invariants if claim not in known]
+    lemmas = [Lemma(claim.name, True) for claim in found.invariants if claim not in known]
     return replace(
         shown,
         everyone=shown.everyone | {claim.name for claim in found.proved},
-        lemmas=tuple(dict.fromkeys([*shown.lemmas, *texts])),
+        lemmas=tuple(dict.fromkeys([*shown.lemmas, *lemmas])),
     )
 
 
-def _found(lemmas: Sequence[str]) -> list[tuple[str, Source]]:
+def _found(lemmas: Sequence[Lemma]) -> list[tuple[str, Source]]:
     """Statements that were found, each with a name, as an invariant in Koord."""
     return [
-        (f"Found{k}", Source(f"found invariant {k}", f"invariant Found{k}: {text}\n"))
-        for k, text in enumerate(lemmas, start=1)
+        (f"Found{k}", Source(f"found invariant {k}", f"invariant Found{k}: {lemma.text}\n"))
+        for k, lemma in enumerate(lemmas, start=1)
     ]
 
 

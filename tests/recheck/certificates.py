@@ -31,14 +31,13 @@ def _made(
     delta: Fraction,
     params: tuple[tuple[str, ParamValue], ...],
     everyone: tuple[str, ...],
-    lemmas: tuple[str, ...],
 ) -> str:
     source = Source(file, (EXAMPLES / file).read_text(encoding="utf-8"))
     settings = Settings(dict(params))
     program = load(source, settings).program
     assert program is not None
     system = dealt(program, robots, delta)
-    shown = Shown(tuple(claim.name for claim in claims_of(system)), frozenset(everyone), lemmas)
+    shown = Shown(tuple(claim.name for claim in claims_of(system)), frozenset(everyone))
     texts = Texts(source, (), settings)
     made = certificate(system, texts, shown, Deadline.after(60), "test")
     assert made is not None
@@ -51,7 +50,6 @@ def document_of(
     robots: int,
     delta: Fraction = Fraction(1, 10),
     everyone: tuple[str, ...] = (),
-    lemmas: tuple[str, ...] = (),
     **params: ParamValue,
 ) -> Document:
     """The certificate of an example of which everything is inductive; a copy to be changed.
@@ -59,7 +57,7 @@ def document_of(
     ``everyone`` are the claims that it makes for every number of robots.
     """
     given = tuple(params.items())
-    made: Document = json.loads(_made(file, robots, delta, given, everyone, lemmas))
+    made: Document = json.loads(_made(file, robots, delta, given, everyone))
     return copy.deepcopy(made)
 
 
