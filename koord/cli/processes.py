@@ -74,17 +74,18 @@ def simulate(arguments: argparse.Namespace, job: Job, tracing: Tracing | None) -
                     tracing.begun(decision, followed)
                 else:
                     tracing.round(decision, followed)
+            died = fleet.died
     except TransportError as error:
         hint = error.hint or None
         raise refusal("K933", job.configuration.name, error.message, hint) from None
     wall_s = time.perf_counter() - began
     lines = summary(fleet.statuses, deployment).splitlines()[1:]
+    lines += [f"the process of robot {pid} was ended" for pid in died]
     code = concluded(
         arguments, job, followed, tracing, wall_s, more={"late": late.count}, lines=lines
     )
-    if code == Exit.OK and any(status.trouble for status in fleet.statuses.values()):
-        return Exit.VIOLATED
-    return code
+    in_trouble = died or any(status.trouble for status in fleet.statuses.values())
+    return Exit.VIOLATED if code == Exit.OK and in_trouble else code
 
 
 def _launched(stack: ExitStack, maker: Maker, deployment: Deployment) -> Fleet:
@@ -109,7 +110,9 @@ def _rounds(
         yield from followed.rounds()
         board.show(fleet.statuses)
         board.is_stopping = interrupts.count > 0
-        if not is_stopped and (interrupts.count or followed.ending is not None):
+        # Of a robot whose process has died nothing more is told: the run is known up to here.
+        is_known = followed.ending is None and not fleet.died
+        if not is_stopped and (interrupts.count or not is_known):
             is_stopped = True
             fleet.stop()
         if fleet.failures:

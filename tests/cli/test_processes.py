@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import pytest
 
 from koord.cli.exits import Exit
 from koord.cli.main import main
+from koord.runtime.robot import Robot
+from koord.sim.processes import SimulatedBody
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 BOTH = ("", "--processes")
@@ -62,6 +65,16 @@ def test_what_no_world_answers_is_answered_alike(
     assert one == several
 
 
+@pytest.mark.parametrize("name", ["lineform_ends", "leader_elect_early"])
+def test_faults_and_broken_claims_are_the_same(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = f"broken/{name}"
+    one, several = (run(program, capsys, "--time", "3", m, code=Exit.VIOLATED) for m in BOTH)
+    assert one == several
+    assert one["fault"] or one["broken"]
+
+
 @pytest.mark.slow
 def test_cars_among_processes_make_the_same_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -83,3 +96,24 @@ def test_a_run_of_processes_ends_where_one_in_one_process_does(
     assert ends[0] == ends[1]
     assert ends[0]["ending"] == "violated"
     assert ends[0]["broken"][0]["claim"] == "invariant Low"
+
+
+def test_a_process_that_dies_ends_the_run_and_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    real = SimulatedBody.read
+
+    def dies(self: SimulatedBody, robot: Robot) -> Any:
+        if robot.pid == 2 and self.position[0] > -3.5:
+            os._exit(9)
+        return real(self, robot)
+
+    monkeypatch.setattr(SimulatedBody, "read", dies)
+    program = str(EXAMPLES / "follow_path.krd")
+    flags = ["--time", "30", "--no-html", "--processes"]
+    assert main(["sim", program, *flags]) == Exit.VIOLATED
+    out, _ = capsys.readouterr()
+    assert "the process of robot 2 was ended" in out
+    assert "a robot told nothing more" in out
+    time_s = float(next(line.split()[1] for line in out.splitlines() if line.startswith("time")))
+    assert time_s < 12.0  # what was not told any more is lost

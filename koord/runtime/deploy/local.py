@@ -52,6 +52,12 @@ class Fleet:
         """How many processes are running."""
         return sum(process.is_alive() for process in self.processes)
 
+    @property
+    def died(self) -> tuple[int, ...]:
+        """The robots whose processes have ended otherwise than by themselves."""
+        codes = enumerate(process.exitcode for process in self.processes)
+        return tuple(pid for pid, code in codes if code not in (None, 0))
+
     def news(self, timeout_s: float) -> Iterator[tuple[Status, tuple[Moment, ...]]]:
         """What has been said, waiting so long at most for something."""
         open_ends = [end for end in self.ends if not end.closed]
