@@ -96,9 +96,8 @@ def certificate(
     originals = dict(zip(claims_of(subject), claims_of(system), strict=True))
     depth_of = {originals[claim].name: depth for claim, depth in depths.items()}
     # A proof for every number stands or falls as a whole.
-    everyone = (
-        (shown.everyone | names) if shown.everyone and names <= set(depth_of) else frozenset()
-    )
+    together = helping | shown.everyone
+    everyone = together if together <= set(depth_of) else frozenset[str]()
     claimed = [originals[claim] for claim in depths if originals[claim].name not in names]
     not_covered = dict(shown.beyond) | {
         name: "it is not shown by induction over the rounds"
