@@ -385,3 +385,32 @@ def test_programs_without_sensors_have_no_instants(
 ) -> None:
     assert frame.main(["verify", program, "--instants"]) == Exit.OK
     assert "no invariant reads a sensor" in capsys.readouterr().err
+
+
+# --- vacuity --------------------------------------------------------------------------------------
+
+
+def test_branches_that_exclude_each_other_promised_at_once_are_vacuous(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A post-condition as the conjunction of its branches: all runs end where it is wanted."""
+    path = tmp_path / "branches.krd"
+    text = """
+using Body:
+  sensors:
+    float x = 0.0
+  actuators:
+    bool up = false
+  contract Moves:
+    ensures: up and x' == x + 1.0
+    ensures: not up and x' == x - 1.0
+Flip:
+  eff: Body.up = not Body.up
+invariant Small: Body.x <= 3.0
+"""
+    path.write_text(text, encoding="utf-8")
+    assert frame.main(["verify", str(path)]) == Exit.VACUOUS
+    assert "vacuous: contracts: no run gets through round 1" in capsys.readouterr().out
+    branches = text.replace("up and x' ==", "up implies x' ==")
+    path.write_text(branches, encoding="utf-8")
+    assert frame.main(["verify", str(path), "--rounds", "5"]) == Exit.VIOLATED
