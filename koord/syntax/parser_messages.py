@@ -84,6 +84,12 @@ class Mistake:
         return self.expected >= _ENDS
 
 
+#: What a line cannot end with, though another could follow.
+_OPERATORS = frozenset(
+    ("+", "-", "*", "/", "%", "==", "!=", "<", "<=", ">", ">=", "and", "or", "implies", "not")
+)
+
+
 def explain(form: Form, tokens: list[Token], error: UnexpectedError, end: Token) -> Complaint:
     """What is wrong with the line."""
     mistake = Mistake(form, tokens, error.position, error.expected, end)
@@ -100,7 +106,16 @@ def _general(m: Mistake) -> Complaint:
         found = f"found `{shown(m.token.text)}`"
     else:
         found = "the line ends" if m.end.type != "COLON" else "found `:`"
-    return Complaint("K130", m.token, f"{expected} is expected here, but {found}")
+    message = f"{expected} is expected here, but {found}"
+    return Complaint("K130", m.token, message, _unfinished(m))
+
+
+def _unfinished(m: Mistake) -> str | None:
+    """How a line goes on that ends with an operator."""
+    last = m.tokens[-1].text if m.tokens else ""
+    if m.position < len(m.tokens) or last not in _OPERATORS:
+        return None
+    return f"write what stands behind `{last}`; an expression goes on below if it is in brackets"
 
 
 def _in_words(expected: frozenset[str]) -> Iterator[str]:

@@ -253,6 +253,11 @@ def test_after_many_mistakes_the_rest_is_not_told() -> None:
         ("x = [a,]", "a value is expected here, but found `]`", None),
         ("x = f(y", "`(` is not closed on its line or below", "write the `)` that belongs to it"),
         ("x =", "a value is expected here, but the line ends", None),
+        (
+            "x = 1 +",
+            "a value is expected here, but the line ends",
+            "write what stands behind `+`; an expression goes on below if it is in brackets",
+        ),
         ("x.", "a name is expected here, but the line ends", None),
         ("for x in y", "`:` is missing behind `y`", "write `:`"),
         (
