@@ -215,7 +215,8 @@ def test_rerun_finds_nothing_wrong(
         )
         assert "1 file verified without error" in checked.stdout + checked.stderr
     told = subprocess.run(
-        [tool, "rrd", "print", "-v", str(path)], capture_output=True, text=True, env=environment
+        [tool, "rrd", "print", "-vvv", str(path)], capture_output=True, text=True, env=environment
     )
+    assert "[[0.0, 0.0, 0.0, 1.0]]" in told.stdout  # a drone that stands upright: w is last
     for name in ("/world/robots/2", "/world/tasks", "/world/paths/0", "/log"):
         assert name in told.stdout

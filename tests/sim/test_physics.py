@@ -83,6 +83,33 @@ def test_a_car_drives_as_a_bicycle_does_and_keeps_its_limits() -> None:
     assert one.speed == pytest.approx(other.speed, abs=0.1)
 
 
+def test_the_inner_wheel_turns_further() -> None:
+    """Ackermann: both front wheels stand across lines to one point on the rear axle's."""
+    one = cars([(0, 0, 0)], [0.0])
+    model, data = one._arena._running()
+    left, right = (
+        model.joint(f"car0 front {side} steering").qposadr[0] for side in ("left", "right")
+    )
+    for sign in (1, -1):
+        for _ in range(40):
+            one.advance(np.array([[0.5, sign * 0.3]]), 0.01, 5)
+        inner, outer = (left, right) if sign > 0 else (right, left)
+        middle = CAR.wheelbase_m / math.tan(0.3)
+        half = mjcf.track_m(CAR) / 2
+        wanted = [math.atan(CAR.wheelbase_m / (middle + aside)) for aside in (-half, half)]
+        assert np.abs(data.qpos[[inner, outer]]) == pytest.approx(wanted, abs=0.01)
+
+
+def test_a_drone_leans_into_the_wind() -> None:
+    drone, wind = PhysicalDrones(DRONE, np.array([[0, 0, 1.0]]), Arena(WIDE)), 3.0
+    hover = Reference(np.array([[0, 0, 1.0]]), CALM, CALM)
+    for _ in range(160):
+        drone.advance(hover, np.array([[wind, 0, 0]]), 0.01, 5)
+    _, _, y, _ = drone.state.attitude[:, 0]
+    pull = DRONE.drag_kgps * wind / (DRONE.mass_kg * 9.81)
+    assert 2 * math.asin(y) == pytest.approx(-math.atan(pull), abs=0.005)
+
+
 def test_no_command_makes_a_car_faster_than_it_can_be() -> None:
     one = cars([(0, 0, 0)], [0.0])
     for _ in range(60):
