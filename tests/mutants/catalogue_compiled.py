@@ -233,6 +233,20 @@ ENGINE = (
         (ROUNDS,),
     ),
     Mutant(
+        "what is read anew is not kept",
+        "runtime/robot.py",
+        "                if value != held[name]:",
+        "                if value == held[name]:",
+        (ROUNDS,),
+    ),
+    Mutant(
+        "models are not asked",
+        "runtime/robot.py",
+        "cls._modelled = cls.environment is not Robot.environment",
+        "cls._modelled = cls.environment is Robot.environment",
+        (ROUNDS, EXAMPLES),
+    ),
+    Mutant(
         "trystop undoes stop",
         "runtime/robot.py",
         "if self._buffer.asked is Asked.NOTHING:",
