@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import assert_never
 
-from koord.recheck import crowds
+from koord.recheck import crowds, externals
 from koord.recheck.loops import Loop
 from koord.recheck.storage import Cell, Crowd, Field, Location, Many, State, Storage, Storages
 from koord.recheck.terms import Term, Terms
 from koord.recheck.values import Family, NotRecheckedError, Value, Values
-from koord.recheck.world import World, opened
+from koord.recheck.world import World
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, QuantifierKind, UnaryOp
 from koord.syntax.source import Span
@@ -27,12 +27,9 @@ from koord.syntax.types import (
     ArrayType,
     BoolType,
     FloatType,
-    ListType,
     QueueType,
-    RecordType,
     Type,
 )
-from koord.syntax.walk import nodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +99,7 @@ class Body:
         self.asked = self.stopped = self.t.truth(False)
         self._frame: _Frame | None = None
         self._broke: list[Term] = []
-        self._in_summary = False
+        self.in_summary = False
         #: Numbers that are surely those of robots, where it is open how many there are.
         self.here: list[Term] = []
         #: Whether this is a statement about configurations: no answer of it is anyone's to choose.
@@ -132,7 +129,8 @@ class Body:
         if when.value is not False:
             self.faults.append(Fault(when, what, span))
 
-    def _require(self, holds: Term) -> None:
+    def require(self, holds: Term) -> None:
+        """Something that answers satisfy, if they are asked for."""
         # Behind a fault nothing is asked.
         going_on = self.t.conjunction([self.outside, self.path, self.t.negation(self.faulted())])
         needed = self.t.implies(going_on, holds)
@@ -186,7 +184,7 @@ class Body:
             case core.Call():
                 return self._call(e)
             case core.ExternalCall():
-                return self._external(e)
+                return externals.answer(self, e)
             case core.Choose():
                 return self._choose(e)
             case core.Quantified():
@@ -429,105 +427,14 @@ class Body:
         self.fault_unless(is_set, f"{e.function} returned nothing", e.span)
         return value
 
-    def _external(self, e: core.ExternalCall) -> Value:
-        """Any answer that the summary allows; the same to the same question. [EXTERNAL]"""
-        function = self.world.program.external(e.function)
-        arguments = [self.value(argument) for argument in e.arguments]
-        pairs = list(zip(arguments, function.parameters, strict=True))
-        result = function.result.type
-        if function.kind is core.ExternalKind.FRESH:
-            if self.closed:
-                raise NotRecheckedError("a fresh answer in a property is not rechecked", e.span)
-            answer = self.v.fresh(f"{function.name} by {self._who()}", result)
-        else:
-            flat = [term for a, p in pairs for term, _ in self.v.leaves(a, p.type)]
-            answer = self.v.applied(function.name, flat, result)
-        if self._in_summary:
-            return answer
-        for term, type_ in self.v.leaves(answer, result):
-            for bound in self.v.bounds(term, type_):
-                self._require(bound)
-        met, promised = self._summary(function, arguments, answer)
-        self.fault_unless(met, f"what {function.name} requires is not met", e.span)
-        if not (function.kind is core.ExternalKind.FUNCTION and self._promise_always(function)):
-            self._require(self.t.implies(met, promised))
-        return answer
-
-    def _summary(
-        self, function: core.External, arguments: Sequence[Value], answer: Value
-    ) -> tuple[Term, Term]:
-        """What a function requires, and what it promises of an answer."""
-        outer, self.bound = (
-            self.bound,
-            [
-                *(
-                    self.s.stored(a, p.type)
-                    for a, p in zip(arguments, function.parameters, strict=True)
-                ),
-                self.s.stored(answer, function.result.type),
-                *[None] * (function.bound - len(arguments) - 1),
-            ],
-        )
-        inside, self._in_summary = self._in_summary, True
-        met = self.t.conjunction([self.statement(r) for r in function.requires])
-        # A promise that looks into a sealed list is left out: that only makes proofs harder.
-        kept = [q for q in function.ensures if not self._looks_inside(q)]
-        promised = self.t.conjunction([self.statement(q) for q in kept])
-        self._in_summary, self.bound = inside, outer
-        return met, promised
-
-    def _promise_always(self, function: core.External) -> bool:
-        """Suppose the summary of all questions at once, where any number of robots may ask.
-
-        A mathematical function keeps it for all arguments, asked for or not. [EXTERNAL] Not where
-        one is a list that is looked into: there it is supposed of each question.
-        """
-        v = self.v
-        if v.robots is not None or any(_is_long(p.type, v) for p in function.parameters):
-            return False
-        if function.name not in v.promised:
-            v.promised.add(function.name)
-            binders: list[Term] = []
-            with v.scoped(()):
-                body = Body(self.world, v, None, Memory())
-                names = [f"{function.name} {p.name}" for p in function.parameters]
-                asked: list[Value] = [
-                    body._binder(name, p.type, binders)
-                    for name, p in zip(names, function.parameters, strict=True)
-                ]
-                flat = [
-                    term
-                    for a, p in zip(asked, function.parameters, strict=True)
-                    for term, _ in v.leaves(a, p.type)
-                ]
-                answer = v.applied(function.name, flat, function.result.type)
-                met, promised = body._summary(function, asked, answer)
-                inside = [
-                    bound
-                    for a, p in zip(asked, function.parameters, strict=True)
-                    for term, type_ in v.leaves(a, p.type)
-                    for bound in v.bounds(term, type_)
-                ]
-                known = self.t.conjunction([met, *inside])
-                v.ranges.append(self.t.for_all(binders, self.t.implies(known, promised)))
-        return True
-
-    def _who(self) -> str:
-        """Who runs, as a part of the name of an unknown."""
-        return "a robot" if self.robot is None or self.robot.value is None else self.robot.head
-
-    def _looks_inside(self, promise: core.Expr) -> bool:
-        sealed = self.world.sealed
-        return any(type_ in sealed for node in nodes(promise) for type_ in opened(node))
-
     def _choose(self, e: core.Choose) -> Value:
         if self.closed:
             raise NotRecheckedError("choose in a property is not rechecked", e.span)
         low, high = self.condition(e.low), self.condition(e.high)
         self.fault_unless(self.t.at_most(low, high), "empty range to choose from", e.span)
-        chosen = self.v.fresh(f"choice by {self._who()}", e.type)
+        chosen = self.v.fresh(f"choice by {externals.who(self.robot)}", e.type)
         assert isinstance(chosen, Term)
-        self._require(self.t.both(self.t.at_most(low, chosen), self.t.at_most(chosen, high)))
+        self.require(self.t.both(self.t.at_most(low, chosen), self.t.at_most(chosen, high)))
         return chosen
 
     # --- properties -----------------------------------------------------------------------------
@@ -575,17 +482,18 @@ class Body:
         assert e.quantifier is QuantifierKind.FORALL
         binders: list[Term] = []
         self.bound[e.variable.slot] = self.s.stored(
-            self._binder(e.variable.name, type_, binders), type_
+            self.binder(e.variable.name, type_, binders), type_
         )
         with self.v.scoped((*self.v.scope, *binders)):
             body = self.statement(e.body)
         ranges = [b for x in binders for b in self.v.bounds(x, type_)]
         return self.t.for_all(binders, self.t.implies(self.t.conjunction(ranges), body))
 
-    def _binder(self, name: str, type_: Type, binders: list[Term]) -> Value:
+    def binder(self, name: str, type_: Type, binders: list[Term]) -> Value:
+        """A value of variables of a quantifier, which are added to the others."""
         parts = self.v.parts(type_)
         if parts is not None:
-            return tuple(self._binder(name + label, part, binders) for label, part in parts)
+            return tuple(self.binder(name + label, part, binders) for label, part in parts)
         binder = self.t.symbol(f"?{name}", self.v.sort(type_))
         binders.append(binder)
         return binder
@@ -814,19 +722,6 @@ class Body:
         self.assign(s.place, self.v.without(whole, position, type_))
         if s.into is not None:
             self.assign(s.into, taken)
-
-
-def _is_long(type_: Type, v: Values) -> bool:
-    """Whether there are lists in a value that are sequences to the solver."""
-    match type_:
-        case ListType() | QueueType():
-            return type_ not in v.sealed
-        case RecordType(fields=fields):
-            return any(_is_long(part, v) for _, part in fields)
-        case ArrayType(element=element):
-            return _is_long(element, v)
-        case _:
-            return False
 
 
 def _common(e: core.Binary) -> Type:

@@ -14,8 +14,9 @@ from itertools import product
 from koord.recheck.terms import BOOL, INT, Term
 from koord.recheck.values import Values
 
-#: One statement is said of so many tuples of names at most.
+#: One statement is said of so many tuples of names at most, and all together so many times.
 _MOST_TUPLES = 400
+_MOST_INSTANCES = 20_000
 
 
 @dataclass(slots=True)
@@ -26,6 +27,7 @@ class Grounding:
     names: list[Term] = field(default_factory=list)
     #: So many of the names come first: of the others one at most occurs in a tuple.
     few: int = 0
+    _instances: int = 0
     _quantified: dict[int, bool] = field(default_factory=dict)
     _witnesses: dict[int, list[Term]] = field(default_factory=dict)
     _atoms: dict[int, tuple[Term, Term]] = field(default_factory=dict)
@@ -121,10 +123,11 @@ class Grounding:
         tuples = product(self.names, repeat=len(term.binders))
         said, few = [], self.names[: self.few]
         for number, chosen in enumerate(tuples):
-            if number >= _MOST_TUPLES:
+            if number >= _MOST_TUPLES or self._instances >= _MOST_INSTANCES:
                 break
             if sum(name not in few for name in chosen) > 1:
                 continue
+            self._instances += 1
             instance = body
             for binder, name in zip(term.binders, chosen, strict=True):
                 instance = t.put(instance, binder, name)

@@ -138,6 +138,8 @@ def settled(settling: Settling, obligation: Obligation) -> Settled:
     trying = _Try(settling, exact, _EXACT_S, done)
     left = trying.cases()
     for more in _MORE:
+        if left and settling.deadline() <= 0:
+            break
         if left:
             left = trying.with_names(left, more)
         if left and not more:
