@@ -105,6 +105,10 @@ class Body:
         #: Whether this is a statement about configurations: no answer of it is anyone's to choose.
         self.closed = memory.state is not None
 
+    def apart(self) -> Body:
+        """A body that nobody runs and that knows of no configuration."""
+        return Body(self.world, self.v, None, Memory())
+
     # --- paths ----------------------------------------------------------------------------------
 
     @contextmanager

@@ -78,7 +78,7 @@ def _promise_always(asking: Body, function: core.External) -> bool:
         v.promised.add(function.name)
         binders: list[Term] = []
         with v.scoped(()):
-            body = type(asking)(asking.world, v, None, type(asking.memory)())
+            body = asking.apart()
             names = [f"{function.name} {p.name}" for p in function.parameters]
             asked: list[Value] = [
                 body.binder(name, p.type, binders)

@@ -33,7 +33,28 @@ def test_a_proof_is_confirmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert main(["recheck", path, "--program", program]) == Exit.OK
     said = capsys.readouterr().out
     assert "claimed: Best, Real, Informed, Highest, Agree, no fault" in said
+    assert "8 of 8 obligations for every number of robots are met" in said
+    everyone = "for every number of robots, in every round: Best, Real, Informed, Highest, Agree"
+    assert everyone in said
+    assert "for 2 robots" not in said
+    assert "\nnot covered: Decided: it is about whole runs" in said
     assert "\nconfirmed [" in said
+
+
+def test_what_holds_for_the_robots_at_hand_is_told_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program, path = tmp_path / "two.krd", str(tmp_path / "proof.json")
+    text = (EXAMPLES / "leader_elect.krd").read_text(encoding="utf-8")
+    program.write_text(f"{text}\ninvariant Two: candidate < 2\n", encoding="utf-8")
+    assert main(["verify", str(program), "--robots", "2", "--certificate", path]) == Exit.OK
+    assert "not in the certificate: Decided: it is about whole" in capsys.readouterr().err
+    assert main(["recheck", path, "--json"]) == Exit.OK
+    found = json.loads(capsys.readouterr().out)
+    assert "Agree" in found["confirmed"]["every_number_of_robots"]
+    assert found["confirmed"]["these_robots"] == ["Two"]
+    assert [one["name"] for one in found["not_covered"]] == ["Decided"]
+    assert {one["every_number"] for one in found["obligations"]} == {True, False}
 
 
 def test_the_verdict_as_json(certificate: Path, capsys: pytest.CaptureFixture[str]) -> None:
