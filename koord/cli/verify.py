@@ -53,6 +53,7 @@ class Engine(Enum):
     """How a verdict is found."""
 
     AUTO = "auto"  #: induction, then whichever of the others fits the program
+    ABC = "abc"  #: the same as bits, but that abc looks for proofs, if it is installed
     BITS = "bits"  #: finite instances bit by bit: SAT, IC3
     BMC = "bmc"  #: bounded model checking, round by round
     SPACER = "spacer"  #: constrained Horn clauses: reals and integers, all rounds
@@ -199,6 +200,8 @@ def main(arguments: argparse.Namespace) -> int:
         raise argparse.ArgumentTypeError(
             "--robots any has an engine of its own: leave --engine out"
         )
+    if request.engine is Engine.ABC:
+        _check_abc()
     if not arguments.watch:
         return _once(arguments, request)
     paths = [*arguments.files, *arguments.properties]
@@ -250,6 +253,16 @@ def _request(arguments: argparse.Namespace) -> Request:
         explain=arguments.explain,
         as_json=arguments.json,
     )
+
+
+def _check_abc() -> None:
+    from koord.verify.bits.abc import installed
+
+    if installed() is None:
+        raise argparse.ArgumentTypeError(
+            "--engine abc: there is no abc here (Debian: apt-get install berkeley-abc);"
+            " --engine bits needs none"
+        )
 
 
 def _check_plot(files: Sequence[str], request: Request) -> None:

@@ -36,6 +36,7 @@ class Choice(Enum):
     """Which engines may answer."""
 
     AUTO = "auto"
+    ABC = "abc"
     BITS = "bits"
     BMC = "bmc"
     SEARCH = "search"
@@ -221,6 +222,8 @@ def engines(choice: Choice, unrolling: ByUnrolling) -> Iterator[Works]:
             yield BySearch(Limits())
         case Choice.BITS:
             yield _by_bits()
+        case Choice.ABC:
+            yield _by_bits(abc=True)
         case Choice.SPACER:
             yield _by_spacer()
         case Choice.BMC:
@@ -229,10 +232,10 @@ def engines(choice: Choice, unrolling: ByUnrolling) -> Iterator[Works]:
             assert_never(choice)
 
 
-def _by_bits(*, sparing: bool = False) -> Works:
+def _by_bits(*, sparing: bool = False, abc: bool = False) -> Works:
     from koord.verify.bits.engine import ByBits
 
-    return ByBits(sparing=sparing)
+    return ByBits(sparing=sparing, abc=abc)
 
 
 def _by_spacer(*, sparing: bool = False) -> BySpacer:
@@ -260,7 +263,12 @@ def _of_whole_runs(
     """Verdicts on what is claimed of whole runs, by the engines that can tell."""
     from koord.verify.live.settling import Ways, settled
 
-    ways = {Choice.AUTO: Ways.ALL, Choice.SEARCH: Ways.SEARCH, Choice.BITS: Ways.BITS}
+    ways = {
+        Choice.AUTO: Ways.ALL,
+        Choice.SEARCH: Ways.SEARCH,
+        Choice.BITS: Ways.BITS,
+        Choice.ABC: Ways.BITS,
+    }
     asked = ways.get(choice, Ways.NONE) if choice is not None else Ways.NONE
     proved = [verdict.claim for verdict in held]
     return settled(

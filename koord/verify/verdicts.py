@@ -28,6 +28,7 @@ class Engine(Enum):
     SEARCH = "search"
     SPACER = "spacer"  #: constrained Horn clauses
     BITS = "bits"  #: and-inverter graphs, SAT and IC3
+    ABC = "abc"  #: the same, with PDR by abc
     BMC = "bmc"
     NONE = "none"
 

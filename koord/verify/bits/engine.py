@@ -10,7 +10,7 @@ from koord.semantics.machine import NotFiniteError
 from koord.syntax.core import Declaration
 from koord.syntax.types import FloatType
 from koord.syntax.walk import nodes
-from koord.verify.bits import pdr
+from koord.verify.bits import abc, pdr
 from koord.verify.bits.checking import holds_always
 from koord.verify.bits.clauses import QUICK, TRUE_SIDE, Clauses
 from koord.verify.bits.graph import FALSE
@@ -34,9 +34,13 @@ FEW_QUESTIONS = 30_000
 
 @dataclass(slots=True)
 class ByBits:
-    """Verdicts from a circuit. ``sparing``: only where it promises to be quick."""
+    """Verdicts from a circuit. ``sparing``: only where it promises to be quick.
+
+    ``abc``: its PDR is asked in the place of IC3.
+    """
 
     sparing: bool = False
+    abc: bool = False
 
     def work(self, ledger: Ledger) -> None:
         started = time.monotonic()
@@ -49,7 +53,7 @@ class ByBits:
             except NotFiniteError as error:
                 _leave(ledger, claims, None, f"bits: {error}", started)
                 return
-            run = _Run(ledger, circuit, started, self.sparing)
+            run = _Run(ledger, circuit, started, self.sparing, self.abc)
             run.work()
             again = [claim for claim in run.astray if claim not in ledger.verdicts]
             if not again or not run.strays or ledger.deadline.passed():
@@ -82,6 +86,7 @@ class _Run:
     circuit: Circuit
     started: float
     sparing: bool
+    abc: bool
     unrolled: Unrolled = field(init=False)
     completed: int | None = None
     astray: dict[Claim, str] = field(default_factory=dict)  #: with a violation that is no run
@@ -95,6 +100,10 @@ class _Run:
         """Whether looking at more values could tell more."""
         circuit = self.circuit
         return circuit.lost != FALSE or any("strays" in latch.name for latch in circuit.latches)
+
+    @property
+    def engine(self) -> Engine:
+        return Engine.ABC if self.abc else Engine.BITS
 
     def open(self) -> list[Claim]:
         return [
@@ -174,7 +183,7 @@ class _Run:
             return
         seconds = time.monotonic() - self.started
         verdict = Verdict(
-            claim, Outcome.VIOLATED, Engine.BITS, seconds, counterexample=counterexample
+            claim, Outcome.VIOLATED, self.engine, seconds, counterexample=counterexample
         )
         ledger.settle({claim: verdict})
 
@@ -209,7 +218,7 @@ class _Run:
     def _holds(self, claims: Sequence[Claim], depth: int = 1) -> None:
         seconds = time.monotonic() - self.started
         self.ledger.settle(
-            {c: Verdict(c, Outcome.HOLDS, Engine.BITS, seconds, depth=depth) for c in claims}
+            {c: Verdict(c, Outcome.HOLDS, self.engine, seconds, depth=depth) for c in claims}
         )
 
     def _search(self) -> None:
@@ -228,6 +237,9 @@ class _Run:
                     if holds_always(g, asked, found.cubes):
                         self._holds(claims)
                         return
+                    if self.abc:
+                        self.astray |= dict.fromkeys(claims, "abc gave an invariant that is none")
+                        return
                     # Robots were exchanged that are not alike in every bit.
                     assert exchange, "an invariant that is none"
                     exchange = False
@@ -245,6 +257,9 @@ class _Run:
         self, question: pdr.Question, claims: Sequence[Claim], *, exchange: bool
     ) -> pdr.Invariant | pdr.Reached | pdr.Unfinished:
         g, ledger = self.circuit.d.graph, self.ledger
+        if self.abc:
+            ledger.progress("abc, PDR")
+            return abc.searched(g, question, ledger.deadline)
         properties = tuple(c.stated for c in claims if c.stated is not None)
         clauses = Clauses(g, QUICK)
         search = pdr.Search(

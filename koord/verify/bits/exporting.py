@@ -102,6 +102,11 @@ def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> by
             return _text(_smt2(of, rounds, comment))
 
 
+def aiger_of(of: Machine) -> bytes:
+    """A machine in the binary form of AIGER."""
+    return _aig(of, "")
+
+
 def _text(lines: Iterable[str]) -> bytes:
     return "".join(f"{line}\n" for line in lines).encode()
 

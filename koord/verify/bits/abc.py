@@ -1,0 +1,97 @@
+"""abc's PDR in the place of IC3 here, where it is installed. What it finds is asked again."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from koord.verify.bits.exporting import Machine, aiger_of
+from koord.verify.bits.graph import FALSE, Graph
+from koord.verify.bits.pdr import Cube, Invariant, Question, Reached, Unfinished
+from koord.verify.bits.transition import Latch
+from koord.verify.solving import Deadline
+
+#: What Debian calls it, and what it calls itself.
+NAMES = ("berkeley-abc", "abc")
+
+_ASSERTED = re.compile(r"was asserted in frame (\d+)")
+
+
+def installed() -> str | None:
+    """The program, if there is one."""
+    return next(filter(None, map(shutil.which, NAMES)), None)
+
+
+def searched(g: Graph, question: Question, deadline: Deadline) -> Invariant | Reached | Unfinished:
+    """What abc says of a question: an invariant as it says, or in which round it fails."""
+    program = installed()
+    assert program is not None, "whoever asks has looked"
+    if deadline.passed():
+        return Unfinished(0)
+    with TemporaryDirectory() as folder:
+        problem, invariant = Path(folder) / "problem.aig", Path(folder) / "invariant.pla"
+        problem.write_bytes(aiger_of(_machine(g, question)))
+        command = f"read {problem}; pdr -d -I {invariant}"
+        try:
+            done = subprocess.run(
+                [program, "-q", command],
+                capture_output=True,
+                text=True,
+                timeout=deadline.left_s(),
+                check=False,
+                cwd=folder,
+            )
+        except subprocess.TimeoutExpired:
+            return Unfinished(0)
+        asserted = _ASSERTED.search(done.stdout)
+        if asserted is not None:
+            # The first step is INIT.
+            return Reached(max(1, int(asserted[1])))
+        if "Property proved" not in done.stdout:
+            return Unfinished(0)
+        text = invariant.read_text(encoding="utf-8") if invariant.exists() else ""
+    return Invariant(tuple(sorted(_cubes(text, len(question.latches)))), 0)
+
+
+def _machine(g: Graph, question: Question) -> Machine:
+    """The question as a machine whose latches start false: INIT is its first step."""
+    begun, valid = g.input("begun"), g.input("valid")
+    step = g.all_of([valid, question.steps, *question.given])
+    latches = [
+        Latch("begun", begun, FALSE, FALSE ^ 1),
+        Latch("valid", valid, FALSE, g.choose(begun, step, question.opens)),
+    ]
+    for k, latch in enumerate(question.latches):
+        latches.append(
+            Latch(f"l{k}", latch.literal, FALSE, g.choose(begun, latch.next, latch.init))
+        )
+    bad = g.all_of([begun, valid, question.bad, *question.given])
+    own = {latch.literal >> 1 for latch in latches}
+    roots = [*(latch.next for latch in latches), bad]
+    inputs = tuple(2 * n for n in g.cone(roots) if g.is_input(n) and n not in own)
+    return Machine(g, inputs, tuple(latches), (("bad", bad),))
+
+
+def _cubes(text: str, latches: int) -> Iterator[Cube]:
+    """The states that an invariant leaves out, of those that are reached by legal steps."""
+    names: list[str] = []
+    for line in text.splitlines():
+        if line.startswith(".ilb"):
+            names = line.split()[1:]
+        row = line.split()
+        if len(row) != 2 or row[1] != "1" or set(row[0]) - {"0", "1", "-"}:
+            continue
+        said = dict(zip(names, row[0], strict=True))
+        if said.pop("begun", "-") == "0" or said.pop("valid", "-") == "0":
+            continue
+        cube = [
+            int(name[1:]) + 1 if value == "1" else -(int(name[1:]) + 1)
+            for name, value in said.items()
+            if value != "-"
+        ]
+        assert all(0 < abs(x) <= latches for x in cube)
+        yield tuple(sorted(cube))
