@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import repeat
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,11 +20,9 @@ from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.planning import PlannerName
 from koord.runtime.motion.world import Point, World
-from koord.sim.kinds import Kind, Level
+from koord.sim.ground import Ground
+from koord.sim.kinds import Kind
 from koord.sim.squads import STEP_S, STEPS, IdealSquad, Squad, squad
-
-if TYPE_CHECKING:
-    from koord.sim.vehicles.physics import Arena
 
 #: A tick of control.
 TICK_S = STEP_S * STEPS
@@ -65,7 +63,7 @@ class Fleet:
         self.world, self.robots, self.ticks = world, tuple(robots), 0
         self._only = only
         seeds = np.random.SeedSequence(seed).spawn(len(robots))
-        arena = _arena(world, robots)
+        ground = Ground(world)
         self._squads: list[tuple[Squad, Floats]] = []
         self._where: list[tuple[int, int]] = [(0, 0)] * len(robots)
         for kind in dict.fromkeys(robot.kind for robot in robots):
@@ -80,7 +78,7 @@ class Fleet:
             if isinstance(kind.body, Car):
                 start[:, 2] = world.ground
             heading = np.array([robots[k].heading_rad for k in members], dtype=np.float64)
-            made = squad(kind, world, start, heading, [seeds[k] for k in members], arena)
+            made = squad(kind, world, start, heading, [seeds[k] for k in members], ground)
             self._squads.append((made, np.array(members)))
 
     # --- time -----------------------------------------------------------------------------------
@@ -204,12 +202,3 @@ class Fleet:
         for members, numbers in self._squads:
             found[numbers] = read(members)
         return found
-
-
-def _arena(world: World, robots: Sequence[Placed]) -> Arena | None:
-    """What vehicles share that MuJoCo moves, if there are any. Raises KoordError without it."""
-    if all(robot.kind.level is not Level.MUJOCO for robot in robots):
-        return None
-    from koord.sim.vehicles.physics import Arena
-
-    return Arena(world)

@@ -6,7 +6,7 @@ its controller take a step, and its vehicle moves under the command in smaller s
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never
+from typing import Protocol, TypeAlias, assert_never
 
 import numpy as np
 
@@ -18,12 +18,10 @@ from koord.runtime.motion.group import Group
 from koord.runtime.motion.planning import planner
 from koord.runtime.motion.world import World
 from koord.sim.disturbances import Delay, Disturbances, Fixes, Gusts
+from koord.sim.ground import Ground
 from koord.sim.kinds import Kind, Level
 from koord.sim.vehicles.bicycles import Bicycles
 from koord.sim.vehicles.quadrotors import PointDrones, Quadrotors
-
-if TYPE_CHECKING:
-    from koord.sim.vehicles.physics import Arena
 
 Seed: TypeAlias = np.random.SeedSequence
 
@@ -67,11 +65,11 @@ def squad(
     start: Floats,
     heading_rad: Floats,
     seeds: list[Seed],
-    arena: Arena | None = None,
+    ground: Ground,
 ) -> Squad:
     """A squad at rest at positions ``(n, 3)``. Raises KoordError for libraries that are missing.
 
-    Those of the level ``mujoco`` share an arena.
+    All squads of a run are on one ground.
     """
     group = Group(
         len(start),
@@ -83,9 +81,9 @@ def squad(
     )
     match kind.body:
         case Car():
-            return CarSquad(kind, kind.body, group, start, heading_rad, seeds, arena)
+            return CarSquad(kind, kind.body, group, start, heading_rad, seeds, ground)
         case Drone():
-            return DroneSquad(kind, kind.body, group, start, heading_rad, seeds, arena)
+            return DroneSquad(kind, kind.body, group, start, heading_rad, seeds, ground)
         case Ideal():
             return IdealSquad(kind, group, start, heading_rad)
         case _:
@@ -103,10 +101,10 @@ class CarSquad:
         start: Floats,
         heading_rad: Floats,
         seeds: list[Seed],
-        arena: Arena | None,
+        ground: Ground,
     ) -> None:
         self.group = group
-        self.vehicles = _cars(kind.level, car, start, heading_rad, group.world, arena)
+        self.vehicles = _cars(kind.level, car, start, heading_rad, ground)
         predictive = kind.steering is Steering.PREDICTIVE
         self._every = _PREDICTIVE_TICKS if predictive else 1
         self.driving = Driving(group, kind.steering, Horizon(step_s=self._every * STEPS * STEP_S))
@@ -148,10 +146,10 @@ class DroneSquad:
         start: Floats,
         heading_rad: Floats,
         seeds: list[Seed],
-        arena: Arena | None,
+        ground: Ground,
     ) -> None:
         self.group = group
-        self.vehicles = _drones(kind.level, drone, start, group.world.ground, arena)
+        self.vehicles = _drones(kind.level, drone, start, ground)
         self.flying = Flying(group, start)
         noise, wind = _children(seeds)
         self._fixes = Fixes(kind.disturbances.positioning, noise, flat=False)
@@ -228,42 +226,36 @@ class Cars(Protocol):
         ...
 
 
-def _cars(
-    level: Level, car: Car, start: Floats, heading_rad: Floats, world: World, arena: Arena | None
-) -> Cars:
+def _cars(level: Level, car: Car, start: Floats, heading_rad: Floats, ground: Ground) -> Cars:
     match level:
         case Level.SIMPLE:
             return Bicycles(car, start, heading_rad)
         case Level.FULL | Level.FAST:
             from koord.sim.vehicles.contact import CollidingCars
 
-            return CollidingCars(car, start, heading_rad, world)
+            return CollidingCars(car, start, heading_rad, ground.floor)
         case Level.MUJOCO:
             from koord.sim.vehicles.physics import PhysicalCars
 
-            assert arena is not None
-            return PhysicalCars(car, start, heading_rad, arena)
+            return PhysicalCars(car, start, heading_rad, ground.arena)
         case _:
             assert_never(level)
 
 
-def _drones(
-    level: Level, drone: Drone, start: Floats, ground_m: float, arena: Arena | None
-) -> Quadrotors:
+def _drones(level: Level, drone: Drone, start: Floats, ground: Ground) -> Quadrotors:
     match level:
         case Level.SIMPLE:
-            return PointDrones(drone, start, ground_m)
+            return PointDrones(drone, start, ground.world.ground)
         case Level.FULL:
-            return Quadrotors(drone, start, ground_m)
+            return Quadrotors(drone, start, ground.world.ground)
         case Level.FAST:
             from koord.sim.vehicles.compiled import CompiledQuadrotors
 
-            return CompiledQuadrotors(drone, start, ground_m)
+            return CompiledQuadrotors(drone, start, ground.world.ground)
         case Level.MUJOCO:
             from koord.sim.vehicles.physics import PhysicalDrones
 
-            assert arena is not None
-            return PhysicalDrones(drone, start, arena)
+            return PhysicalDrones(drone, start, ground.arena)
         case _:
             assert_never(level)
 

@@ -105,6 +105,21 @@ def test_who_meets_nobody_moves_as_if_it_were_alone(level: Level) -> None:
         assert ways(k)[k] == together[k], robots[k]
 
 
+@pytest.mark.parametrize("level", [Level.FULL, Level.MUJOCO])
+def test_cars_of_different_devices_do_not_pass_through_one_another(level: Level) -> None:
+    if level is Level.MUJOCO:
+        pytest.importorskip("mujoco")
+    one = Kind(Car(), PlannerName.STRAIGHT, level)
+    other = Kind(replace(Car(), cruise_mps=0.6), PlannerName.STRAIGHT, level)
+    fleet = Fleet(World(), [Placed(one, (-1.5, 0, 0)), Placed(other, (1.5, 0, 0), math.pi)])
+    fleet.go_to(0, (2.5, 0, 0))
+    fleet.go_to(1, (-2.5, 0, 0))
+    apart: list[float] = []
+    fleet.advance_to(4.0, lambda f: apart.append(math.dist(*f.positions())))
+    # Nose to nose their positions are as far apart as their fronts are from them, twice.
+    assert min(apart) == pytest.approx(2 * (Car().middle_m + Car().length_m / 2), abs=0.03)
+
+
 def test_equal_seeds_make_equal_runs() -> None:
     rough = roughly(ROUGH)
     assert digest(rough, 1, 6.0) == digest(rough, 1, 6.0)

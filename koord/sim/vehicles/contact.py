@@ -41,48 +41,51 @@ _GRIP_MPS2 = 8.8
 _WALL_M = 0.05
 
 
-class CollidingCars(Bicycles):
-    """Cars with bodies, among obstacles and the walls around the world."""
+class Floor:
+    """Obstacles and the walls around a world, and all cars among them. Time passes for all of them
+    when all have been told what to do.
+    """
 
-    def __init__(self, car: Car, start: Floats, heading_rad: Floats, world: World) -> None:
-        super().__init__(car, start, heading_rad)
-        self._space = pymunk.Space()
-        self._space.iterations = 10
-        self._space.collision_slop = 0.001
-        self._inertia = car.mass_kg * (car.length_m**2 + car.width_m**2) / 12
-        self._numbers = {self._add_car(k): k for k in range(len(start))}
-        self._add_world(world)
+    def __init__(self, world: World) -> None:
+        self.space = pymunk.Space()
+        self.space.iterations = 10
+        self.space.collision_slop = 0.001
+        self._parts: list[tuple[CollidingCars, slice]] = []
+        self._told = 0
+        self._numbers: dict[int, int] = {}
         self._state, self._forces, self._arbiters = (batch.Buffer() for _ in range(3))
-        # pymunk lists the body of the world as well, behind the cars: no force acts on it.
-        self._force: Floats = np.zeros((len(start) + 1, 3))
+        self._force: Floats = np.zeros((1, 3))
+        self._add_world(world)
 
-    def advance(self, command: Floats, dt_s: float, steps: int) -> None:
-        """Go on for some steps with commanded speeds and steering angles, shape ``(n, 2)``."""
+    def join(self, cars: CollidingCars, bodies: list[int]) -> None:
+        """Cars, by the numbers of their bodies; there are no more when time begins to pass."""
+        first = len(self._numbers)
+        self._numbers |= {body: first + k for k, body in enumerate(bodies)}
+        self._parts.append((cars, slice(first, len(self._numbers))))
+        # pymunk lists the body of the world as well, behind the cars: no force acts on it.
+        self._force = np.zeros((len(self._numbers) + 1, 3))
+
+    def advance(self, dt_s: float, steps: int) -> None:
+        """Some cars know what to do in the next steps; with the last that do they are made."""
+        self._told += 1
+        if self._told < len(self._parts):
+            return
+        self._told = 0
         for _ in range(steps):
             state = self._read()
-            # What a collision has taken away is gone: the engine starts from the speed there is.
-            self.speed = self._speed(state)
-            self.actuate(command, dt_s)
-            turn = self.turning()
-            # The velocity that the wheels allow the middle of the car, where it points next.
-            cos, sin = np.cos(state[:, 2] + turn * dt_s), np.sin(state[:, 2] + turn * dt_s)
-            aside = turn * self.car.middle_m
-            gain_x = self.speed * cos - aside * sin - state[:, 3]
-            gain_y = self.speed * sin + aside * cos - state[:, 4]
-            size = np.hypot(gain_x, gain_y)
-            held = np.minimum(1.0, _GRIP_MPS2 * dt_s / np.maximum(size, 1e-12))
-            pull, force = held * (self.car.mass_kg / dt_s), self._force[: len(state)]
-            force[:, 0], force[:, 1] = pull * gain_x, pull * gain_y
-            force[:, 2] = held * (turn - state[:, 5]) * (self._inertia / dt_s)
+            for cars, rows in self._parts:
+                cars.push(state[rows], self._force[rows], dt_s)
             self._forces.set_float_buf(self._force)
-            batch.set_space_bodies(self._space, _WRITE, self._forces)
-            self._space.step(dt_s)
-        self._show(self._read())
+            batch.set_space_bodies(self.space, _WRITE, self._forces)
+            self.space.step(dt_s)
+        state = self._read()
+        for cars, rows in self._parts:
+            cars.show(state[rows])
 
     def contacts(self) -> list[tuple[int, int]]:
-        """The pairs of cars that touch; -1 is the world. Sorted."""
+        """The pairs of cars that touch, as they have joined; -1 is the world. Sorted."""
         self._arbiters.clear()
-        batch.get_space_arbiters(self._space, _PAIRS, self._arbiters)
+        batch.get_space_arbiters(self.space, _PAIRS, self._arbiters)
         ids = np.frombuffer(self._arbiters.int_buf(), dtype=np.uintp).reshape(-1, 2)
         number = self._numbers
         pairs = ((number.get(int(a), -1), number.get(int(b), -1)) for a, b in ids)
@@ -90,11 +93,62 @@ class CollidingCars(Bicycles):
 
     def _read(self) -> Floats:
         self._state.clear()
-        batch.get_space_bodies(self._space, _READ, self._state)
-        state = np.frombuffer(self._state.float_buf(), dtype=np.float64).reshape(-1, 6)
-        return state[: len(self.speed)]
+        batch.get_space_bodies(self.space, _READ, self._state)
+        return np.frombuffer(self._state.float_buf(), dtype=np.float64).reshape(-1, 6)
 
-    def _show(self, state: Floats) -> None:
+    def _add_world(self, world: World) -> None:
+        (x0, y0, _), (x1, y1, _) = world.low, world.high
+        corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+        ground = self.space.static_body
+        shapes: list[pymunk.Shape] = [
+            pymunk.Segment(ground, a, b, _WALL_M)
+            for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
+        ]
+        for obstacle in world.obstacles:
+            if obstacle.low_z < world.ground + GROUND_ROBOT_M and obstacle.high_z > world.ground:
+                shapes += _solid(obstacle, ground)
+        for shape in shapes:
+            shape.friction, shape.elasticity = 0.4, 0.1
+        self.space.add(*shapes)
+
+
+class CollidingCars(Bicycles):
+    """Cars with bodies, of one kind, on a floor that they may share with others."""
+
+    def __init__(self, car: Car, start: Floats, heading_rad: Floats, floor: Floor) -> None:
+        super().__init__(car, start, heading_rad)
+        self._floor = floor
+        self._command: Floats = np.zeros((len(start), 2))
+        self._inertia = car.mass_kg * (car.length_m**2 + car.width_m**2) / 12
+        floor.join(self, [self._add_car(floor.space, k) for k in range(len(start))])
+
+    def advance(self, command: Floats, dt_s: float, steps: int) -> None:
+        """Go on for some steps with commanded speeds and steering angles, shape ``(n, 2)``."""
+        self._command = command
+        self._floor.advance(dt_s, steps)
+
+    def push(self, state: Floats, force: Floats, dt_s: float) -> None:
+        """The forces of engine and tyres for the next step, into an array ``(n, 3)``.
+
+        ``state`` has positions, angles, velocities and rates of the bodies: ``(n, 6)``.
+        """
+        # What a collision has taken away is gone: the engine starts from the speed there is.
+        self.speed = self._speed(state)
+        self.actuate(self._command, dt_s)
+        turn = self.turning()
+        # The velocity that the wheels allow the middle of the car, where it points next.
+        cos, sin = np.cos(state[:, 2] + turn * dt_s), np.sin(state[:, 2] + turn * dt_s)
+        aside = turn * self.car.middle_m
+        gain_x = self.speed * cos - aside * sin - state[:, 3]
+        gain_y = self.speed * sin + aside * cos - state[:, 4]
+        size = np.hypot(gain_x, gain_y)
+        held = np.minimum(1.0, _GRIP_MPS2 * dt_s / np.maximum(size, 1e-12))
+        pull = held * (self.car.mass_kg / dt_s)
+        force[:, 0], force[:, 1] = pull * gain_x, pull * gain_y
+        force[:, 2] = held * (turn - state[:, 5]) * (self._inertia / dt_s)
+
+    def show(self, state: Floats) -> None:
+        """Where the bodies are now."""
         self.position[:, 0] = state[:, 0] - self.car.middle_m * np.cos(state[:, 2])
         self.position[:, 1] = state[:, 1] - self.car.middle_m * np.sin(state[:, 2])
         self.heading = (state[:, 2] + np.pi) % (2 * np.pi) - np.pi
@@ -105,7 +159,7 @@ class CollidingCars(Bicycles):
         ahead: Floats = np.cos(state[:, 2]) * state[:, 3] + np.sin(state[:, 2]) * state[:, 4]
         return ahead
 
-    def _add_car(self, number: int) -> int:
+    def _add_car(self, space: pymunk.Space, number: int) -> int:
         body = pymunk.Body(self.car.mass_kg, self._inertia)
         x, y, _ = self.position[number].tolist()
         body.angle = heading = float(self.heading[number])
@@ -113,23 +167,8 @@ class CollidingCars(Bicycles):
         body.position = (x + ahead * math.cos(heading), y + ahead * math.sin(heading))
         shape = pymunk.Poly.create_box(body, (self.car.length_m, self.car.width_m))
         shape.friction, shape.elasticity = 0.4, 0.1
-        self._space.add(body, shape)
+        space.add(body, shape)
         return body.id
-
-    def _add_world(self, world: World) -> None:
-        (x0, y0, _), (x1, y1, _) = world.low, world.high
-        corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-        ground = self._space.static_body
-        shapes: list[pymunk.Shape] = [
-            pymunk.Segment(ground, a, b, _WALL_M)
-            for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
-        ]
-        for obstacle in world.obstacles:
-            if obstacle.low_z < world.ground + GROUND_ROBOT_M and obstacle.high_z > world.ground:
-                shapes += _solid(obstacle, ground)
-        for shape in shapes:
-            shape.friction, shape.elasticity = 0.4, 0.1
-        self._space.add(*shapes)
 
 
 def _solid(obstacle: Obstacle, ground: pymunk.Body) -> list[pymunk.Shape]:
