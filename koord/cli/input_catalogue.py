@@ -220,6 +220,16 @@ INPUT_CATALOGUE = dict(
             "`pip install 'koord[recheck]'`.",
         ),
         _entry(
+            "K943",
+            "a program cannot be written in TLA+",
+            "`koord verify --export tla` writes programs whose data are Booleans, integers, "
+            "enumerations, records and arrays, and whose robots have no vehicle: what modules, "
+            "external functions and `choose` leave open, floats, strings, and lists whose length "
+            "changes are not translated, nor is what starts unset or arbitrary.\n\n"
+            "The place is where the first such thing stands. `--export aiger`, `vmt` and `smt2` "
+            "take every program that is finite.",
+        ),
+        _entry(
             "K950",
             "a library is not installed",
             "Vehicles, planners and controllers rest on libraries that koord does not install "

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from random import Random
 
-from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.profiles import FINITE, Profile
 from koord.refinement.generating.programs import system
 from koord.semantics.configurations import System
 from koord.syntax import core
@@ -21,14 +21,14 @@ from koord.syntax.types import BOOL, INT
 STAGES = 4
 
 #: Nothing faults before the stages have passed, and no event must run.
-_STEADY = replace(
+STEADY = replace(
     FINITE, robots=(2, 2), faulty=0.0, unset=0.0, urgent=0.0, statements=(1, 2), nesting=1
 )
 
 
-def staged(random: Random) -> System:
+def staged(random: Random, profile: Profile = STEADY) -> System:
     """A random system in stages."""
-    made = system(random, _STEADY)
+    made = system(random, profile)
     program = made.program
     stage = core.Variable(Home.ALLWRITE, len(program.allwrite), "stage", INT)
     lock = core.LockClass(len(program.lock_classes), ("stage",))

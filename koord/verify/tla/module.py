@@ -1,0 +1,294 @@
+"""A program with its robots as a TLA+ module: INIT, one robot's turn at a time, the round's end.
+
+``snap`` is what all robots have for copies until the round is over [REFRESH]; ``moved`` are those
+that had their turn, ``taken`` the lock classes that are entered.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import count
+
+from koord.semantics.configurations import System
+from koord.syntax import core
+from koord.syntax.core import Home, PropertyKind, Start
+from koord.syntax.types import INT, ArrayType, ListType, RecordType, Type
+from koord.syntax.walk import nodes, reached, written
+from koord.verify.tla.expressions import Scope, check_type, function_name, name_of, refused, text
+from koord.verify.tla.statements import Writer
+
+_ALL = "<<loc, store, snap, status, ran, moved, taken>>"
+
+#: Names that the module itself uses.
+_OWN = re.compile(
+    "[aikmqv][0-9]*|[bn]|loc|store|snap|status|ran|moved|taken|Robots|None|Unbound|Least|Greatest|"
+    "Within|Memory|View|Stopping|Over|Took|Skip|Turn|Environment|Next|Init|Spec|Begun|Kind|Obliged|"
+    "Event|Started[0-9]*|(pre|eff|fun)_.*|self|index|last|old|new|then|before|st|event|memory|"
+    "Int|Nat|Cardinality|IsFiniteSet|Print|PrintT|Assert|JavaTime|TLC.*|Permutations|SortSeq|"
+    "RandomElement|Any|ToString"
+)
+
+#: A robot's turn, whatever its events are. [EVENT-TRANS] [END-EVENT] [END-PROG]
+_TURNS = r"""
+Least(a, b) == IF a < b THEN a ELSE b
+Greatest(a, b) == IF a < b THEN b ELSE a
+Within(index, last) ==
+    IF index \in 0..last THEN index ELSE Assert(FALSE, "an index is out of range")
+
+Memory(self) ==
+    [l |-> loc[self], c |-> snap, s |-> store, b |-> Unbound, k |-> {}, st |-> "running",
+     f |-> "next", v |-> 0]
+View ==
+    [l |-> <<>>, c |-> store, s |-> store, b |-> Unbound, k |-> {}, st |-> "running",
+     f |-> "next", v |-> 0]
+
+Stopping(old, new) ==
+    IF "stopped" \in {old, new} THEN "stopped" ELSE IF "asked" \in {old, new} THEN "asked" ELSE old
+
+Over(self, st, event) ==
+    LET then == [status EXCEPT ![self] = Stopping(@, st)]
+        before == IF moved = {} THEN [i \in Robots |-> None] ELSE ran
+    IN  /\ moved' = moved \cup {self}
+        /\ ran' = [before EXCEPT ![self] = event]
+        /\ status' = IF moved' = Robots /\ \A i \in Robots: then[i] # "running"
+                     THEN [i \in Robots |-> "stopped"] ELSE then
+        /\ UNCHANGED snap
+
+Took(self, m, event) ==
+    /\ m.k \cap taken = {}
+    /\ loc' = [loc EXCEPT ![self] = m.l]
+    /\ store' = m.s
+    /\ taken' = taken \cup m.k
+    /\ Over(self, m.st, event)
+""".strip()
+
+#: What is made of the events. [SELECT] [SKIP] [REFRESH] [ENV-TRANS]
+_ROUNDS = r"""
+Skip(self) ==
+    /\ status[self] = "stopped" \/ ~Obliged(self)
+    /\ UNCHANGED <<loc, store, taken>>
+    /\ Over(self, "running", None)
+
+Turn(self) == self \notin moved /\ (Skip(self) \/ Event(self))
+
+Environment ==
+    /\ moved = Robots
+    /\ snap' = store
+    /\ moved' = {}
+    /\ taken' = {}
+    /\ UNCHANGED <<loc, store, status, ran>>
+
+Next == Environment \/ \E self \in Robots: Turn(self)
+""".strip()
+
+
+def module(system: System, name: str, names: tuple[str, ...], comment: str) -> Iterator[str]:
+    """The lines of a module. Raises KoordError for what it cannot say.
+
+    ``names`` are the properties that are wanted; none means all. Liveness is left out.
+    """
+    program = system.program
+    _check(program)
+    writer = Writer(_longest(system))
+    stated = [
+        p
+        for p in program.properties
+        if p.kind in (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
+        and (not names or p.name in names)
+    ]
+    here = Scope(program, system.kinds, "View", "")
+    yield f"{'-' * 20} MODULE {name} {'-' * 20}"
+    yield f"\\* {comment}"
+    yield "\\*"
+    yield f"\\* TLC: java -cp tla2tools.jar tlc2.TLC -deadlock -config {name}.cfg {name}.tla"
+    yield f"\\* In {name}.cfg:"
+    yield "\\*   INIT Init"
+    yield "\\*   NEXT Next"
+    yield from (f"\\*   INVARIANT {invariant_name(p.name)}" for p in stated)
+    yield "\\* A fault (an index out of range, a division by zero) is an error of TLC's evaluation."
+    yield "EXTENDS Integers, FiniteSets, TLC"
+    yield "VARIABLES loc, store, snap, status, ran, moved, taken"
+    yield f"Robots == 0..{system.robots - 1}"
+    yield "None == <<>>"
+    yield f"Unbound == [k \\in 0..{_bounds(program)} |-> 0]"
+    yield _TURNS
+    yield from _functions(program, Scope(program, system.kinds, "m", "self"), writer)
+    yield from _events(system, writer)
+    yield _ROUNDS
+    yield from _init(system, writer)
+    for p in stated:
+        holds = text(p.condition, here)
+        holds = f"(moved = {{}} => {holds})" if p.kind is PropertyKind.AT_ROUND else holds
+        yield f"{invariant_name(p.name)} == {holds}"
+    yield f"Spec == Init /\\ [][Next]_{_ALL}"
+    yield "=" * 60
+
+
+def invariant_name(name: str) -> str:
+    """The operator that stands for a property: its name, where the module does not use that."""
+    return f"{name}_" if _OWN.fullmatch(name) else name_of(name)
+
+
+def _check(program: core.Program) -> None:
+    for agent in program.agents:
+        for module_ in agent.modules:
+            raise refused(f"the module {module_.name}", module_.span, "leave modules out")
+        for place in (p for node in nodes(agent.init) for p in written(node)):
+            if place.variable.home is Home.ALLWRITE:
+                hint = "give it an initial value where it is declared"
+                raise refused("an allwrite variable that INIT writes", place.span, hint)
+    for entry in _declarations(program):
+        check_type(entry.variable.type, entry.span)
+        if any(isinstance(t, ListType) for t in _within(entry.variable.type)):
+            raise refused("a list that is kept", entry.span, "use an array: its length is known")
+        if isinstance(entry.initial, Start):
+            what = f"{entry.variable.name}, which starts {entry.initial.name.lower()},"
+            raise refused(what, entry.span, "give it an initial value")
+    starting = [e.initial for e in _declarations(program)] + [a.init for a in program.agents]
+    for node in (n for part in starting for n in reached(program, part)):
+        # Until INIT is over, entries of other robots are unset.
+        if isinstance(node, core.Read) and node.place.variable.home is Home.ALLREAD:
+            raise refused("a shared array that INIT reads", node.span, "read it in an event")
+
+
+def _declarations(program: core.Program) -> list[core.Declaration]:
+    own = [entry for agent in program.agents for entry in agent.locals]
+    return [*program.allwrite, *program.allread, *own]
+
+
+def _within(type_: Type) -> Iterator[Type]:
+    yield type_
+    match type_:
+        case ArrayType(element=element) | ListType(element=element):
+            yield from _within(element)
+        case RecordType(fields=fields):
+            for _, of in fields:
+                yield from _within(of)
+        case _:
+            return
+
+
+def _longest(system: System) -> int:
+    """The most elements that any array has."""
+    types = [t for e in _declarations(system.program) for t in _within(e.variable.type)]
+    sizes = [t.size for t in types if isinstance(t, ArrayType) and isinstance(t.size, int)]
+    return max([system.robots, *sizes])
+
+
+def _bounds(program: core.Program) -> int:
+    agents = [x for a in program.agents for x in (a.init_bound, *(e.bound for e in a.events))]
+    return max([*agents, *(f.bound for f in program.functions), 0])
+
+
+def _functions(program: core.Program, of: Scope, writer: Writer) -> Iterator[str]:
+    """The functions that something here calls, those first that others call."""
+    agents = tuple((a.init, a.events) for a in program.agents)
+    stated = tuple(p.condition for p in program.properties)
+    starting = tuple(entry.initial for entry in _declarations(program))
+    assumed = tuple(a.condition for a in program.assumptions)
+    whole = (*agents, *stated, *assumed, *starting)
+    called = {n.function for n in reached(program, whole) if isinstance(n, core.Call)}
+    for function in program.functions:
+        if function.name not in called:
+            continue
+        parameters = [f"a{p.slot}" for p in function.parameters]
+        given = "".join(f", !.b[{p.slot}] = a{p.slot}" for p in function.parameters)
+        start = f'm == [memory EXCEPT !.f = "next"{given}]'
+        head = "".join(f", {parameter}" for parameter in parameters)
+        yield f"{function_name(function.name)}(memory, self{head}) =="
+        yield f"    LET {start} IN {writer.block(function.body, of)}.v"
+
+
+def _events(system: System, writer: Writer) -> Iterator[str]:
+    program = system.program
+    of = Scope(program, system.kinds, "m", "self")
+    choices, duties = [], []
+    for kind, agent in enumerate(program.agents):
+        robots = f"{{{', '.join(str(i) for i, k in enumerate(system.kinds) if k == kind)}}}"
+        for position, event in enumerate(agent.events):
+            name = f"{agent.name}_{event.name}" if len(program.agents) > 1 else event.name
+            yield f"pre_{name}(self) == LET m == Memory(self) IN {text(event.guard, of)}"
+            yield f"eff_{name}(self) == LET m == Memory(self) IN {writer.block(event.effect, of)}"
+            choices.append(
+                f'self \\in {robots} /\\ status[self] # "stopped" /\\ pre_{name}(self)'
+                f" /\\ Took(self, eff_{name}(self), <<{kind}, {position}>>)"
+            )
+            if event.urgent:
+                classes = f"{{{', '.join(map(str, sorted(event.lock_classes)))}}}"
+                free = f"{classes} \\cap taken = {{}}"
+                duties.append(f"self \\in {robots} /\\ {free} /\\ pre_{name}(self)")
+    yield "Obliged(self) == " + (" \\/ ".join(f"({x})" for x in duties) or "FALSE")
+    yield "Event(self) ==" + "".join(f"\n    \\/ {choice}" for choice in choices)
+
+
+def _init(system: System, writer: Writer) -> Iterator[str]:
+    """[INIT]"""
+    program = system.program
+    empty = ", ".join(f"{name_of(e.variable.name)} |-> 0" for e in program.allwrite)
+    own = [f"{name_of(e.variable.name)} |-> [i \\in Robots |-> 0]" for e in program.allread]
+    shared = ", ".join([*([empty] if empty else []), *own])
+    blank = f"[{shared}]" if shared else "<<>>"
+    of = Scope(program, system.kinds, "m", "self")
+    start = (
+        f'[l |-> <<>>, c |-> {blank}, s |-> {blank}, b |-> Unbound, k |-> {{}}, st |-> "running", '
+        'f |-> "next", v |-> 0]'
+    )
+    assigns = [(e, _place(e.variable)) for e in program.allwrite]
+    yield f"Begun == LET m == {start} IN {_begun(assigns, of, writer)}"
+    cases = []
+    for kind, agent in enumerate(program.agents):
+        fields = ", ".join(f"{name_of(e.variable.name)} |-> 0" for e in agent.locals)
+        memory = f"[Begun EXCEPT !.l = {f'[{fields}]' if fields else '<<>>'}]"
+        assigns = [(e, _place(e.variable)) for e in agent.locals]
+        assigns += [(e, _own(e.variable)) for e in program.allread]
+        begun = _begun(assigns, of, writer)
+        after = writer.block(agent.init, of.at("n"))
+        yield f"Started{kind}(self) == LET m == {memory} IN LET n == {begun} IN {after}"
+        cases.append((kind, f"Started{kind}(self)"))
+    yield f"Kind == [self \\in Robots |-> {_by_robot(list(map(str, system.kinds)))}]"
+    chosen = "".join(f"IF Kind[self] = {kind} THEN {e} ELSE " for kind, e in cases[:-1])
+    yield f"Started(self) == {chosen}{cases[-1][1]}"
+    entries = "".join(
+        f", !.{name_of(e.variable.name)} = "
+        f"[i \\in Robots |-> Started(i).s.{name_of(e.variable.name)}[i]]"
+        for e in program.allread
+    )
+    yield "Init =="
+    yield "    /\\ loc = [i \\in Robots |-> Started(i).l]"
+    yield f"    /\\ store = {f'[Begun.s EXCEPT {entries[2:]}]' if entries else 'Begun.s'}"
+    yield "    /\\ snap = store"
+    yield "    /\\ status = [i \\in Robots |-> Started(i).st]"
+    yield "    /\\ ran = [i \\in Robots |-> None]"
+    yield "    /\\ moved = {} /\\ taken = {}"
+    for assumption in program.assumptions:
+        holds = text(assumption.condition, Scope(program, system.kinds, "View", ""))
+        yield f"    /\\ {holds}"
+
+
+def _begun(assigns: list[tuple[core.Declaration, core.Place]], of: Scope, writer: Writer) -> str:
+    """The memory after variables got their first values, in order."""
+    memory, steps = "m", []
+    names = count()
+    for entry, place in assigns:
+        assert not isinstance(entry.initial, Start)
+        name = f"i{next(names)}"
+        here = of.at(memory)
+        steps.append(f"{name} == {writer.assigned(place, text(entry.initial, here), here)}")
+        memory = name
+    return f"(LET {' '.join(steps)} IN {memory})" if steps else memory
+
+
+def _place(variable: core.Variable) -> core.Place:
+    return core.Place(variable)
+
+
+def _own(variable: core.Variable) -> core.Place:
+    """A robot's own entry of an allread variable."""
+    assert isinstance(variable.type, ArrayType)
+    return core.Place(variable, (core.IndexStep(core.Pid(INT), variable.type.element),))
+
+
+def _by_robot(values: list[str]) -> str:
+    chosen = "".join(f"IF self = {n} THEN {value} ELSE " for n, value in enumerate(values[:-1]))
+    return chosen + values[-1]
