@@ -12,6 +12,8 @@ from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import execute
 from koord.semantics.traces.recording import Recording
 from koord.syntax import core
+from koord.syntax.load import load
+from koord.syntax.source import Source
 from koord.verify.bmc import Bounded
 from koord.verify.claims import Claim, Phase, claims_of
 from koord.verify.induction import prove
@@ -39,6 +41,13 @@ class Checked:
     def last(self, name: str) -> Configuration[Constant]:
         """The configuration in which a counterexample ends."""
         return list(execute(EXACT, self.system, self.violated[name].recording))[-1].configuration
+
+
+def of_text(text: str, robots: int = 2, delta: Fraction = Fraction(1)) -> System:
+    """The system of a text without mistakes."""
+    loaded = load(Source("test.krd", text))
+    assert loaded.program is not None, [str(d.message) for d in loaded.diagnostics]
+    return dealt(loaded.program, robots, delta)
 
 
 def system_of(program: core.Program | System, robots: int = 2) -> System:

@@ -12,31 +12,24 @@ from pathlib import Path
 
 import pytest
 
-from koord.semantics.configurations import Configuration, System, dealt
+from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import RecordedInputs, execute
 from koord.semantics.rounds import evolved
 from koord.semantics.traces.recording import Recording
 from koord.semantics.turns import holds_in
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.verify.claims import claims_of
 from koord.verify.instants import Shadowed, instant_of, shadowed, verified
 from koord.verify.portfolio import Choice, verify
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Outcome, Verdict
+from tests.verify.asking import of_text
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
 
-def system_of(text: str, robots: int = 2, delta: Fraction = Fraction(1)) -> System:
-    loaded = load(Source("test.krd", text))
-    assert loaded.program is not None, loaded.diagnostics
-    return dealt(loaded.program, robots, delta)
-
-
 def shadows_of(text: str, robots: int = 2, delta: Fraction = Fraction(1)) -> Shadowed:
-    return shadowed(system_of(text, robots, delta), Deadline())
+    return shadowed(of_text(text, robots, delta), Deadline())
 
 
 def asked(shadows: Shadowed, choice: Choice = Choice.AUTO) -> dict[str, Verdict]:
@@ -101,7 +94,7 @@ def test_robots_that_are_apart_at_the_ends_meet_in_between() -> None:
         .replace("return 2.0", "return 4.0")
         .replace("return -2.0", "return -4.0")
     )
-    program = system_of(text)
+    program = of_text(text)
     report = verify(program, Bounds(1, 60, 1), Choice.BMC, names=["Apart"])
     assert [v.outcome for v in report.verdicts] == [Outcome.HOLDS]
     shadows, verdict = violated(text, "Apart between rounds")

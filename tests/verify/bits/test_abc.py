@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
 from koord.cli import main as frame
 from koord.cli.exits import Exit
-from koord.semantics.configurations import dealt
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.verify.bits import abc
 from koord.verify.bits.pdr import Invariant
 from koord.verify.portfolio import Choice, verify
 from koord.verify.verdicts import Bounds, Engine, Outcome, Verdict
+from tests.verify.asking import of_text
 
 needs_abc = pytest.mark.skipif(
     abc.installed() is None, reason="abc is not installed (Debian: apt-get install berkeley-abc)"
@@ -37,9 +34,7 @@ invariant Even: x != 4
 
 
 def asked(rounds: int = 2) -> dict[str, Verdict]:
-    loaded = load(Source("test.krd", STEPS))
-    assert loaded.program is not None
-    report = verify(dealt(loaded.program, 2, Fraction(1)), Bounds(rounds, 60), Choice.ABC)
+    report = verify(of_text(STEPS), Bounds(rounds, 60), Choice.ABC)
     return {verdict.claim.name: verdict for verdict in report.verdicts}
 
 

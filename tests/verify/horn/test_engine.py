@@ -7,20 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from koord.semantics.configurations import System, dealt
-from koord.syntax.load import load
-from koord.syntax.source import Source
+from koord.semantics.configurations import System
 from koord.verify.horn.clauses import Clauses, Reached, Safe
 from koord.verify.portfolio import Choice, verify
 from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+from tests.verify.asking import of_text
 
 EXAMPLES = Path(__file__).parents[3] / "specs" / "examples"
-
-
-def of_text(text: str, robots: int = 2, delta: int = 1) -> System:
-    loaded = load(Source("test.krd", text))
-    assert loaded.program is not None, [str(d.message) for d in loaded.diagnostics]
-    return dealt(loaded.program, robots, Fraction(delta))
 
 
 def asked(system: System, rounds: int = 3, *names: str) -> dict[str, Verdict]:
@@ -47,7 +40,7 @@ def test_timing_excludes_without_any_lemma() -> None:
 
 def test_what_breaks_late_is_found_whatever_the_bound() -> None:
     text = (EXAMPLES / "broken" / "sats_report_for_ever.krd").read_text(encoding="utf-8")
-    verdict = asked(of_text(text, 2, 50), 4, "Separation")["Separation"]
+    verdict = asked(of_text(text, 2, Fraction(50)), 4, "Separation")["Separation"]
     assert verdict.outcome is Outcome.VIOLATED
     assert verdict.counterexample is not None
     assert verdict.counterexample.round == 11
@@ -147,7 +140,7 @@ def test_no_run_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_it_is_asked_before_rounds_are_unrolled_for_long() -> None:
     text = (EXAMPLES / "broken" / "sats_report_for_ever.krd").read_text(encoding="utf-8")
-    report = verify(of_text(text, 2, 50), Bounds(4, 60))
+    report = verify(of_text(text, 2, Fraction(50)), Bounds(4, 60))
     engines = {v.claim.name: v.engine for v in report.verdicts}
     assert engines["Separation"] is Engine.SPACER
     assert engines["Runway"] is Engine.SPACER
