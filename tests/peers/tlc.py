@@ -50,7 +50,12 @@ def run(lines: Sequence[str], folder: Path, seconds: float = 60.0) -> Told:
     (folder / "Asked.tla").write_text("\n".join([*lines, ""]), "utf-8")
     marked = [line.removeprefix("\\*   ") for line in lines if line.startswith("\\*   ")]
     (folder / "Asked.cfg").write_text("\n".join([*marked, ""]), "utf-8")
-    options = ["-XX:+UseSerialGC", "-XX:TieredStopAtLevel=1", f"-Djava.io.tmpdir={folder}"]
+    options = [
+        "-Xmx500m",
+        "-XX:+UseSerialGC",
+        "-XX:TieredStopAtLevel=1",
+        f"-Djava.io.tmpdir={folder}",
+    ]
     command = ["java", *options, "-cp", str(archive()), "tlc2.TLC", "-workers", "1", "-deadlock"]
     done = subprocess.run(
         [*command, "-metadir", str(folder), "-config", "Asked.cfg", "Asked.tla"],
@@ -60,9 +65,9 @@ def run(lines: Sequence[str], folder: Path, seconds: float = 60.0) -> Told:
         timeout=seconds,
         check=False,
     )
-    said = done.stdout
+    said = done.stdout + done.stderr
     states = re.search(r"(\d+) distinct states found", said)
-    broken = re.search(r"Invariant (\w+) is violated", said)
+    broken = re.search(r"[Ii]nvariant (?:of )?(\w+) is (?:violated|equal to FALSE)", said)
     if broken is not None:
         return Told(broken[1])
     # An assumption that no start meets leaves TLC without states, which it calls an error.

@@ -111,7 +111,8 @@ def module(system: System, name: str, names: tuple[str, ...], comment: str) -> I
     yield "VARIABLES loc, store, snap, status, ran, moved, taken"
     yield f"Robots == 0..{system.robots - 1}"
     yield "None == <<>>"
-    yield f"Unbound == [k \\in 0..{_bounds(program)} |-> 0]"
+    # No operator takes None with a number, a Boolean or a string: what is unset is an error.
+    yield f"Unbound == [k \\in 0..{_bounds(program)} |-> None]"
     yield _TURNS
     yield from _functions(program, Scope(program, system.kinds, "m", "self"), writer)
     yield from _events(system, writer)
