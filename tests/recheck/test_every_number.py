@@ -14,11 +14,14 @@ from koord.cli.main import main
 from koord.recheck.checking import Outcome
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
+from koord.semantics.configurations import dealt
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.search.engine import survey
 from koord.semantics.search.findings import Subject
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
+from koord.syntax.load import load
+from koord.syntax.source import Source
 from koord.verify.claims import claims_of
 from tests.recheck.certificates import Document, conjunct, document_of, rechecked, with_text
 from tests.recheck.proving import confirmed, settled_for_everyone
@@ -206,13 +209,129 @@ def compared(first: int, last: int) -> Counter[str]:
 
 
 def test_nothing_is_confirmed_for_every_number_that_a_search_breaks() -> None:
-    count = compared(0, 80)
-    assert count["systems"] >= 20
-    assert count["broken"] >= 30
-    assert count["confirmed"] >= 40
+    count = compared(0, 60)
+    assert count["systems"] >= 15
+    assert count["broken"] >= 20
+    assert count["confirmed"] >= 30
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("block", range(5))
 def test_nothing_is_confirmed_that_a_search_breaks_in_many(block: int) -> None:
     assert compared(120 + 300 * block, 420 + 300 * block)["systems"] >= 50
+
+
+# --- what is not so for any number ---------------------------------------------------------------
+
+NOT_SO = {
+    "a flag that a trip clears": """\
+allread:
+    bool[] up = false
+
+def fun none(bool[] x) -> bool:
+    bool clear = true
+    for k = 0, numAgents:
+        if x[k]:
+            clear = false
+    return clear
+
+Raise:
+    eff:
+        up[pid] = true
+
+invariant Wrong: none(up)
+""",
+    "a sum that goes the other way": """\
+allwrite:
+    int sum = 0
+
+allread:
+    bool[] added = false
+
+def fun sumOf(bool[] who) -> int:
+    int total = 0
+    for k = 0, numAgents:
+        if who[k]:
+            total = total + 2 * k
+    return total
+
+Add:
+    pre: not added[pid]
+    eff:
+        atomic:
+            sum = sum - 2 * pid
+            added[pid] = true
+
+invariant Wrong: sum == sumOf(added)
+""",
+    "a write in a race": """\
+allwrite:
+    int x = 0
+
+Write:
+    eff:
+        x = pid + 1
+
+invariant Wrong at round: x == 0
+""",
+    "a skip that nothing forbids": """\
+using Watch:
+    sensors:
+        int t = 0
+    environment:
+        t = t + 1
+
+local:
+    bool go = false
+    bool done = false
+
+urgent Act:
+    pre: go
+    eff:
+        done = true
+
+invariant Wrong at round: forall i: t@i == 0 or done@i
+""",
+    "a number of robots": """\
+allread:
+    int[] x = 0
+
+Step:
+    eff:
+        x[pid] = pid
+
+assume: forall i: x[i] == 0
+
+invariant Wrong: forall i: x[i] <= 1
+""",
+    "a robot of another number": """\
+allread:
+    int[] x = 0
+
+Step:
+    pre: pid > 0
+    eff:
+        x[pid] = x[pid - 1] + 1
+
+invariant Wrong: forall i: x[i] <= 2
+""",
+}
+
+
+def _texts() -> list[object]:
+    """Without a proof all names are tried, which takes its time where there are sums."""
+    slow = "a sum that goes the other way"
+    return [
+        pytest.param(text, id=name, marks=[pytest.mark.slow] if name == slow else [])
+        for name, text in NOT_SO.items()
+    ]
+
+
+@pytest.mark.parametrize("text", _texts())
+def test_what_is_not_so_is_not_confirmed(text: str) -> None:
+    program = load(Source("wrong.krd", text)).program
+    assert program is not None
+    names = confirmed(dealt(program, 2, Fraction(1, 10)), settled_for_everyone)
+    assert names is not None
+    assert "Wrong" not in names
+    assert "no fault" in names
