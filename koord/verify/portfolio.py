@@ -171,7 +171,11 @@ def _ask(
     empty: tuple[Vacuity, ...] = ()
     with ledger.stopping():
         if known is not None and known.suspected is not None:
-            unrolling.through(ledger, min(known.suspected, bounds.rounds))
+            # What is proved narrows down what functions may answer, to answers that often do not
+            # replay: without it others are found.
+            suspected = min(known.suspected, bounds.rounds)
+            ByUnrolling(relying=False).through(ledger, suspected)
+            unrolling.through(ledger, suspected)
         in_turn = engines(choice, unrolling)
         while ledger.open() and (engine := next(in_turn, None)) is not None:
             engine.work(ledger)

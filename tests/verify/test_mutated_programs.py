@@ -199,3 +199,11 @@ def test_mutants_differ_from_their_program_and_from_each_other() -> None:
     assert len(made) >= 40
     assert program not in made
     assert all(a != b for i, a in enumerate(made) for b in made[:i])
+
+
+def test_what_is_proved_does_not_hide_a_violation() -> None:
+    """Clear paths are proved here; what functions may answer then first leads to no run."""
+    task = next(example for example in RUN if example.name == "task")
+    program = task.program()
+    wrong = [m for m in mutants(program) if str(m) == "pid + 1 (task.krd:58:41)"]
+    assert compare(task, wrong, by_search=False)["broken"] == 1
