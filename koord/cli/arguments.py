@@ -25,6 +25,7 @@ MOST_ROUNDS = 1_000_000_000
 MOST_VIOLATIONS = 1_000
 #: Processes of one verification.
 MOST_JOBS = 1_000
+MOST_RUNS = 1_000_000
 DEEPEST_LIST = 20
 MOST_SWEPT = 1_000
 
@@ -91,6 +92,10 @@ def rounds(text: str) -> int:
 
 def violations(text: str) -> int:
     return _whole(text, "violations", 1, MOST_VIOLATIONS)
+
+
+def runs(text: str) -> int:
+    return _whole(text, "runs", 1, MOST_RUNS)
 
 
 def jobs(text: str) -> int:

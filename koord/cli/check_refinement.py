@@ -11,7 +11,7 @@ from itertools import cycle, islice
 from pathlib import Path
 from random import Random
 
-from koord.cli.arguments import add_json, add_settings, check_files, delta, rounds, seed
+from koord.cli.arguments import add_json, add_settings, check_files, delta, rounds, runs, seed
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.files import write_atomically
@@ -78,7 +78,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="a program (.krd); - is standard input. Without any, programs are generated",
     )
     parser.add_argument(
-        "--runs", metavar="K", type=_runs, default=100, help="how many runs of each program (100)"
+        "--runs", metavar="K", type=runs, default=100, help="how many runs of each program (100)"
     )
     parser.add_argument(
         "--target",
@@ -119,12 +119,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         "exit codes: 0 every run is one of the rules, 1 one is not, 2 errors in the input"
     )
-
-
-def _runs(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 1 <= len(text) <= 9 or int(text) == 0:
-        raise argparse.ArgumentTypeError(f"--runs is a number from 1 on, not {text!r}")
-    return int(text)
 
 
 def main(arguments: argparse.Namespace) -> int:

@@ -91,7 +91,7 @@ def test_intervals_are_those_of_students_t() -> None:
         (["--sweep", "robots"], "no sweep"),
         (["--sweep", "robots=3..2"], "1000 values"),
         (["--sweep", "robots=0.5"], "no number of robots"),
-        (["--runs", "0"], "from 1 on"),
+        (["--runs", "0"], "runs must be from 1 to"),
         (["--csv", "runs.csv"], "--runs K"),
         (["--runs", "2", "--trace", "t.json"], "of one run"),
         (["--sweep", "hight=1,2"], "no `param` named `hight`"),

@@ -34,7 +34,6 @@ class Weathered:
     epochs: int
     crashes: int
     datagrams: int
-    virtual_s: float
     broken: Broken | None = None
 
 
@@ -71,7 +70,6 @@ def weather(setup: Setup, faults: Faults, seed: int, course: Course = Course()) 
         len(watch.epochs),
         network.crashes,
         watch.datagrams,
-        network.now,
         broken,
     )
 
