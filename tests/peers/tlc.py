@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,7 +59,8 @@ def run(lines: Sequence[str], folder: Path, seconds: float = 60.0) -> Told:
     ]
     command = ["java", *options, "-cp", str(archive()), "tlc2.TLC", "-workers", "1", "-deadlock"]
     done = subprocess.run(
-        [*command, "-metadir", str(folder), "-config", "Asked.cfg", "Asked.tla"],
+        # TLC names what it writes there by the second: two runs must not meet.
+        [*command, "-metadir", tempfile.mkdtemp(dir=folder), "-config", "Asked.cfg", "Asked.tla"],
         cwd=folder,
         capture_output=True,
         text=True,
