@@ -86,7 +86,8 @@ class Clauses:
         search = z3.Fixedpoint(ctx=self.d.context)
         search.set("engine", "spacer")
         search.set("spacer.random_seed", seed)
-        search.set("rlimit", min(effort.left, _MOST))
+        limit = min(effort.left, _MOST)
+        search.set("rlimit", limit)
         left = deadline.left_s()
         if left is not None:
             search.set("timeout", max(1, int(left * 1000)))
@@ -97,17 +98,22 @@ class Clauses:
         for name, head, body in self._rules:
             search.rule(head, [body], name=name)
         try:
-            found = search.query(self._bad)
-            effort.left -= _spent(search)
+            # As a formula: asked about relations Z3 does not hear Ctrl-C.
+            found = search.query(self._bad())
+            why = search.reason_unknown() if found == z3.unknown else ""
         except z3.Z3Exception as error:
-            raise NotFiniteError(NOWHERE, f"Spacer cannot be asked: {error}") from error
+            found, why = z3.unknown, str(error)
+            if _CANCELED not in why:
+                raise NotFiniteError(NOWHERE, f"Spacer cannot be asked: {why}") from error
+        spent = _spent(search)
+        effort.left -= spent
+        if _CANCELED in why and spent < limit and not deadline.is_near():
+            raise KeyboardInterrupt
         if found == z3.unsat:
             return self._safe(search.get_answer())
         if found == z3.sat:
             states = tuple(self._facts(search.get_answer()))
             return Reached(states)
-        if search.reason_unknown() == "interrupted from keyboard":
-            raise KeyboardInterrupt
         return None
 
     def equations(self, values: Iterable[Term], state: State) -> list[Term]:
@@ -235,6 +241,9 @@ def _parts(terms: Iterable[z3.ExprRef]) -> Iterator[z3.ExprRef]:
 
 
 _BAD = "bad"
+
+#: What Z3 says if it was stopped: by Ctrl-C, a limit or a time.
+_CANCELED = "canceled"
 
 #: Sorts that Spacer knows what to do with.
 _KNOWN_SORTS = frozenset({z3.Z3_BOOL_SORT, z3.Z3_INT_SORT, z3.Z3_REAL_SORT})
