@@ -73,7 +73,8 @@ def run(lines: Sequence[str], folder: Path, seconds: float = 60.0) -> Told:
     if broken is not None:
         return Told(broken[1])
     # An assumption that no start meets leaves TLC without states, which it calls an error.
-    empty = re.search(r"no initial states|\b0 distinct states", said) is not None
+    empty = "Error: Attempted" not in said and "Error: Evaluating" not in said
+    empty = empty and re.search(r"no initial states|\b0 distinct states", said) is not None
     if done.returncode == 0 or empty:
         assert "No error has been found" in said or empty, said
         return Told(states=int(states[1]) if states is not None else 0)
