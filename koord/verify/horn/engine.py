@@ -51,6 +51,8 @@ class BySpacer:
     unreplayed: set[Claim] = field(default_factory=set)
 
     def work(self, ledger: Ledger) -> None:
+        if self.waits and ledger.is_violated and not ledger.wanting():
+            return  # of the rest, the rounds that were looked at are enough
         started = time.monotonic()
         effort = Effort.of_seconds(self.seconds)
         reason = ""
