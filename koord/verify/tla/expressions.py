@@ -22,8 +22,6 @@ _INFIX = {
     BinaryOp.ADD: "+",
     BinaryOp.SUB: "-",
     BinaryOp.MUL: "*",
-    BinaryOp.DIV: "\\div",
-    BinaryOp.MOD: "%",
     BinaryOp.EQ: "=",
     BinaryOp.NE: "#",
     BinaryOp.LT: "<",
@@ -31,6 +29,14 @@ _INFIX = {
     BinaryOp.AND: "/\\",
     BinaryOp.OR: "\\/",
     BinaryOp.IMPLIES: "=>",
+}
+
+#: Those that the module defines.
+_OPERATORS = {
+    BinaryOp.DIV: "Quotient",
+    BinaryOp.MOD: "Remainder",
+    BinaryOp.MIN: "Least",
+    BinaryOp.MAX: "Greatest",
 }
 
 #: Words that no name may be.
@@ -121,9 +127,8 @@ def text(e: core.Expr, of: Scope) -> str:
             return text(base, of) + step_text(step, base.type, of)
         case core.Unary():
             return _unary(e, of)
-        case core.Binary(op=BinaryOp.MIN | BinaryOp.MAX as op, left=left, right=right):
-            one, two = text(left, of), text(right, of)
-            return f"{'Least' if op is BinaryOp.MIN else 'Greatest'}({one}, {two})"
+        case core.Binary(op=op, left=left, right=right) if op in _OPERATORS:
+            return f"{_OPERATORS[op]}({text(left, of)}, {text(right, of)})"
         case core.Binary(op=op, left=left, right=right):
             return f"({text(left, of)} {_INFIX[op]} {text(right, of)})"
         case core.Builtin():

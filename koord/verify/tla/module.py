@@ -22,7 +22,7 @@ _ALL = "<<loc, store, snap, status, ran, moved, taken>>"
 
 #: Names that the module itself uses.
 _OWN = re.compile(
-    "[aikmqv][0-9]*|[bn]|loc|store|snap|status|ran|moved|taken|Robots|None|Unbound|Least|Greatest|"
+    "[aikmqv][0-9]*|[bn]|loc|store|snap|status|ran|moved|taken|Robots|None|Unbound|Least|Greatest|Quotient|Remainder|"
     "Within|Memory|View|Stopping|Over|Took|Skip|Turn|Environment|Next|Init|Spec|Begun|Kind|Obliged|"
     "Event|Started[0-9]*|(pre|eff|fun)_.*|self|index|last|old|new|then|before|st|event|memory|"
     "Int|Nat|Cardinality|IsFiniteSet|Print|PrintT|Assert|JavaTime|TLC.*|Permutations|SortSeq|"
@@ -33,6 +33,8 @@ _OWN = re.compile(
 _TURNS = r"""
 Least(a, b) == IF a < b THEN a ELSE b
 Greatest(a, b) == IF a < b THEN b ELSE a
+Quotient(a, b) == IF b < 0 THEN (0 - a) \div (0 - b) ELSE a \div b
+Remainder(a, b) == IF b < 0 THEN 0 - ((0 - a) % (0 - b)) ELSE a % b
 Within(index, last) ==
     IF index \in 0..last THEN index ELSE Assert(FALSE, "an index is out of range")
 
