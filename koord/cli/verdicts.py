@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import assert_never
 
-from koord.cli.tables import repeats
 from koord.cli.terminal import Paint, Style
 from koord.semantics.configurations import System
 from koord.verify.claims import ClaimKind
@@ -129,6 +128,8 @@ def said(verdict: Verdict) -> str:
             assert verdict.counterexample is not None
             found = verdict.counterexample
             if found.recording.loop is not None:
+                from koord.cli.tables import repeats
+
                 return f"violated: {repeats(found.recording)}"
             where = f"in round {found.round}" if found.round else "at the start"
             return f"violated {where}"

@@ -33,7 +33,6 @@ from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.systems import system_of
 from koord.cli.terminal import style_of
-from koord.cli.traces import write_trace
 from koord.cli.watching import watched
 from koord.semantics.configurations import System
 from koord.syntax.diagnostics import KoordError
@@ -469,6 +468,7 @@ def _exit(report: Verification) -> Exit:
 def _keep(program: LoadedProgram, asked: Asked, path: str) -> None:
     """Write the trace of the first violation, the shortest of several; say so if there is none."""
     from koord.cli import counterexamples
+    from koord.cli.traces import write_trace
 
     broken = [v for v in asked.report.verdicts if v.counterexample is not None]
     if not broken:

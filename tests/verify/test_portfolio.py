@@ -90,12 +90,17 @@ def test_bounded_model_checking_says_through_which_round() -> None:
 
 
 def test_a_search_that_came_far_enough_answers_too() -> None:
-    asked = ask(growing().program(), robots=1, rounds=4)
-    assert asked["no fault"].rounds is None
+    asked = ask(growing().program(), robots=1, rounds=4, choice=Choice.SEARCH)
     verdict = asked["NotSeven"]
     assert (verdict.outcome, verdict.engine) == (Outcome.HOLDS, Engine.SEARCH)
     assert verdict.rounds is not None
     assert verdict.rounds >= 4
+
+
+def test_what_grows_for_ever_is_proved_all_the_same() -> None:
+    verdict = ask(growing().program(), robots=1, rounds=4)["NotSeven"]
+    assert (verdict.outcome, verdict.engine) == (Outcome.HOLDS, Engine.SPACER)
+    assert verdict.rounds is None
 
 
 def test_a_violation_says_in_which_round_and_is_shortest() -> None:
