@@ -5,11 +5,14 @@ from __future__ import annotations
 import pytest
 
 from koord.semantics.configurations import System, dealt
+from koord.semantics.search.engine import survey
+from koord.semantics.search.findings import Exhausted, OutOfBounds
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.verify.claims import Phase
 from koord.verify.portfolio import Choice, verify
 from koord.verify.verdicts import Bounds, Counterexample, Engine
+from tests.verify.asking import of_text
 
 COUNTS = """
 local:
@@ -56,3 +59,17 @@ def test_a_violation_is_told_where_it_happens(text: str, round_: int, phase: Pha
     assert (found.round, found.phase) == (round_, phase)
     cut = [taken.cut for taken in found.recording.rounds]
     assert cut == [False] * (round_ - 1) + [phase is Phase.MIDDLE] * min(round_, 1)
+
+
+def test_a_search_that_found_everything_it_was_asked_about_ends() -> None:
+    text = "allwrite:\n  int x = 0\nUp:\n  pre: x < 900\n  eff: atomic: x = x + 1\n"
+    system = of_text(text + "invariant Small: x < 3\ninvariant Positive: x >= 0\n", 1)
+    small, positive = system.program.properties
+    found = survey(system, [small], subjects=frozenset())
+    assert [v.claim.name for v in found.violated] == ["Small"]
+    assert isinstance(found.end, OutOfBounds)
+    assert found.end.states < 10
+    both = survey(system, [small, positive], subjects=frozenset())
+    assert [v.claim.name for v in both.violated] == ["Small"]
+    assert isinstance(both.end, Exhausted)
+    assert both.end.states == 901

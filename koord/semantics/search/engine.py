@@ -125,6 +125,10 @@ class _Found:
     check: Check | None = None
 
 
+#: Why a search ends that found everything it was asked about.
+NOTHING_LEFT = "all claims are violated"
+
+
 class _LimitError(Exception):
     """A limit is reached."""
 
@@ -179,6 +183,8 @@ class _Search:
                 if found.claim not in self._settled:
                     self._settled.add(found.claim)
                     yield Violated(found.claim, self._recording(found), len(self._seen))
+                    if self._has_all():
+                        raise _LimitError(NOTHING_LEFT)
         except _LimitError as limit:
             self.end = OutOfBounds(str(limit), len(self._seen), self._depth)
         except OutOfPatienceError:
@@ -190,6 +196,15 @@ class _Search:
             self.end = NotFinite(str(reason), NOWHERE)
         else:
             self.end = Exhausted(len(self._seen), self._depth)
+
+    def _has_all(self) -> bool:
+        """Whether nothing is left to be found: all that was asked about is violated."""
+        asked = set(self._checks)
+        if self._subjects & {Subject.LOST_UPDATE, Subject.CONTRACT}:
+            return False  # nobody knows how many of these there are
+        if Subject.FAULT in self._subjects:
+            asked.add(Claim(Subject.FAULT))
+        return asked <= self._settled
 
     # --- the search -----------------------------------------------------------------------------
 
