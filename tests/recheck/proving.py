@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import TypeAlias
 
 from koord.recheck import instances
 from koord.recheck.every_number import EveryNumber
@@ -38,6 +39,10 @@ def settled(world: World, claims: Sequence[Claim]) -> Iterator[Settled]:
         yield settling.settled(obligation)
 
 
+#: How the obligations of some claims are settled.
+Settler: TypeAlias = "Callable[[World, Sequence[Claim]], Iterator[Settled]]"
+
+
 def settled_for_everyone(world: World, claims: Sequence[Claim]) -> Iterator[Settled]:
     """Every obligation of some claims for any number of robots, settled."""
     anyone = World(world.program, (), world.delta_s)
@@ -49,7 +54,7 @@ def settled_for_everyone(world: World, claims: Sequence[Claim]) -> Iterator[Sett
 
 def confirmed(
     system: System,
-    settled: Callable[[World, Sequence[Claim]], Iterator[Settled]] = settled,
+    settled: Settler = settled,
 ) -> set[str] | None:
     """The names of the claims that prove themselves; None if a construct is not rechecked."""
     try:
