@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 from koord.syntax import core
 from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType
 
 #: Types are dataclasses too, but no part of the program text.
 _TYPES = (RecordType, ArrayType, ListType, QueueType, MapType)
-
-Node = TypeVar("Node", bound=Any)
 
 #: What was looked up, by class: a program has many nodes of few classes.
 _BELOW: dict[type, tuple[str, ...] | None] = {}
@@ -31,9 +29,16 @@ def nodes(node: object) -> Iterator[object]:
             yield from nodes(getattr(node, name))
 
 
-def rebuilt(node: Node, part: Callable[[object], object]) -> Node:
-    """A node with something else in the place of each of its parts."""
-    names = _below(type(node)) or ()
+def rebuilt(node: Any, part: Callable[[Any], Any]) -> Any:
+    """A node (or a tuple of them) with something else in the place of each of its parts.
+
+    What is no node stays as it is.
+    """
+    if isinstance(node, tuple):
+        return tuple(part(each) for each in node)
+    names = _below(type(node))
+    if names is None:
+        return node
     return replace(node, **{name: part(getattr(node, name)) for name in names})
 
 

@@ -10,7 +10,7 @@ that the program can, and more: *holds* carries over; a violation is translated 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from koord.syntax import core
@@ -133,12 +133,8 @@ class _Rewriter:
         self.made: dict[str, core.External] = {}
 
     def rewrite(self, node: Any) -> Any:
-        if isinstance(node, tuple):
-            return tuple(self.rewrite(part) for part in node)
         if isinstance(node, _TYPES):
             return self._type(node)
-        if not is_dataclass(node) or isinstance(node, type):
-            return node
         if isinstance(node, core.MakeList | core.MakeRecord) and node.type in self._hidden:
             return self._call(node)
         return rebuilt(node, self.rewrite)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -56,6 +56,7 @@ class Shadows:
     original: core.Program
     slots: dict[int, int]
     modules: dict[str, tuple[int, ...]]  #: the sensors of the modules that have shadows
+    last_site: int  #: of the calls of the program; those of shadows have numbers behind it
 
     @staticmethod
     def of(program: core.Program, wanted: set[int]) -> Shadows:
@@ -72,7 +73,8 @@ class Shadows:
                 for sensor in sensors:
                     alone = len(program.agents) == 1
                     slots.setdefault(sensor, most + (len(slots) if alone else sensor))
-        return Shadows(program, slots, {name: s for name, s in modules.items() if s})
+        sensing = {name: sensors for name, sensors in modules.items() if sensors}
+        return Shadows(program, slots, sensing, last_site(program))
 
     def program(self) -> core.Program:
         """The program with shadows."""
@@ -150,40 +152,34 @@ class Shadows:
 
     def _after(self, node: Any) -> Any:
         """A statement about ports as one about their shadows."""
-        if isinstance(node, tuple):
-            return tuple(self._after(part) for part in node)
-        if isinstance(node, core.Place) and node.variable.home is Home.PORT:
-            node = self._moved(node)
-        return rebuilt(node, self._after) if is_dataclass(node) else node
+        return rebuilt(self._moved(node), self._after)
 
     def _afterwards(self, node: Any) -> Any:
         """What a contract says of ports after the turn, as about their shadows."""
-        if isinstance(node, tuple):
-            return tuple(self._afterwards(part) for part in node)
-        if isinstance(node, core.Place) and node.primed:
-            node = self._moved(node)
-        return rebuilt(node, self._afterwards) if is_dataclass(node) else node
+        is_after = isinstance(node, core.Place) and node.primed
+        return rebuilt(self._moved(node) if is_after else node, self._afterwards)
 
     def _shorter(self, node: Any) -> Any:
         """A model's block as it works on shadows, for a turn that ends at the instant."""
-        if isinstance(node, tuple):
-            return tuple(self._shorter(part) for part in node)
-        if isinstance(node, core.Delta):
-            site = 2 * last_site(self.original) + 1
-            return core.ExternalCall(INSTANT, (), FLOAT, site, span=node.span)
-        if isinstance(node, core.Read):
-            # Ports are read as they were before the turn; shadows have nothing to do with that.
-            steps = self._shorter(node.place.steps)
-            return replace(node, place=replace(node.place, steps=steps))
-        if isinstance(node, core.Place) and node.variable.home is Home.PORT:
-            node = self._moved(node)
-        if isinstance(node, core.Call | core.ExternalCall | core.Choose):
-            node = replace(node, site=node.site + last_site(self.original))
-        return rebuilt(node, self._shorter) if is_dataclass(node) else node
+        match node:
+            case core.Delta():
+                site = 2 * self.last_site + 1
+                return core.ExternalCall(INSTANT, (), FLOAT, site, span=node.span)
+            case core.Read(place=place):
+                # Ports are read as they were before the turn; shadows have nothing to do with that.
+                return replace(node, place=rebuilt(place, self._shorter))
+            case core.Call() | core.ExternalCall() | core.Choose():
+                node = replace(node, site=node.site + self.last_site)
+            case _:
+                node = self._moved(node)
+        return rebuilt(node, self._shorter)
 
-    def _moved(self, place: core.Place) -> core.Place:
-        slot = self.slots.get(place.variable.slot)
-        return place if slot is None else replace(place, variable=self.shadow(place.variable))
+    def _moved(self, node: Any) -> Any:
+        """The shadow's place for a sensor's; everything else as it is."""
+        if not isinstance(node, core.Place) or node.variable.home is not Home.PORT:
+            return node
+        shadowed = node.variable.slot in self.slots
+        return replace(node, variable=self.shadow(node.variable)) if shadowed else node
 
 
 def _within(module: str) -> str:
