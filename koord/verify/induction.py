@@ -110,9 +110,7 @@ class _Step:
                 self._go_on(taken.end)
             else:
                 self._last = taken
-                self._asked = [taken.middle, taken.end]
-                if taken.inside is not None:
-                    self._asked.insert(0, taken.inside)
+                self._asked = taken.moments
 
     @property
     def limits(self) -> list[str]:
@@ -130,7 +128,7 @@ class _Step:
         hypotheses = self._hypotheses(assumed)
         for moment in self._asked:
             broken = disjunction(self._d, list(self._violations(moment, asked).values()))
-            question = [*hypotheses, *self._until(moment), broken]
+            question = [*hypotheses, *self._last.until(self._d, moment), broken]
             yield moment.phase, self._unrolling.solver.script(question)
 
     def failing(
@@ -141,7 +139,7 @@ class _Step:
         failed: dict[Claim, str] = {}
         for moment in self._asked:
             pending = self._violations_up_to_names(moment, asked)
-            extra = [*hypotheses, *self._until(moment)]
+            extra = [*hypotheses, *self._last.until(self._d, moment)]
             for claim in failed:
                 pending.pop(claim, None)
             for claim, violated in list(pending.items()):
@@ -183,15 +181,6 @@ class _Step:
         reader = Reader(model, self._system)
         step = broken_step(reader, ends, moment.configuration, moment.phase)
         self.broken |= dict.fromkeys(claims, step)
-
-    def _until(self, moment: Moment) -> list[Term]:
-        """What must hold of the last round for this moment of it to come."""
-        if moment.phase is Phase.INSIDE:
-            return []
-        if moment.phase is Phase.MIDDLE:
-            return self._last.urgency
-        sound = self._d.unary(UnaryOp.NOT, self._last.middle.findings.fault)
-        return [sound, *self._last.urgency, *self._last.end.constraints]
 
     def _hypotheses(self, claims: Sequence[Claim]) -> list[Term]:
         state = [claim for claim in claims if claim.is_state_property]

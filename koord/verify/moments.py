@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Turn
 from koord.semantics.storage import Storage, merge_storage_known
 from koord.semantics.turns import Turned
+from koord.syntax.core import UnaryOp
 from koord.syntax.types import INT
 from koord.verify.claims import Findings, Phase
 from koord.verify.races import Before
@@ -71,6 +72,21 @@ class SymbolicRound:
     end: Moment
     urgency: list[Term]
     free: list[Term]
+
+    @property
+    def moments(self) -> list[Moment]:
+        """The configurations to look at, in order."""
+        inside = [self.inside] if self.inside is not None else []
+        return [*inside, self.middle, self.end]
+
+    def until(self, d: Terms, moment: Moment) -> list[Term]:
+        """What must hold for a moment to come, besides the constraints of the program turns."""
+        if moment is self.inside:
+            return []
+        if moment is self.middle:
+            return self.urgency
+        sound = d.unary(UnaryOp.NOT, self.middle.findings.fault)
+        return [sound, *self.urgency, *self.end.constraints]
 
 
 def turn_taken(

@@ -134,9 +134,9 @@ class Solver:
                 self._solver.add(z3.Implies(literal, term))
                 once.append(literal)
             literals.append(literal)
-        spent = self._spent()
+        spent = spent_by(self._solver)
         result = self._solver.check(*literals)
-        spent = self._spent() - spent
+        spent = spent_by(self._solver) - spent
         if result == z3.unsat:
             core = {literal.get_id() for literal in self._solver.unsat_core()}
             pairs = zip(asked, literals, strict=True)
@@ -174,18 +174,19 @@ class Solver:
         assert self._model is not None
         return Model(self.d, self._model)
 
-    def _spent(self) -> int:
-        """What the solver has done so far, in its own units."""
-        statistics = self._solver.statistics()
-        known = "rlimit count" in statistics.keys()  # noqa: SIM118 - no mapping, though it looks like one
-        return int(statistics.get_key_value("rlimit count")) if known else 0
-
     def _take(self) -> None:
         new = self.unknowns.constraints[self._taken :]
         self._taken = len(self.unknowns.constraints)
         for constraint in new:
             if self.d.known(constraint) is not True:
                 self._solver.add(self.d.boolean(constraint))
+
+
+def spent_by(solver: z3.Solver | z3.Fixedpoint) -> int:
+    """What a solver has done so far, in its own units."""
+    statistics = solver.statistics()
+    known = "rlimit count" in statistics.keys()  # noqa: SIM118 - no mapping, though it looks like one
+    return int(statistics.get_key_value("rlimit count")) if known else 0
 
 
 def cases(d: Terms, term: Term) -> list[Term]:

@@ -8,7 +8,7 @@ uninterpreted sort each.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import TypeAlias, assert_never
 
@@ -214,7 +214,7 @@ class Terms:
             for old, new in values
             if isinstance(old, z3.ExprRef)
         ]
-        return self._constant(z3.simplify(z3.substitute(term, *pairs)))
+        return self.constant(z3.simplify(z3.substitute(term, *pairs)))
 
     def put(self, term: Term, values: Sequence[tuple[Term, Term]]) -> Term:
         """A term with other integers in the place of some, otherwise as it is."""
@@ -311,7 +311,7 @@ class Terms:
         if not isinstance(term, z3.ExprRef):
             return []
         sort = term.sort()
-        return [self._constant(part) for part in _parts_of(term) if part.sort() == sort]
+        return [self.constant(part) for part in parts_of([term]) if part.sort() == sort]
 
     def fresh_like(self, name: str, term: Term) -> z3.ExprRef:
         """A constant of the sort of a scalar that occurs nowhere else."""
@@ -333,7 +333,7 @@ class Terms:
         solver.add(z3.Not(claim))
         return bool(solver.check() == z3.unsat)
 
-    def _constant(self, term: z3.ExprRef) -> Term:
+    def constant(self, term: z3.ExprRef) -> Term:
         """Python's own constant where a term is one."""
         if z3.is_true(term) or z3.is_false(term):
             return bool(z3.is_true(term))
@@ -466,10 +466,10 @@ def _substituted(term: z3.ExprRef, old: Sequence[z3.ExprRef], new: Sequence[z3.E
     return z3.Z3_substitute(term.ctx.ref(), term.as_ast(), len(old), before, after)
 
 
-def _parts_of(term: z3.ExprRef) -> Iterator[z3.ExprRef]:
-    """A term and all below it, each once."""
+def parts_of(terms: Iterable[z3.ExprRef]) -> Iterator[z3.ExprRef]:
+    """Terms and all below them, each once."""
     seen: set[int] = set()
-    waiting = [term]
+    waiting = list(terms)
     while waiting:
         part = waiting.pop()
         if part.get_id() not in seen:

@@ -366,15 +366,15 @@ VERIFY = (
     Mutant(
         "induction skips the middle of the round",
         "verify/induction.py",
-        "self._asked = [taken.middle, taken.end]",
-        "self._asked = [taken.end]",
+        "self._asked = taken.moments",
+        "self._asked = taken.moments[-1:]",
         (INDUCTION,),
     ),
     Mutant(
         "induction does not look inside the round",
         "verify/induction.py",
-        "self._asked.insert(0, taken.inside)",
-        "pass",
+        "self._asked = taken.moments",
+        "self._asked = taken.moments[-2:]",
         (INDUCTION,),
     ),
     Mutant(

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
 from typing import TypeAlias
 
 import z3
@@ -18,8 +17,8 @@ from koord.semantics.crowds import NotFiniteError
 from koord.semantics.domain import Constant
 from koord.syntax.core import BinaryOp
 from koord.syntax.source import NOWHERE
-from koord.verify.solving import Deadline, Effort
-from koord.verify.terms import Term, Terms
+from koord.verify.solving import Deadline, Effort, spent_by
+from koord.verify.terms import Term, Terms, parts_of
 
 #: The values of a state's unknowns, in order.
 State: TypeAlias = "tuple[Constant, ...]"
@@ -105,7 +104,7 @@ class Clauses:
             found, why = z3.unknown, str(error)
             if _CANCELED not in why:
                 raise NotFiniteError(NOWHERE, f"Spacer cannot be asked: {why}") from error
-        spent = _spent(search)
+        spent = spent_by(search)
         effort.left -= spent
         if _CANCELED in why and spent < limit and not deadline.is_near():
             raise KeyboardInterrupt
@@ -184,7 +183,7 @@ class Clauses:
                 facts.append(fact)
             waiting += step.children()
         for fact in reversed(facts):
-            yield tuple(_constant(x) for x in fact.children())
+            yield tuple(self.d.constant(x) for x in fact.children())
 
 
 def constants(terms: Iterable[Term], but: Iterable[str] = ()) -> list[z3.ExprRef]:
@@ -194,7 +193,7 @@ def constants(terms: Iterable[Term], but: Iterable[str] = ()) -> list[z3.ExprRef
     """
     found: dict[int, z3.ExprRef] = {}
     left_out = set(but)
-    for part in _parts(term for term in terms if isinstance(term, z3.ExprRef)):
+    for part in parts_of(term for term in terms if isinstance(term, z3.ExprRef)):
         if z3.is_quantifier(part):
             raise NotFiniteError(NOWHERE, "summaries speak of all values of a type")
         if not z3.is_app(part) or part.decl().kind() != z3.Z3_OP_UNINTERPRETED:
@@ -211,33 +210,6 @@ def constants(terms: Iterable[Term], but: Iterable[str] = ()) -> list[z3.ExprRef
 
 def _is_proof(step: z3.ExprRef) -> bool:
     return bool(z3.is_app(step) and 0 <= step.decl().kind() - z3.Z3_OP_PR_UNDEF < _PROOF_RULES)
-
-
-def _spent(search: z3.Fixedpoint) -> int:
-    statistics = search.statistics()
-    known = "rlimit count" in statistics.keys()  # noqa: SIM118 - no mapping, though it looks like one
-    return int(statistics.get_key_value("rlimit count")) if known else 0
-
-
-def _constant(value: z3.ExprRef) -> Constant:
-    """A value of a model as Python's own."""
-    if z3.is_int_value(value):
-        return int(value.as_long())
-    if z3.is_rational_value(value):
-        return Fraction(value.numerator_as_long(), value.denominator_as_long())
-    return bool(z3.is_true(value))
-
-
-def _parts(terms: Iterable[z3.ExprRef]) -> Iterator[z3.ExprRef]:
-    """Terms and all below them, each once."""
-    seen: set[int] = set()
-    waiting = list(terms)
-    while waiting:
-        part = waiting.pop()
-        if part.get_id() not in seen:
-            seen.add(part.get_id())
-            yield part
-            waiting += part.children()
 
 
 _BAD = "bad"

@@ -21,7 +21,7 @@ from koord.verify.claims import Claim, Findings, Phase
 from koord.verify.horn.clauses import Clauses, Reached, Safe, constants
 from koord.verify.horn.states import scalars
 from koord.verify.ledger import Ledger, Reach
-from koord.verify.moments import Moment, SymbolicRound
+from koord.verify.moments import Moment
 from koord.verify.solving import Answer, Deadline, Effort
 from koord.verify.symbols import SymbolicInputs
 from koord.verify.terms import Term, Terms
@@ -156,17 +156,17 @@ class Question:
         false_starts = [[*begins, *needed, violated] for violated, needed in broken]
         start = unrolling.encoder.arbitrary(opening.configuration, "#")
         taken = unrolling.encoder.round(start, "round")
-        known = _held(system, unrolling, start, given)
+        known, turns = _held(system, unrolling, start, given), taken.middle.constraints
         breaks = [
-            [*_until(d, taken, moment), *needed, violated]
-            for moment in _moments(taken)
+            [*turns, *taken.until(d, moment), *needed, violated]
+            for moment in taken.moments
             for violated, needed in violations(system, d, moment, claims).values()
         ]
         if unknowns.limits:
             raise NotFiniteError(NOWHERE, "; ".join(sorted(set(unknowns.limits))))
         always = [*known, *unknowns.constraints[begun:]]
         calm = d.unary(UnaryOp.NOT, taken.end.findings.fault)
-        goes = [*always, *_until(d, taken, taken.end), calm]
+        goes = [*always, *turns, *taken.until(d, taken.end), calm]
         spoils = [[*always, *body] for body in breaks]
         before, first, then = (
             scalars(c) for c in (start, opening.configuration, taken.end.configuration)
@@ -236,21 +236,6 @@ def _held(
     for violated, needed in violations(system, d, moment, state).values():
         found += [*needed, d.unary(UnaryOp.NOT, violated)]
     return found
-
-
-def _moments(taken: SymbolicRound) -> list[Moment]:
-    inside = [taken.inside] if taken.inside is not None else []
-    return [*inside, taken.middle, taken.end]
-
-
-def _until(d: Terms, taken: SymbolicRound, moment: Moment) -> list[Term]:
-    """What must hold of a round for one of its moments to come."""
-    needed = list(taken.middle.constraints)
-    if moment is not taken.inside:
-        needed += taken.urgency
-    if moment is taken.end:
-        needed += [d.unary(UnaryOp.NOT, taken.middle.findings.fault), *taken.end.constraints]
-    return needed
 
 
 def _is_free(d: Terms, scalar: Term, rigid: Mapping[int, Term]) -> bool:
