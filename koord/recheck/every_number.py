@@ -236,27 +236,12 @@ class Step:
         """One more robot has run an event."""
         t, s = self.t, self.s
         agent = self.world.program.agents[turn.robot]
-        locals_ = [d.variable.type for d in agent.locals]
-        ports = [p.declaration.variable.type for p in agent.ports]
 
         def robot(kind: int, k: Term) -> Robot:
             own = state.robot(kind, k)
             if kind != turn.robot:
                 return own
-            here, after = t.equal(k, mover), turn.after
-            return Robot(
-                tuple(
-                    s.merge(here, x, y, type_)
-                    for x, y, type_ in zip(after.locals, own.locals, locals_, strict=True)
-                ),
-                tuple(
-                    s.merge(here, x, y, type_)
-                    for x, y, type_ in zip(after.ports, own.ports, ports, strict=True)
-                ),
-                t.ite(here, after.asked, own.asked),
-                t.ite(here, after.stopped, own.stopped),
-                t.ite(here, after.ran, own.ran),
-            )
+            return s.merge_robots(t.equal(k, mover), turn.after, own, agent)
 
         return Crowd(robot, made(s, state.store, turn.writes, t.truth(True)))
 

@@ -175,24 +175,10 @@ class Gathered:
 
         def robot(kind: int, k: Term) -> Robot:
             agent, own = crowds.world.program.agents[kind], self.start.robot(kind, k)
-            locals_ = [d.variable.type for d in agent.locals]
-            ports = [p.declaration.variable.type for p in agent.ports]
             found = Robot(own.locals, own.ports, own.asked, own.stopped, t.integer(-1))
             for position, move in enumerate(self.moves[kind]):
-                runs, after = t.equal(chosen.of(k), t.integer(position)), move.of(k).after
-                found = Robot(
-                    tuple(
-                        s.merge(runs, x, y, type_)
-                        for x, y, type_ in zip(after.locals, found.locals, locals_, strict=True)
-                    ),
-                    tuple(
-                        s.merge(runs, x, y, type_)
-                        for x, y, type_ in zip(after.ports, found.ports, ports, strict=True)
-                    ),
-                    t.ite(runs, after.asked, found.asked),
-                    t.ite(runs, after.stopped, found.stopped),
-                    t.ite(runs, after.ran, found.ran),
-                )
+                runs = t.equal(chosen.of(k), t.integer(position))
+                found = s.merge_robots(runs, move.of(k).after, found, agent)
             return found
 
         return robot

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from koord.recheck.racing import Part, Racing
-from koord.recheck.storage import Robot, State, Storage
+from koord.recheck.storage import Robot, State
 from koord.recheck.terms import BOOL, Term, Terms
 from koord.recheck.turns import Turn, Turns
-from koord.syntax.types import Type
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,30 +110,9 @@ class Rounds:
         """A robot after the event that it ran, or as it was. [END-EVENT] [SKIP]"""
         merged = Robot(own.locals, own.ports, own.asked, own.stopped, self.turns.v.t.integer(-1))
         for choice in mine:
-            merged = self.merged(choice.runs, choice.turn, merged)
+            agent, after = self.turns.world.agent(choice.turn.robot), choice.turn.after
+            merged = self.turns.s.merge_robots(choice.runs, after, merged, agent)
         return merged
-
-    def merged(self, condition: Term, turn: Turn, other: Robot) -> Robot:
-        t, agent, after = self.turns.v.t, self.turns.world.agent(turn.robot), turn.after
-        locals_ = [d.variable.type for d in agent.locals]
-        ports = [p.declaration.variable.type for p in agent.ports]
-        return Robot(
-            self._merged(condition, after.locals, other.locals, locals_),
-            self._merged(condition, after.ports, other.ports, ports),
-            t.ite(condition, after.asked, other.asked),
-            t.ite(condition, after.stopped, other.stopped),
-            t.ite(condition, after.ran, other.ran),
-        )
-
-    def _merged(
-        self,
-        condition: Term,
-        a: tuple[Storage, ...],
-        b: tuple[Storage, ...],
-        types: Sequence[Type],
-    ) -> tuple[Storage, ...]:
-        s = self.turns.s
-        return tuple(s.merge(condition, x, y, t) for x, y, t in zip(a, b, types, strict=True))
 
     # --- the end of the program turns -----------------------------------------------------------
 

@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 from koord.recheck.terms import Term
 from koord.recheck.values import Family, Value, Values
+from koord.syntax import core
 from koord.syntax.types import Type
 
 
@@ -190,6 +191,19 @@ class Storages:
         assert parts is not None
         return tuple(
             self.merge(condition, x, y, part) for x, y, (_, part) in zip(a, b, parts, strict=True)
+        )
+
+    def merge_robots(self, condition: Term, a: Robot, b: Robot, agent: core.Agent) -> Robot:
+        """The robot ``a`` of a kind where the condition holds, else ``b``."""
+        t = self.v.t
+        locals_ = zip(agent.locals, a.locals, b.locals, strict=True)
+        ports = zip(agent.ports, a.ports, b.ports, strict=True)
+        return Robot(
+            tuple(self.merge(condition, x, y, d.variable.type) for d, x, y in locals_),
+            tuple(self.merge(condition, x, y, p.declaration.variable.type) for p, x, y in ports),
+            t.ite(condition, a.asked, b.asked),
+            t.ite(condition, a.stopped, b.stopped),
+            t.ite(condition, a.ran, b.ran),
         )
 
     def put(
