@@ -9,10 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from koord.verify.bits.exporting import Machine, aiger_of
-from koord.verify.bits.graph import FALSE, Graph
+from koord.verify.bits.exporting import aiger_of, machine_asking
+from koord.verify.bits.graph import Graph
 from koord.verify.bits.pdr import Cube, Invariant, Question, Reached, Unfinished
-from koord.verify.bits.transition import Latch
 from koord.verify.solving import Deadline
 
 #: What Debian calls it, and what it calls itself.
@@ -34,7 +33,7 @@ def searched(g: Graph, question: Question, deadline: Deadline) -> Invariant | Re
         return Unfinished(0)
     with TemporaryDirectory() as folder:
         problem, invariant = Path(folder) / "problem.aig", Path(folder) / "invariant.pla"
-        problem.write_bytes(aiger_of(_machine(g, question)))
+        problem.write_bytes(aiger_of(machine_asking(g, question)))
         command = f"read {problem}; pdr -d -I {invariant}"
         try:
             done = subprocess.run(
@@ -55,25 +54,6 @@ def searched(g: Graph, question: Question, deadline: Deadline) -> Invariant | Re
             return Unfinished(0)
         text = invariant.read_text(encoding="utf-8") if invariant.exists() else ""
     return Invariant(tuple(sorted(_cubes(text, len(question.latches)))), 0)
-
-
-def _machine(g: Graph, question: Question) -> Machine:
-    """The question as a machine whose latches start false: INIT is its first step."""
-    begun, valid = g.input("begun"), g.input("valid")
-    step = g.all_of([valid, question.steps, *question.given])
-    latches = [
-        Latch("begun", begun, FALSE, FALSE ^ 1),
-        Latch("valid", valid, FALSE, g.choose(begun, step, question.opens)),
-    ]
-    for k, latch in enumerate(question.latches):
-        latches.append(
-            Latch(f"l{k}", latch.literal, FALSE, g.choose(begun, latch.next, latch.init))
-        )
-    bad = g.all_of([begun, valid, question.bad, *question.given])
-    own = {latch.literal >> 1 for latch in latches}
-    roots = [*(latch.next for latch in latches), bad]
-    inputs = tuple(2 * n for n in g.cone(roots) if g.is_input(n) and n not in own)
-    return Machine(g, inputs, tuple(latches), (("bad", bad),))
 
 
 def _cubes(text: str, latches: int) -> Iterator[Cube]:

@@ -14,6 +14,7 @@ from enum import Enum
 from koord.semantics.configurations import System
 from koord.verify.abstraction import abstracted
 from koord.verify.bits.graph import FALSE, Graph
+from koord.verify.bits.pdr import Question
 from koord.verify.bits.transition import Circuit, Latch, circuit_of
 from koord.verify.bits.unrolling import Copy
 from koord.verify.claims import claims_of
@@ -48,9 +49,31 @@ def machine_of(circuit: Circuit) -> Machine:
         when = g.both(valid, g.any_of(x for _, x in phases))
         first = g.both(begun ^ 1, circuit.bad_start.get(claim, FALSE))
         bad.append((claim.name, g.any_of((when, first, g.both(lost, circuit.steps)))))
-    legal = g.choose(begun, g.both(valid, circuit.steps), circuit.opens)
-    latches = [Latch("begun", begun, FALSE, 1), Latch("valid", valid, FALSE, legal)]
-    for latch in circuit.latches:
+    return _begun(g, (begun, valid), circuit.latches, circuit.opens, circuit.steps, bad)
+
+
+def machine_asking(g: Graph, question: Question) -> Machine:
+    """A question of IC3 with INIT as its first step; latches are called l0, l1, …"""
+    begun, valid = g.input("begun"), g.input("valid")
+    steps = g.all_of([question.steps, *question.given])
+    bad = g.all_of([begun, valid, question.bad, *question.given])
+    latches = [replace(latch, name=f"l{k}") for k, latch in enumerate(question.latches)]
+    return _begun(g, (begun, valid), latches, question.opens, steps, [("bad", bad)])
+
+
+def _begun(
+    g: Graph,
+    first: tuple[int, int],
+    given: Sequence[Latch],
+    opens: int,
+    steps: int,
+    bad: Sequence[tuple[str, int]],
+) -> Machine:
+    """A machine whose ``first`` latches say that INIT is over, and that all was legal so far."""
+    begun, valid = first
+    legal = g.choose(begun, g.both(valid, steps), opens)
+    latches = [Latch("begun", begun, FALSE, FALSE ^ 1), Latch("valid", valid, FALSE, legal)]
+    for latch in given:
         then = g.choose(begun, latch.next, latch.init)
         latches.append(Latch(latch.name, latch.literal, FALSE, then))
     own = {latch.literal >> 1 for latch in latches}
@@ -264,4 +287,4 @@ def _all(terms: Iterable[str]) -> str:
     return f"(and true {' '.join(terms)})"
 
 
-__all__ = ["Format", "Machine", "Problem", "exported", "machine_of", "problem"]
+__all__ = ["Format", "Machine", "Problem", "exported", "machine_asking", "machine_of", "problem"]
