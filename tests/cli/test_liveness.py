@@ -4,32 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 from jsonschema import Draft202012Validator
 
 from koord.cli import main as frame
 from koord.cli.exits import Exit
-
-GATE = """\
-local:
-  bool inside = false
-allwrite:
-  int holder = -1
-Enter:
-  pre: holder == -1
-  eff:
-    atomic:
-      holder = pid
-      inside = true
-Leave:
-  pre: inside
-  eff:
-    atomic:
-      holder = -1
-      inside = false
-eventually Served: true leadsto inside
-"""
+from tests.semantics.endless import GATE, SERVED
 
 TRACES = Path(__file__).parents[2] / "specs/semantics/trace.schema.json"
 VERDICTS = Path(frame.__file__).parent / "schemas" / "verdicts.schema.json"
@@ -38,7 +20,7 @@ VERDICTS = Path(frame.__file__).parent / "schemas" / "verdicts.schema.json"
 @pytest.fixture
 def gate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.chdir(tmp_path)
-    Path("gate.krd").write_text(GATE, encoding="utf-8")
+    Path("gate.krd").write_text(dedent(GATE + SERVED), encoding="utf-8")
     return "gate.krd"
 
 

@@ -5,12 +5,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from fractions import Fraction
 from textwrap import dedent
 
 import pytest
 
-from koord.semantics.configurations import System, dealt
+from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import execute
 from koord.semantics.lassos import Flaw, broken_by, flaw_of
@@ -31,14 +30,8 @@ from koord.semantics.traces.trace import (
     traced,
 )
 from koord.syntax import core
-from koord.syntax.load import load
 from koord.syntax.source import Source
-
-
-def system(text: str, robots: int = 2) -> System:
-    made = load(Source("live.krd", dedent(text)))
-    assert made.program is not None, made.diagnostics
-    return dealt(made.program, robots, Fraction(1))
+from tests.semantics.endless import GATE, QUITTING, SERVED, TWO, system
 
 
 def asked(of: System) -> Lively:
@@ -59,26 +52,6 @@ ONCE = """
     Do:
       pre: not done
       eff: done = true
-"""
-
-#: A robot that is in asks to get out, and others wait meanwhile, so that their events come and go.
-GATE = """
-    local:
-      bool inside = false
-    allwrite:
-      int holder = -1
-    Enter:
-      pre: holder == -1
-      eff:
-        atomic:
-          holder = pid
-          inside = true
-    Leave:
-      pre: inside
-      eff:
-        atomic:
-          holder = -1
-          inside = false
 """
 
 SENSOR = """
@@ -109,12 +82,12 @@ def test_a_robot_may_do_the_same_thing_for_ever() -> None:
 
 
 def test_who_stands_in_line_gets_in_if_locks_are_fair() -> None:
-    of = system(GATE + "    eventually Served: true leadsto inside\n")
+    of = system(GATE + SERVED)
     assert asked(of).needs == {"Served": Fairness(locks=True)}
 
 
 def test_who_has_something_else_to_do_does_not_stand_in_line() -> None:
-    text = GATE + "    Idle:\n      eff: pass\n    eventually Served: true leadsto inside\n"
+    text = GATE + "    Idle:\n      eff: pass\n" + SERVED
     lasso = asked(system(text)).violated["Served"]
     assert lasso.loop is not None
     assert all(2 in round_.events for round_ in lasso.rounds[lasso.loop :])
@@ -226,35 +199,14 @@ def test_who_stops_asking_need_not_be_granted() -> None:
 
 
 def test_a_stopped_robot_is_not_passed_over() -> None:
-    text = """
-        local:
-          bool done = false
-        Quit:
-          eff: stop
-        Do:
-          pre: not done
-          eff: done = true
-        eventually Done: done
-        """
-    lasso = asked(system(text, 1)).violated["Done"]
+    lasso = asked(system(QUITTING, 1)).violated["Done"]
     assert [round_.events for round_ in lasso.rounds] == [(0,), (None,)]
     assert lasso.loop == 1
 
 
 def test_leads_to_is_of_one_robot_or_of_all() -> None:
-    text = """
-        local:
-          int n = 0
-        First:
-          pre: pid == 0 and n == 0
-          eff: n = 1
-        Second:
-          pre: pid == 1 and n == 0
-          eff: n = 2
-        eventually Each: n == 1 leadsto n == 2
-        eventually Some: (exists i: n@i == 1) leadsto exists i: n@i == 2
-        """
-    of = system(text)
+    some = "    eventually Some: (exists i: n@i == 1) leadsto exists i: n@i == 2\n"
+    of = system(TWO + some)
     found = asked(of)
     assert found.violated.keys() == {"Each"}
     assert found.needs["Some"] == Fairness(robots=True)
@@ -351,7 +303,7 @@ def test_a_lasso_has_to_break_what_it_says() -> None:
 
 
 def test_asking_in_vain_is_not_fair() -> None:
-    of = system(GATE + "    eventually Served: true leadsto inside\n")
+    of = system(GATE + SERVED)
     enter = Round((0, 1), (0, None))
     leave = Round((0, 1), (1, None))
     recording = Recording(idle(of, 1, 0).opening, (enter, leave), 0)

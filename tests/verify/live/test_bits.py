@@ -4,26 +4,15 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-from textwrap import dedent
-
 import pytest
 
-from koord.semantics.configurations import System, dealt
-from koord.syntax.load import load
-from koord.syntax.source import Source
 from koord.verify.bits.graph import Graph
 from koord.verify.bits.transition import Latch
 from koord.verify.live.counting import settling
 from koord.verify.live.settling import Settled, Ways, settled
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Outcome, Verdict
-
-
-def system(text: str, robots: int = 2) -> System:
-    made = load(Source("live.krd", dedent(text)))
-    assert made.program is not None, made.diagnostics
-    return dealt(made.program, robots, Fraction(1))
+from tests.semantics.endless import GATE, QUITTING, SERVED, TWO, system
 
 
 def asked(text: str, robots: int = 2, rounds: int = 8) -> Settled:
@@ -42,26 +31,6 @@ COUNTER = """
       pre: n < 5
       eff: n = n + 1
     eventually Five: n == 5
-"""
-
-GATE = """
-    local:
-      bool inside = false
-    allwrite:
-      int holder = -1
-    Enter:
-      pre: holder == -1
-      eff:
-        atomic:
-          holder = pid
-          inside = true
-    Leave:
-      pre: inside
-      eff:
-        atomic:
-          holder = -1
-          inside = false
-    eventually Served: true leadsto inside
 """
 
 #: Whoever looks for a path may never find one; and where a robot drives, it may never arrive.
@@ -111,13 +80,13 @@ def test_counting_needs_robots_that_run() -> None:
 
 
 def test_who_stands_in_line_needs_fair_locks() -> None:
-    verdict = only(GATE)
+    verdict = only(GATE + SERVED)
     assert verdict.outcome is Outcome.HOLDS
     assert verdict.fairness == ("locks",)
 
 
 def test_another_thing_to_do_is_another_way_to_wait_for_ever() -> None:
-    verdict = only(GATE + "    Idle:\n      eff: pass\n")
+    verdict = only(GATE + SERVED + "    Idle:\n      eff: pass\n")
     assert verdict.outcome is Outcome.VIOLATED
     assert verdict.counterexample is not None
     assert verdict.counterexample.recording.loop is not None
@@ -149,32 +118,11 @@ def test_without_what_is_expected_nobody_need_arrive(expected: str) -> None:
 
 
 def test_a_stopped_robot_is_not_passed_over() -> None:
-    text = """
-        local:
-          bool done = false
-        Quit:
-          eff: stop
-        Do:
-          pre: not done
-          eff: done = true
-        eventually Done: done
-        """
-    assert only(text, 1).outcome is Outcome.VIOLATED
+    assert only(QUITTING, 1).outcome is Outcome.VIOLATED
 
 
 def test_each_robot_by_itself() -> None:
-    text = """
-        local:
-          int n = 0
-        First:
-          pre: pid == 0 and n == 0
-          eff: n = 1
-        Second:
-          pre: pid == 1 and n == 0
-          eff: n = 2
-        eventually Each: n == 1 leadsto n == 2
-        """
-    verdict = only(text)
+    verdict = only(TWO)
     assert verdict.outcome is Outcome.VIOLATED
     assert verdict.counterexample is not None
     assert verdict.counterexample.robot == 0
@@ -203,7 +151,7 @@ def test_a_statement_that_asks_is_left_to_others() -> None:
 
 
 def test_time_may_run_out() -> None:
-    said = settled(system(GATE), Bounds(8), Ways.BITS, Deadline.after(0.0))
+    said = settled(system(GATE + SERVED), Bounds(8), Ways.BITS, Deadline.after(0.0))
     (verdict,) = said.verdicts
     assert verdict.outcome is Outcome.UNKNOWN
     assert "timeout" in verdict.reason
