@@ -113,6 +113,8 @@ def test_as_the_plain_lassos(block: int) -> None:
 
 
 @pytest.mark.slow
-def test_as_the_plain_lassos_on_many() -> None:
-    count = Counter(compare(seed) for seed in range(10_000, 11_500))
-    assert count["violated"] + count["holds"] > 700, count
+@pytest.mark.parametrize("block", range(5))
+def test_as_the_plain_lassos_on_many(block: int) -> None:
+    seeds = range(10_000 + block * 300, 10_300 + block * 300)
+    count = Counter(compare(seed) for seed in seeds)
+    assert count["violated"] + count["holds"] > 140, count

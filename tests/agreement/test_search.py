@@ -95,10 +95,11 @@ def test_as_the_plain_search_late() -> None:
 
 
 @pytest.mark.slow
-def test_as_the_plain_search_on_many() -> None:
-    seeds = range(10_000, 12_000)
+@pytest.mark.parametrize("block", range(4))
+def test_as_the_plain_search_on_many(block: int) -> None:
+    seeds = range(10_000 + block * 500, 10_500 + block * 500)
     count = Counter(compare_with_plain(seed, system(Random(seed), FINITE)) for seed in seeds)
-    assert count["violated"] + count["holds"] > 1_000
+    assert count["violated"] + count["holds"] > 250
 
 
 # --- with reductions and without ------------------------------------------------------------------
