@@ -31,7 +31,7 @@ from koord.verify.portfolio import Choice
 from koord.verify.solving import Deadline, Effort
 from koord.verify.verdicts import Engine, Outcome, Verdict
 from tests.generators.staged import staged
-from tests.verify.asking import ask, bounded, inductive
+from tests.verify.asking import ask, bounded, inductive, of_text
 from tests.verify.bits.asking import on_bits
 
 NAMES = {
@@ -250,6 +250,48 @@ def test_all_engines_agree_with_the_search(name: str, seeds: range) -> None:
     assert count["bits: proved, and all runs seen"] >= 15, count
     assert count["induction: proved, and all runs seen"] >= 5, count
     assert name != "staged" or count["violated late"] >= 5, count
+
+
+#: What is read is any member of an enumeration, what is chosen any number between two.
+RANGES = """
+enum Mode: {members}
+param int low = {low}
+param int high = {high}
+using Dial:
+  sensors:
+    Mode mode
+    int level = low
+  environment:
+    level = choose(low, high)
+local:
+  int n = low
+  bool first = false
+Look:
+  eff:
+    n = Dial.level
+    first = Dial.mode == a
+invariant Member: {one_of_them}
+invariant Within: low <= n and n <= high
+invariant Below: n < high
+invariant Above at round: low < Dial.level
+"""
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 1), (0, 2), (-1, 4), (3, 5), (-6, -2)])
+def test_bits_agree_at_the_ends_of_ranges(low: int, high: int) -> None:
+    """Of as many values as take a number of bits, and of fewer."""
+    modes = "abcdef"[: high - low + 1]
+    one_of_them = " or ".join(f"Dial.mode == {mode}" for mode in modes)
+    text = RANGES.format(members=", ".join(modes), low=low, high=high, one_of_them=one_of_them)
+    case = searched(0, of_text(text, robots=1))
+    assert case is not None
+    assert case.every
+    assert case.first.keys() == {"Below", "Above"}
+    ledger = on_bits(case.system, 2)
+    for claim in ledger.claims:
+        breaks = Outcome.VIOLATED if claim.name in case.first else Outcome.HOLDS
+        assert ledger.verdict(claim).outcome is breaks, claim.name
+        assert_so(case, ledger.verdict(claim))
 
 
 #: 10,000 more.
