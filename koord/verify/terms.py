@@ -27,6 +27,7 @@ from koord.syntax.types import (
     StringType,
     Type,
 )
+from koord.verify.making import Maker, same
 
 Term: TypeAlias = "Constant | z3.ExprRef"
 
@@ -45,6 +46,7 @@ class Terms:
 
     def __init__(self, patience: Patience = ENDLESS) -> None:
         self.context = z3.Context()
+        self._make = Maker(self.context)
         self._patience = patience
         self._bool = z3.BoolSort(self.context)
         self._int = z3.IntSort(self.context)
@@ -75,13 +77,13 @@ class Terms:
         self._patience.spend()
         match op:
             case UnaryOp.NOT:
-                return operand.arg(0) if z3.is_not(operand) else z3.Not(operand)
+                return self._make.negation(operand)
             case UnaryOp.NEG:
-                return -operand
+                return self._make.opposite(operand)
             case UnaryOp.ABS:
                 return z3.If(operand < 0, -operand, operand)
             case UnaryOp.WIDEN:
-                return z3.ToReal(operand)
+                return self._make.widened(operand)
         assert_never(op)
 
     def binary(self, op: BinaryOp, left: Term, right: Term) -> Term:
@@ -100,7 +102,7 @@ class Terms:
             return then
         if isinstance(then, bool) or isinstance(other, bool):
             return self._boolean_ite(condition, then, other)
-        return z3.If(condition, *self._alike(then, other))
+        return self._make.choice(condition, *self._alike(then, other))
 
     # --- terms ----------------------------------------------------------------------------------
 
@@ -152,10 +154,7 @@ class Terms:
         ]
         if not lifted:
             return z3.Const(name, self.sort(result))
-        symbol = z3.Function(name, *(a.sort() for a in lifted), self.sort(result))
-        applied = symbol(*lifted)
-        assert isinstance(applied, z3.ExprRef)
-        return applied
+        return self._make.applied(name, lifted, self.sort(result))
 
     def list_sort(self, element: Sequence[Sort]) -> z3.DatatypeSortRef:
         """The sort of lists whose elements are made of parts of these sorts."""
@@ -285,10 +284,7 @@ class Terms:
     def function_like(self, like: z3.ExprRef, arguments: Sequence[Term]) -> z3.ExprRef:
         """The function symbol of a constant's name and sort, at arguments."""
         lifted = [self.lifted(a, self._int) for a in arguments]
-        symbol = z3.Function(str(like), *(a.sort() for a in lifted), like.sort())
-        applied = symbol(*lifted)
-        assert isinstance(applied, z3.ExprRef)
-        return applied
+        return self._make.applied(str(like), lifted, like.sort())
 
     def mentions(self, term: Term, constants: Sequence[Term]) -> bool:
         """Whether one of some constants occurs in a term."""
@@ -355,33 +351,35 @@ class Terms:
             return right if left else False
         if not isinstance(right, z3.ExprRef):
             return left if right else False
-        return left if left.eq(right) else z3.And(left, right)
+        return left if same(left, right) else self._make.conjunction(left, right)
 
     def _connective_or(self, left: Term, right: Term) -> Term:
         if not isinstance(left, z3.ExprRef):
             return True if left else right
         if not isinstance(right, z3.ExprRef):
             return True if right else left
-        return left if left.eq(right) else z3.Or(left, right)
+        return left if same(left, right) else self._make.disjunction(left, right)
 
     def _operation(self, op: BinaryOp, left: z3.ExprRef, right: z3.ExprRef) -> Term:
         match op:
             case BinaryOp.EQ:
-                return True if left.eq(right) else self._equation(left, right)
+                return True if same(left, right) else self._equation(left, right)
             case BinaryOp.NE:
-                return False if left.eq(right) else z3.Not(left == right)
+                if same(left, right):
+                    return False
+                return self._make.negation(self._make.equation(left, right))
             case BinaryOp.ADD:
-                return left + right
+                return self._make.total(left, right)
             case BinaryOp.SUB:
-                return left - right
+                return self._make.difference(left, right)
             case BinaryOp.MUL:
                 plain = left.sort() == self._int or _is_value(left) or _is_value(right)
                 self.has_products = self.has_products or not plain
-                return left * right
+                return self._make.product(left, right)
             case BinaryOp.LT:
-                return left < right
+                return self._make.less(left, right)
             case BinaryOp.LE:
-                return True if left.eq(right) else left <= right
+                return True if same(left, right) else self._make.at_most(left, right)
             case BinaryOp.MIN:
                 return z3.If(right < left, right, left)
             case BinaryOp.MAX:
@@ -395,11 +393,12 @@ class Terms:
     def _equation(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
         """Booleans are compared with constants often: then no equation is needed."""
         for one, other in ((left, right), (right, left)):
-            if z3.is_true(one):
+            kind = self._make.kind(one)
+            if kind == z3.Z3_OP_TRUE:
                 return other
-            if z3.is_false(one):
+            if kind == z3.Z3_OP_FALSE:
                 return self.unary(UnaryOp.NOT, other)
-        return left == right
+        return self._make.equation(left, right)
 
     def _quotient(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
         """As :func:`binary_of_numbers`: of ints rounded down, and zero for a zero divisor."""
@@ -438,7 +437,7 @@ class Terms:
 
     def _alike(self, then: Term, other: Term) -> tuple[z3.ExprRef, z3.ExprRef]:
         if isinstance(then, z3.ExprRef):
-            return then, self.lifted(other, then.sort())
+            return then, other if isinstance(other, z3.ExprRef) else self.lifted(other, then.sort())
         if isinstance(other, z3.ExprRef):
             return self.lifted(then, other.sort()), other
         sort = self._real if isinstance(then, Fraction) else self._int
@@ -446,7 +445,7 @@ class Terms:
 
     def _same(self, then: Term, other: Term) -> bool:
         if isinstance(then, z3.ExprRef):
-            return isinstance(other, z3.ExprRef) and bool(then.eq(other))
+            return isinstance(other, z3.ExprRef) and same(then, other)
         return not isinstance(other, z3.ExprRef) and then == other
 
 
