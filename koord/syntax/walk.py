@@ -18,15 +18,16 @@ _BELOW: dict[type, tuple[str, ...] | None] = {}
 
 def nodes(node: object) -> Iterator[object]:
     """A node (or a tuple of them), then everything below it, in the order of the text."""
-    if isinstance(node, tuple):
-        for part in node:
-            yield from nodes(part)
-        return
-    names = _below(type(node))
-    if names is not None:
-        yield node
-        for name in names:
-            yield from nodes(getattr(node, name))
+    waiting = [node]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, tuple):
+            waiting += reversed(part)
+            continue
+        names = _below(type(part))
+        if names is not None:
+            yield part
+            waiting += [getattr(part, name) for name in reversed(names)]
 
 
 def rebuilt(node: Any, part: Callable[[Any], Any]) -> Any:

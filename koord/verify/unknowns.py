@@ -61,9 +61,11 @@ class Unknowns:
     _functions: dict[str, list[tuple[tuple[Symbolic, ...], Symbolic]]] = field(default_factory=dict)
     _summarised: set[str] = field(default_factory=set)
     _asked_of_all: frozenset[str] = field(init=False)
+    _vouched: frozenset[str] = field(init=False)
 
     def __post_init__(self) -> None:
         self._asked_of_all = asked_of_all(self.program)
+        self._vouched = frozenset(e.name for e in self.program.externals if vouched(e))
 
     def value(
         self,
@@ -180,7 +182,7 @@ class Unknowns:
 
     def vouches_for(self, external: core.External) -> bool:
         """Whether the summary of a function was required of all its arguments at once."""
-        return vouched(external)
+        return external.name in self._vouched
 
     def every(self, types: Sequence[Type], body: Callable[[tuple[Symbolic, ...]], Term]) -> Term:
         """Whether a statement holds of all values of some types. [E-QUANT]
