@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from koord.semantics.search.limits import Limits
 from koord.verify.bmc import Bounded
@@ -12,6 +13,9 @@ from koord.verify.induction import prove
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.solving import Effort
 from koord.verify.verdicts import BrokenStep, Engine
+
+if TYPE_CHECKING:
+    from koord.verify.exhaustive import Searching
 
 #: How many rounds an inductive step may span.
 MAX_DEPTH = 3
@@ -148,24 +152,26 @@ class BySearch:
     limits: Limits
 
     def work(self, ledger: Ledger) -> None:
-        from koord.verify.exhaustive import exhaust  # seldom needed, and takes a while to load
+        # Seldom needed, and takes a while to load.
+        from koord.verify.exhaustive import Searching, exhaust
 
         claims = ledger.open()
         if ledger.subject.is_abstract:
             reason = "search: positions or paths have infinitely many values"
             ledger.leave(claims, Reach(Engine.SEARCH, None, reason, 0.0))
             return
+        found = Searching()
         started = time.monotonic()
-        found = exhaust(
-            ledger.system,
-            claims,
-            self.limits,
-            ledger.deadline,
-            ledger.subject.judge,
-            ledger.progress,
-        )
+        judge = ledger.subject.judge
+        try:
+            exhaust(
+                ledger.system, claims, self.limits, ledger.deadline, judge, ledger.progress, found
+            )
+        finally:
+            self._leave(ledger, found, time.monotonic() - started)
+
+    def _leave(self, ledger: Ledger, found: Searching, seconds: float) -> None:
         ledger.settle(found.verdicts)
-        seconds = time.monotonic() - started
         enough = found.depth is not None and found.depth >= ledger.bounds.rounds
         reach = Reach(Engine.SEARCH, found.depth, "" if enough else found.reason, seconds)
         ledger.leave([c for c in ledger.open() if c not in found.unreplayed], reach)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from koord.semantics.configurations import System
-from koord.semantics.search.engine import survey
+from koord.semantics.search.engine import begun
 from koord.semantics.search.findings import Claim as Searched
 from koord.semantics.search.findings import Exhausted, OutOfBounds, Subject, Violated
 from koord.semantics.search.finite import NotFinite
@@ -27,9 +27,9 @@ _SUBJECTS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Searching:
-    """What the search said. ``states`` counts what it saw; ``reason`` is why it did not finish.
+    """What the search said by now. ``states`` counts what it saw, ``reason`` is why it did not end.
 
     ``unreplayed`` are claims with a violation that did not replay, each with the reason.
     """
@@ -48,39 +48,59 @@ def exhaust(
     deadline: Deadline,
     judge: Judge,
     progress: Callable[[str], None],
+    said: Searching | None = None,
 ) -> Searching:
-    """Verdicts on the claims from all reachable configurations, if they are few enough."""
+    """Verdicts on the claims from all reachable configurations, if they are few enough.
+
+    They are written into ``said`` as they come: what was found counts, however the search ends.
+    """
+    said = said if said is not None else Searching()
     started = time.monotonic()
     properties = [claim.stated for claim in claims if claim.stated is not None]
     subjects = frozenset(_SUBJECTS[claim.kind] for claim in claims) - {Subject.PROPERTY}
-    found = survey(
+    search = begun(
         system,
         properties,
         Limits(limits.states, limits.memory_mb, limits.rounds, deadline.at),
         subjects=subjects,
         progress=lambda states, rounds, _: progress(f"search, round {rounds}, {states} states"),
     )
-    seconds = time.monotonic() - started
-    violated = {each.claim: each for each in found.violated}
-    verdicts: dict[Claim, Verdict] = {}
-    unreplayed: dict[Claim, str] = {}
-    for claim in claims:
-        shown = violated.get(_searched(claim))
-        if shown is not None:
+    if isinstance(search, NotFinite):
+        said.reason = f"search: {search.reason} ({search.span})"
+        return said
+    asked = {_searched(claim): claim for claim in claims}
+    try:
+        for shown in search.violations():
+            claim = asked.get(shown.claim)
+            if claim is None:
+                continue
             try:
-                verdicts[claim] = _violation(claim, shown, judge, seconds)
+                said.verdicts[claim] = _violation(claim, shown, judge, time.monotonic() - started)
             except NotReplayedError as error:
-                unreplayed[claim] = f"search: a candidate violation did not replay: {error}"
-        elif isinstance(found.end, Exhausted):
-            verdicts[claim] = Verdict(claim, Outcome.HOLDS, Engine.SEARCH, seconds)
-    match found.end:
+                said.unreplayed[claim] = f"search: a candidate violation did not replay: {error}"
+    finally:
+        _conclude(said, search.end, claims, time.monotonic() - started)
+    return said
+
+
+def _conclude(
+    said: Searching,
+    end: Exhausted | OutOfBounds | NotFinite,
+    claims: Sequence[Claim],
+    seconds: float,
+) -> None:
+    """What the end of a search says of the claims that it found no violation of."""
+    match end:
         case Exhausted(states=states, depth=depth):
-            return Searching(verdicts, unreplayed, states, depth)
+            said.states, said.depth = states, depth
+            for claim in claims:
+                if claim not in said.verdicts and claim not in said.unreplayed:
+                    said.verdicts[claim] = Verdict(claim, Outcome.HOLDS, Engine.SEARCH, seconds)
         case OutOfBounds(reason=reason, states=states, depth=depth):
-            reason = f"search: {reason} through round {depth}"
-            return Searching(verdicts, unreplayed, states, depth, reason)
+            said.states, said.depth = states, depth
+            said.reason = f"search: {reason} through round {depth}"
         case NotFinite(reason=reason, span=span):
-            return Searching(verdicts, unreplayed, reason=f"search: {reason} ({span})")
+            said.reason = f"search: {reason} ({span})"
 
 
 def _searched(claim: Claim) -> Searched:

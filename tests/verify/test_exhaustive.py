@@ -7,11 +7,16 @@ import pytest
 from koord.semantics.configurations import System, dealt
 from koord.semantics.search.engine import survey
 from koord.semantics.search.findings import Exhausted, OutOfBounds
+from koord.semantics.search.limits import Limits
+from koord.semantics.traces.recording import Recording
 from koord.syntax.load import load
 from koord.syntax.source import Source
-from koord.verify.claims import Phase
+from koord.verify.claims import Claim, Phase, claims_of
+from koord.verify.exhaustive import Searching, exhaust
 from koord.verify.portfolio import Choice, verify
-from koord.verify.verdicts import Bounds, Counterexample, Engine
+from koord.verify.solving import Deadline
+from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome
+from koord.verify.witness import replayed
 from tests.verify.asking import of_text
 
 COUNTS = """
@@ -73,3 +78,21 @@ def test_a_search_that_found_everything_it_was_asked_about_ends() -> None:
     assert [v.claim.name for v in both.violated] == ["Small"]
     assert isinstance(both.end, Exhausted)
     assert both.end.states == 901
+
+
+def test_what_was_found_counts_when_a_search_without_end_is_stopped() -> None:
+    system = of_text(
+        "local:\n  int x = 0\nUp:\n  eff: x = x + 1\ninvariant A: x < 2\ninvariant B: x < 5\n", 1
+    )
+    claims = claims_of(system)
+
+    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+        if claim.name == "B":
+            raise KeyboardInterrupt
+        return replayed(system, recording, claim, phase)
+
+    said = Searching()
+    with pytest.raises(KeyboardInterrupt):
+        exhaust(system, claims, Limits(), Deadline.after(None), judge, lambda text: None, said)
+    assert {c.name: v.outcome for c, v in said.verdicts.items()} == {"A": Outcome.VIOLATED}
+    assert said.depth == 4

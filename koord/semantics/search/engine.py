@@ -69,7 +69,16 @@ def search(
     ``properties`` are invariants, at all times or at rounds. ``symmetry`` and ``order_reduction``
     can be switched off; that changes how long it takes, and no verdict.
     """
-    made = _made(system, properties, limits, subjects, symmetry, order_reduction, progress, clock)
+    made = begun(
+        system,
+        properties,
+        limits,
+        subjects=subjects,
+        symmetry=symmetry,
+        order_reduction=order_reduction,
+        progress=progress,
+        clock=clock,
+    )
     if isinstance(made, NotFinite):
         return made
     violated = next(made.violations(), None)
@@ -88,27 +97,38 @@ def survey(
     clock: Callable[[], float] = time.monotonic,
 ) -> Survey:
     """Look for all violations: of each claim one with the fewest rounds."""
-    made = _made(system, properties, limits, subjects, symmetry, order_reduction, progress, clock)
+    made = begun(
+        system,
+        properties,
+        limits,
+        subjects=subjects,
+        symmetry=symmetry,
+        order_reduction=order_reduction,
+        progress=progress,
+        clock=clock,
+    )
     if isinstance(made, NotFinite):
         return Survey((), made)
     return Survey(tuple(made.violations()), made.end)
 
 
-def _made(
+def begun(
     system: System,
     properties: Sequence[core.Property],
-    limits: Limits | None,
-    subjects: frozenset[Subject],
-    symmetry: bool,
-    order_reduction: bool,
-    progress: Progress | None,
-    clock: Callable[[], float],
-) -> _Search | NotFinite:
+    limits: Limits | None = None,
+    *,
+    subjects: frozenset[Subject] = ALWAYS,
+    symmetry: bool = True,
+    order_reduction: bool = True,
+    progress: Progress | None = None,
+    clock: Callable[[], float] = time.monotonic,
+) -> Search | NotFinite:
+    """A search for all violations that tells of each as it comes, if the system allows one."""
     reason = not_finite(system, properties)
     if reason is not None:
         return reason
     meter = Meter(limits if limits is not None else Limits(), clock)
-    return _Search(system, tuple(properties), meter, subjects, symmetry, order_reduction, progress)
+    return Search(system, tuple(properties), meter, subjects, symmetry, order_reduction, progress)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +153,8 @@ class _LimitError(Exception):
     """A limit is reached."""
 
 
-class _Search:
-    """One search. ``violations`` drives it; ``end`` is set when it is over."""
+class Search:
+    """One search. ``violations`` drives it; ``end`` says how it ended, or how far it is."""
 
     def __init__(
         self,
@@ -174,7 +194,12 @@ class _Search:
         self._seen: dict[State, State | None] = {}
         self._settled: set[Claim] = set()
         self._depth = 0
-        self.end: Exhausted | OutOfBounds | NotFinite = OutOfBounds("not begun", 0, 0)
+        self._end: Exhausted | OutOfBounds | NotFinite | None = None
+
+    @property
+    def end(self) -> Exhausted | OutOfBounds | NotFinite:
+        """How it ended."""
+        return self._end or OutOfBounds("interrupted", len(self._seen), self._depth)
 
     def violations(self) -> Iterator[Violated]:
         """Every violation, each claim once, by rounds."""
@@ -186,16 +211,16 @@ class _Search:
                     if self._has_all():
                         raise _LimitError(NOTHING_LEFT)
         except _LimitError as limit:
-            self.end = OutOfBounds(str(limit), len(self._seen), self._depth)
+            self._end = OutOfBounds(str(limit), len(self._seen), self._depth)
         except OutOfPatienceError:
-            self.end = OutOfBounds(OUT_OF_TIME, len(self._seen), self._depth)
+            self._end = OutOfBounds(OUT_OF_TIME, len(self._seen), self._depth)
         except TooLargeError:
             reached = f"more than {MOST_SCALARS} values in one variable"
-            self.end = OutOfBounds(reached, len(self._seen), self._depth)
+            self._end = OutOfBounds(reached, len(self._seen), self._depth)
         except UnboundedError as reason:
-            self.end = NotFinite(str(reason), NOWHERE)
+            self._end = NotFinite(str(reason), NOWHERE)
         else:
-            self.end = Exhausted(len(self._seen), self._depth)
+            self._end = Exhausted(len(self._seen), self._depth)
 
     def _has_all(self) -> bool:
         """Whether nothing is left to be found: all that was asked about is violated."""
