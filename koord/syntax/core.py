@@ -627,7 +627,7 @@ class Each:
 class Property(Node):
     """A statement about configurations: closed, but for ``each``.
 
-    ``trigger`` is set for LEADS_TO only, and so may be ``each``.
+    ``trigger`` is set for LEADS_TO only; ``each`` may be for that and for EVENTUALLY.
     """
 
     name: str

@@ -52,20 +52,27 @@ def with_liveness(of: System, random: Random) -> System:
         promised.append(made("expected", PropertyKind.LEADS_TO))
     if random.random() < 0.3:
         promised.append(ran(made("each", PropertyKind.LEADS_TO), of, random))
+    once = ran(made("once", PropertyKind.LEADS_TO), of, random, always=True)
+    stated.append(replace(once, kind=PropertyKind.EVENTUALLY, trigger=None))
     return replace(
         of,
         program=replace(program, properties=tuple(stated), expectations=tuple(promised)),
     )
 
 
-def ran(stated: core.Property, of: System, random: Random) -> core.Property:
-    """The property with the trigger, or the goal, that each robot by itself ran an event."""
+def ran(
+    stated: core.Property, of: System, random: Random, *, always: bool = False
+) -> core.Property:
+    """The property with the trigger, or the goal, that each robot by itself ran an event.
+
+    ``always`` makes it the goal.
+    """
     robot = core.Variable(Home.BOUND, stated.bound, "pid", INT)
     kind = random.randrange(len(of.program.agents))
     position = random.randrange(len(of.program.agents[kind].events))
     ran: core.Expr = core.Ran(((kind, position),), core.Read(core.Place(robot)))
     each = core.Each(robot, kind if len(of.program.agents) > 1 else None)
-    if random.random() < 0.5:
+    if not always and random.random() < 0.5:
         return replace(stated, trigger=ran, each=each, bound=stated.bound + 1)
     truth = core.Const(True, BOOL)
     return replace(stated, trigger=truth, condition=ran, each=each, bound=stated.bound + 1)

@@ -43,6 +43,14 @@ QUITTING = """
     eventually Done: done
 """
 
+#: Each robot passes 2 on its way round, but not all need be there at once.
+PASSING = """
+    local:
+      int n = 0
+    Up:
+      eff: n = (n + 1) % 3
+"""
+
 #: What each robot does by itself leads to nothing that it does itself.
 TWO = """
     local:

@@ -31,7 +31,7 @@ from koord.semantics.traces.trace import (
 )
 from koord.syntax import core
 from koord.syntax.source import Source
-from tests.semantics.endless import GATE, QUITTING, SERVED, TWO, system
+from tests.semantics.endless import GATE, PASSING, QUITTING, SERVED, TWO, system
 
 
 def asked(of: System) -> Lively:
@@ -217,6 +217,16 @@ def test_leads_to_is_of_one_robot_or_of_all() -> None:
     broken = broken_by(of, found.violated["Each"], ends, stated)
     assert broken is not None
     assert broken[0].robot == 0
+
+
+def test_eventually_is_of_each_robot_by_itself_or_of_all_at_once() -> None:
+    of = system(PASSING + "    eventually Each: n == 2\n    eventually All: forall i: n@i == 2\n")
+    each, together = of.program.properties
+    assert [r.robot for r in responses(of, each)] == [0, 1]
+    assert [r.robot for r in responses(of, together)] == [None]
+    found = asked(of)
+    assert found.violated.keys() == {"All"}
+    assert found.needs["Each"] == Fairness(robots=True)
 
 
 def test_only_ends_of_rounds_are_asked() -> None:

@@ -57,9 +57,8 @@ def property_(
         case ast.Invariant(at_round=at_round, condition=condition):
             made = closed(body, condition, "an invariant")
             sort = core.PropertyKind.AT_ROUND if at_round else core.PropertyKind.INVARIANT
-        case ast.Eventually(goal=goal):
-            made = closed(body, goal, "what eventually holds")
-            sort = core.PropertyKind.EVENTUALLY
+        case ast.Eventually():
+            return _eventually(body, section, name)
         case ast.LeadsTo():
             return _leads_to(body, section, name)
         case _:
@@ -69,18 +68,29 @@ def property_(
     return core.Property(name, sort, made, body.bound, span=section.span)
 
 
+def _eventually(body: Body, section: ast.Eventually, name: str) -> core.Property | None:
+    goal = fit(
+        body, body.expr(section.goal, BOOL), BOOL, section.goal.span, "what eventually holds"
+    )
+    if goal is None:
+        return None
+    each = _each(body)
+    kind = core.PropertyKind.EVENTUALLY
+    return core.Property(name, kind, goal, body.bound, each=each, span=section.span)
+
+
+def _each(body: Body) -> core.Each | None:
+    """Who a statement about whole runs is meant for, one by one, if it speaks of ``pid``."""
+    return None if body.closing is None else core.Each(body.closing, _kind(body))
+
+
 def _leads_to(body: Body, section: ast.LeadsTo, name: str) -> core.Property | None:
     trigger = fit(body, body.expr(section.trigger, BOOL), BOOL, section.trigger.span, "a trigger")
     goal = fit(body, body.expr(section.goal, BOOL), BOOL, section.goal.span, "a goal")
     if trigger is None or goal is None:
         return None
-    each = None
-    if body.closing is not None:
-        # Both sides speak of the same robot, and of each by itself.
-        each = core.Each(body.closing, _kind(body))
-    return core.Property(
-        name, core.PropertyKind.LEADS_TO, goal, body.bound, trigger, each, span=section.span
-    )
+    kind = core.PropertyKind.LEADS_TO
+    return core.Property(name, kind, goal, body.bound, trigger, _each(body), span=section.span)
 
 
 _WORDS: dict[type[Stated], str] = {

@@ -291,8 +291,8 @@ class _Run:
         """Both sides of statements and of what is expected, said of all robots that are meant."""
         sides = []
         for each in (*stated, *self.watching.system.program.expectations):
-            assert each.trigger is not None
-            for side in (each.trigger, each.condition):
+            trigger = () if each.trigger is None else (each.trigger,)
+            for side in (*trigger, each.condition):
                 whole = _of_all(each, side)
                 sides.append(replace(each, condition=whole, trigger=None, each=None))
         return tuple(sides)

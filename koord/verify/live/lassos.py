@@ -6,6 +6,7 @@ from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import execute
 from koord.semantics.lassos import broken_by, flaw_of
+from koord.semantics.oracle import Phase as Asked
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.traces.recording import Recording
 from koord.verify.claims import Claim, Phase
@@ -22,11 +23,12 @@ def replayed_lasso(system: System, recording: Recording, claim: Claim) -> Counte
     stated, loop = claim.stated, recording.loop
     assert stated is not None
     assert loop is not None
+    heard = [a for round_ in recording.rounds for a in round_.answers if a.phase is Asked.CHECK]
     try:
-        steps = list(execute(EXACT, system, recording))
+        steps = list(execute(EXACT, system, recording, heard))
     except IllegalStepError as error:
         raise NotReplayedError(str(error)) from error
-    found = unkept(system, recording)
+    found = unkept(system, heard)
     if found is not None:
         raise NotReplayedError(f"no {found.function} keeps its summary with these answers")
     ends = [step.configuration for step in steps if step.rule in ("INIT", "ENV-TRANS")]
@@ -39,7 +41,7 @@ def replayed_lasso(system: System, recording: Recording, claim: Claim) -> Counte
     last = len(recording.rounds)
     whose = "" if response.robot is None else f" of robot {response.robot}"
     if response.trigger is None:
-        detail = f"what {stated.name} waits for never comes true"
+        detail = f"what {stated.name} waits for never comes true{whose}"
     else:
         when = f"after round {since}" if since else "at the start"
         detail = f"what should lead to {stated.name}{whose} is true {when}, and nothing follows"

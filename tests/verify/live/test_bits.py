@@ -12,7 +12,7 @@ from koord.verify.live.counting import settling
 from koord.verify.live.settling import Settled, Ways, settled
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Outcome, Verdict
-from tests.semantics.endless import GATE, QUITTING, SERVED, TWO, system
+from tests.semantics.endless import GATE, PASSING, QUITTING, SERVED, TWO, system
 
 
 def asked(text: str, robots: int = 2, rounds: int = 8) -> Settled:
@@ -127,6 +127,13 @@ def test_each_robot_by_itself() -> None:
     assert verdict.counterexample is not None
     assert verdict.counterexample.robot == 0
     assert "robot 0" in verdict.counterexample.detail
+
+
+def test_sooner_or_later_is_of_each_robot_by_itself() -> None:
+    assert only(PASSING + "    eventually Each: n == 2\n").outcome is Outcome.HOLDS
+    verdict = only(PASSING + "    eventually Each: n == 3\n")
+    assert verdict.counterexample is not None
+    assert verdict.counterexample.detail == "what Each waits for never comes true of robot 0"
 
 
 def test_that_no_run_is_fair_is_told() -> None:
