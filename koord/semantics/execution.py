@@ -36,6 +36,7 @@ class RecordedOracle:
     phase: Phase
     robot: int
     answers: dict[Key, Answer]
+    heard: list[Answer]
 
     def choose(self, key: Key, low: Constant, high: Constant, type_: Type) -> Constant:
         answer = self._answer(key, None)
@@ -64,16 +65,18 @@ class RecordedOracle:
         if answer is None or answer.function != function:
             what = function or "choose"
             raise IllegalStepError("EXTERNAL", f"no answer of {what} was recorded for {key}")
+        self.heard.append(answer)
         return answer
 
 
 @dataclass(slots=True)
 class RecordedInputs:
-    """Inputs of one step, from a recording of it."""
+    """Inputs of one step, from a recording of it. ``heard`` are the answers that were asked for."""
 
     starts: Iterable[Start] = ()
     readings: Iterable[Reading] = ()
     answers: Iterable[Answer] = ()
+    heard: list[Answer] = field(default_factory=list)
     _starts: dict[tuple[Home, int, int | None], Concrete] = field(init=False)
     _readings: dict[tuple[int, int], Concrete] = field(init=False)
     _answers: dict[tuple[Phase, int], dict[Key, Answer]] = field(init=False)
@@ -102,7 +105,7 @@ class RecordedInputs:
         return value
 
     def oracle(self, phase: Phase, robot: int) -> Oracle[Constant]:
-        return RecordedOracle(phase, robot, self._answers.get((phase, robot), {}))
+        return RecordedOracle(phase, robot, self._answers.get((phase, robot), {}), self.heard)
 
 
 # --- execution ----------------------------------------------------------------------------------
@@ -127,14 +130,20 @@ class Step:
         return self.stepped.configuration
 
 
-def execute(d: Domain[Constant], system: System, recording: Recording) -> Iterator[Step]:
+def execute(
+    d: Domain[Constant],
+    system: System,
+    recording: Recording,
+    heard: list[Answer] | None = None,
+) -> Iterator[Step]:
     """The steps of a recorded run, one by one, from INIT on.
 
-    Raises :class:`IllegalStepError` at the first step that the rules do not allow. Stops early
-    after a fault.
+    The answers that it asks for are added to ``heard``. Raises :class:`IllegalStepError` at the
+    first step that the rules do not allow. Stops early after a fault.
     """
+    heard = [] if heard is None else heard
     opening = recording.opening
-    inputs = RecordedInputs(starts=opening.starts, answers=opening.answers)
+    inputs = RecordedInputs(starts=opening.starts, answers=opening.answers, heard=heard)
     known: dict[tuple[str, tuple[Concrete, ...]], Concrete] = {}
     _consistent(system, opening.answers, known)
     _permutation(opening.order, system.robots, whole=True)
@@ -147,7 +156,7 @@ def execute(d: Domain[Constant], system: System, recording: Recording) -> Iterat
             raise IllegalStepError("FAULT", "a faulted configuration has no successors")
         _consistent(system, round_.answers, known)
         _permutation(round_.order, system.robots, whole=not round_.cut)
-        inputs = RecordedInputs(readings=round_.readings, answers=round_.answers)
+        inputs = RecordedInputs(readings=round_.readings, answers=round_.answers, heard=heard)
         for robot in round_.order:
             position = round_.events[robot]
             before = stepped.configuration

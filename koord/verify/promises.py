@@ -1,16 +1,16 @@
 """What summaries promise of every value of a type, tried on the values that a run mentions.
 
 A replay takes such promises on trust, for nobody can try all values. But a run that is to be shown
-should not break them where one can look: the answers that it records say of each function what it
+should not break them where one can look: the answers that it asks for say of each function what it
 gives for some arguments, and that may already be what no function of that summary gives. (Summaries
-say something of all values, and deny nothing of all: elaboration sees to it.) [EXTERNAL]
+say something of all values, and deny nothing of all: elaboration sees to it.) Other answers, which
+a solver gave for branches that are not taken, break no promise. [EXTERNAL]
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import chain
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT, Constant
@@ -19,7 +19,7 @@ from koord.semantics.machine import machine
 from koord.semantics.oracle import Key
 from koord.semantics.runs.sampling import values_within
 from koord.semantics.storage import held
-from koord.semantics.traces.recording import Answer, Concrete, Recording
+from koord.semantics.traces.recording import Answer, Concrete
 from koord.semantics.values import default
 from koord.syntax import core
 from koord.syntax.types import Type
@@ -31,21 +31,21 @@ _MOST_TRIED = 20_000
 
 @dataclass(frozen=True, slots=True)
 class Unkept:
-    """A recorded answer that a promise of its function does not allow."""
+    """An answer that a promise of its function does not allow."""
 
     function: str
     promise: core.Expr
 
 
-def unkept(system: System, recording: Recording) -> Unkept | None:
-    """A promise about every value of a type that the answers of a recording break, if any."""
+def unkept(system: System, heard: Iterable[Answer]) -> Unkept | None:
+    """A promise about every value of a type that the answers of a run break, if any."""
     program = system.program
     speaking = {
         external.name: external for external in program.externals if quantifies(external.ensures)
     }
     if not speaking:
         return None
-    answers = [answer for answer in _answers(recording) if answer.function is not None]
+    answers = [answer for answer in heard if answer.function is not None]
     tried = _Tried(_mentioned(program, answers), _known(program, answers), system.robots)
     seen: set[tuple[str | None, tuple[Concrete, ...], Concrete]] = set()
     for answer in answers:
@@ -57,10 +57,6 @@ def unkept(system: System, recording: Recording) -> Unkept | None:
             if not tried.keeps(system, external, answer, promise):
                 return Unkept(external.name, promise)
     return None
-
-
-def _answers(recording: Recording) -> Iterable[Answer]:
-    return chain(recording.opening.answers, *(round_.answers for round_ in recording.rounds))
 
 
 def _mentioned(program: core.Program, answers: Iterable[Answer]) -> dict[Type, list[Concrete]]:

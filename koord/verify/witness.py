@@ -202,8 +202,9 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
 
     Raises :class:`NotReplayedError` where it did not.
     """
-    steps = _broken_by(system, recording, claim)
-    found = unkept(system, recording)
+    heard: list[Answer] = []
+    steps = _broken_by(system, recording, claim, heard)
+    found = unkept(system, heard)
     if found is not None:
         raise NotReplayedError(f"no {found.function} keeps its summary with these answers")
     last = steps[-1]
@@ -290,10 +291,16 @@ def simplified(system: System, recording: Recording, claim: Claim, tries: int = 
     return recording
 
 
-def _broken_by(system: System, recording: Recording, claim: Claim) -> list[Step]:
-    """The steps of a recorded run, the last of which breaks the claim. Raises NotReplayedError."""
+def _broken_by(
+    system: System, recording: Recording, claim: Claim, heard: list[Answer] | None = None
+) -> list[Step]:
+    """The steps of a recorded run, the last of which breaks the claim. Raises NotReplayedError.
+
+    All answers that this asks for are added to ``heard``.
+    """
+    heard = [] if heard is None else heard
     try:
-        steps = list(execute(EXACT, system, recording))
+        steps = list(execute(EXACT, system, recording, heard))
     except IllegalStepError as error:
         raise NotReplayedError(str(error)) from error
     last = steps[-1]
@@ -303,7 +310,7 @@ def _broken_by(system: System, recording: Recording, claim: Claim) -> list[Step]
         return steps
     if last.configuration.fault is not None:
         raise NotReplayedError("the run faults before it breaks the claim")
-    inputs = RecordedInputs(answers=_last_answers(recording))
+    inputs = RecordedInputs(answers=_last_answers(recording), heard=heard)
     findings = _findings(system, recording, steps)
     try:
         violated, legality = broken(EXACT, system, claim, last.configuration, findings, inputs)

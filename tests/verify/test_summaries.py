@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.verify.claims import claims_of
 from koord.verify.portfolio import Choice
+from koord.verify.promises import unkept
 from koord.verify.verdicts import Outcome
-from tests.verify.asking import Answers, ask, bounded
+from koord.verify.witness import replayed
+from tests.verify.asking import Answers, ask, bounded, system_of
 
 HOLDS, VIOLATED, UNKNOWN = Outcome.HOLDS, Outcome.VIOLATED, Outcome.UNKNOWN
 
@@ -128,6 +133,27 @@ def fun clear(pos[] a) -> bool: extern
     program = once(declared, variables, effect, "Less: b implies c", "More: c implies b")
     assert outcomes(ask(program, robots=1, rounds=2)) == {"Less": HOLDS, "More": VIOLATED}
     assert bounded(program, robots=1, rounds=1).rounds == {"More": 1}
+
+
+def test_answers_that_nobody_asks_for_break_no_promise() -> None:
+    """[REPLAY]: a solver gives them for branches that are not taken."""
+    declared = """
+def fun clear(pos[] a) -> bool: extern
+    ensures: forall pos[] b: length(b) < length(a) and result implies clear(b)
+def fun tails(int n) -> bool: extern
+"""
+    variables = "pos p = pos(0, 0, 0); bool b = false; bool c = true"
+    effect = "b = tails(1); c = (b and clear([p, p, p])) or clear([p, p])"
+    of = system_of(once(declared, variables, effect, "Clear: c"), 1)
+    shown = bounded(of, rounds=1).violated["Clear"]
+    (round_,) = shown.recording.rounds
+    tails, longer, shorter = round_.answers
+    assert shorter.value is False
+    answers = (replace(tails, value=False), replace(longer, value=True), shorter)
+    recording = replace(shown.recording, rounds=(replace(round_, answers=answers),))
+    (claim,) = [c for c in claims_of(of) if c.name == "Clear"]
+    assert replayed(of, recording, claim, shown.phase).round == 1
+    assert unkept(of, answers) is not None  # had both been asked for
 
 
 def test_a_summary_that_nothing_meets_is_told() -> None:
