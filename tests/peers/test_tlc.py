@@ -126,10 +126,12 @@ def test_tlc_agrees_on_some_programs(tmp_path: Path) -> None:
 
 @needs_tlc
 @pytest.mark.slow
-def test_tlc_agrees_on_many_programs(tmp_path: Path) -> None:
-    count = many(((seed, plain(Random(seed))) for seed in range(250, 3_250)), tmp_path)
-    assert count["broken"] >= 50, count
-    assert count["holds"] >= 20, count
+@pytest.mark.parametrize("block", range(10))
+def test_tlc_agrees_on_many_programs(block: int, tmp_path: Path) -> None:
+    seeds = range(250 + 300 * block, 550 + 300 * block)
+    count = many(((seed, plain(Random(seed))) for seed in seeds), tmp_path)
+    assert count["broken"] >= 3, count
+    assert count["holds"] >= 1, count
 
 
 @needs_tlc
