@@ -30,6 +30,11 @@ def certify(
             )
         ),
         {v.claim.name: _OF_RUNS for v in settled if v.claim.kind is ClaimKind.LIVENESS},
+        {
+            v.claim.name: f"its invariant is not said in Koord: {v.unsaid}"
+            for v in holding
+            if v.unsaid
+        },
     )
     texts = Texts(loaded.source, loaded.reading.properties, loaded.reading.settings)
     deadline = Deadline.after(timeout_s)

@@ -17,7 +17,11 @@ from koord.verify.verdicts import (
     Report,
     Vacuity,
     Verdict,
+    as_invariant,
 )
+
+#: So many invariants that were found are shown; files have all of them.
+MOST_SHOWN = 12
 
 PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKNOWN: Paint.WARNING}
 
@@ -40,8 +44,10 @@ def lines(name: str, system: System, report: Report, style: Style) -> Iterator[s
     if report.found:
         yield ""
         yield "  invariants that were found for it:"
-    for text in report.found:
+    for text in report.found[:MOST_SHOWN]:
         yield f"    {text}"
+    if len(report.found) > MOST_SHOWN:
+        yield f"    … {len(report.found) - MOST_SHOWN} more: --save-invariants FILE writes them all"
     if report.vacuities:
         yield ""
     for vacuity in report.vacuities:
@@ -67,10 +73,13 @@ def _empty(vacuity: Vacuity, style: Style) -> str:
     return f"{label} {what}: {vacuity.detail}{place}"
 
 
-def invariants(name: str, report: Report) -> str:
+def invariants(name: str, system: System, report: Report) -> str:
     """The invariants that were found, as a file of properties."""
-    lines = [f"# Found for {name}: each holds for every number of robots and of rounds."]
-    lines += [f"invariant Found{k}: {text}" for k, text in enumerate(report.found, start=1)]
+    proofs = [verdict for verdict in report.verdicts if verdict.lemmas]
+    everyone = all(verdict.engine is Engine.EVERY_N for verdict in proofs)
+    whom = "every number of robots" if everyone else system.fleet
+    lines = [f"# Found for {name}: together they hold in every round, for {whom}."]
+    lines += [as_invariant(f"Found{k}", text) for k, text in enumerate(report.found, start=1)]
     return "\n".join(lines) + "\n"
 
 

@@ -319,7 +319,7 @@ def _verify(program: LoadedProgram, request: Request, told: list[dict[str, objec
     if request.trace is not None:
         _keep(program, asked, request.trace)
     if request.found is not None:
-        _save(program, asked.at_ends, request.found)
+        _save(program, system, asked.at_ends, request.found)
     if request.certificate is not None and not report.interrupted:
         from koord.cli.certifying import certify
 
@@ -485,14 +485,14 @@ def _keep(program: LoadedProgram, asked: Asked, path: str) -> None:
     write_trace(path, counterexamples.trace_of_run(program, asked.system, recording))
 
 
-def _save(program: LoadedProgram, report: Verification, path: str) -> None:
+def _save(program: LoadedProgram, system: System, report: Verification, path: str) -> None:
     """Write the invariants that were found; say so if there are none."""
     from koord.cli import verdicts
 
     if not report.found:
         print("koord verify: no invariant was found that a proof rests on", file=sys.stderr)
         return
-    text = verdicts.invariants(program.source.name, report)
+    text = verdicts.invariants(program.source.name, system, report)
     write_atomically(path, text.encode("utf-8"))
 
 

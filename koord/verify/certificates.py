@@ -27,6 +27,7 @@ from koord.verify.every_n.candidates import candidates
 from koord.verify.every_n.proving import GENEROUS, infer
 from koord.verify.induction import prove, step_scripts
 from koord.verify.solving import Deadline, Effort
+from koord.verify.verdicts import as_invariant
 
 FORMAT = "koord certificate"
 VERSION = 2
@@ -69,6 +70,7 @@ class Shown:
     everyone: frozenset[str] = frozenset()
     lemmas: tuple[Lemma, ...] = ()
     beyond: Mapping[str, str] = field(default_factory=dict)
+    unsaid: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +102,7 @@ def certificate(
     everyone = together if together <= set(depth_of) else frozenset[str]()
     claimed = [originals[claim] for claim in depths if originals[claim].name not in names]
     not_covered = dict(shown.beyond) | {
-        name: "it is not shown by induction over the rounds"
+        name: shown.unsaid.get(name, "it is not shown by induction over the rounds")
         for name in shown.holding
         if name not in depth_of
     }
@@ -176,7 +178,7 @@ def _with_lemmas(
 def _found(lemmas: Sequence[Lemma]) -> list[tuple[str, Source]]:
     """Statements that were found, each with a name, as an invariant in Koord."""
     return [
-        (f"Found{k}", Source(f"found invariant {k}", f"invariant Found{k}: {lemma.text}\n"))
+        (f"Found{k}", Source(f"found invariant {k}", f"{as_invariant(f'Found{k}', lemma.text)}\n"))
         for k, lemma in enumerate(lemmas, start=1)
     ]
 

@@ -11,6 +11,14 @@ from koord.semantics.traces.recording import Recording
 from koord.syntax.source import Span
 from koord.verify.claims import Claim, Phase
 
+#: What stands before a found invariant that is one of the ends of rounds alone.
+AT_ROUND = "at round: "
+
+
+def as_invariant(name: str, lemma: str) -> str:
+    """A found invariant as a line of Koord."""
+    return f"invariant {name}{' ' if lemma.startswith(AT_ROUND) else ': '}{lemma}"
+
 
 class Outcome(Enum):
     """Whether a claim holds."""
@@ -98,6 +106,7 @@ class Verdict:
     others: tuple[Counterexample, ...] = ()  #: different ones, if more were asked for
     step: BrokenStep | None = None  #: why a claim that is *unknown* is not inductive
     lemmas: tuple[str, ...] = ()  #: invariants that were found for the proof, as Koord
+    unsaid: str = ""  #: why the invariant of a proof is not among the lemmas
     fairness: tuple[str, ...] = ()  #: kinds of it, and expectations, that a proof needs
 
 

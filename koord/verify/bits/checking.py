@@ -10,27 +10,35 @@ from koord.verify.bits.pdr import Cube, Question
 
 
 def holds_always(g: Graph, question: Question, cubes: Sequence[Cube]) -> bool:
-    """Whether no run ever is in one of the cubes or bad.
+    """Whether no run ever is in one of the cubes or bad."""
+    return keeps(g, question, [_left_out(g, question, cube) for cube in cubes])
 
-    That is: INIT is in none of them, a round leads from outside of all of them to none, and outside
-    of them nothing is bad.
+
+def keeps(g: Graph, question: Question, statements: Sequence[int]) -> bool:
+    """Whether statements about latches hold in every run, and nothing bad happens.
+
+    That is: they hold of INIT, a round leads from where all of them hold to where all of them do,
+    and there nothing is bad.
     """
-    now = [_cube(g, cube, [latch.literal for latch in question.latches]) for cube in cubes]
-    first = [_cube(g, cube, [latch.init for latch in question.latches]) for cube in cubes]
-    then = [_cube(g, cube, [latch.next for latch in question.latches]) for cube in cubes]
+    init = {latch.literal >> 1: latch.init for latch in question.latches}
+    next_ = {latch.literal >> 1: latch.next for latch in question.latches}
     start = Clauses(g, OTHER)
     start.require(question.opens)
-    initiated = not start.solve([start.of(g.any_of(first))])
+    first = g.all_of(g.substituted(x, init) for x in statements)
+    initiated = not start.solve([start.of(first ^ 1)])
     start.close()
     step = Clauses(g, OTHER)
-    for literal in (*question.given, *(x ^ 1 for x in now)):
+    for literal in (*question.given, *statements):
         step.require(literal)
     safe = not step.solve([step.of(question.bad)])
     step.require(question.steps)
-    kept = not step.solve([step.of(g.any_of(then))])
+    then = g.all_of(g.substituted(x, next_) for x in statements)
+    kept = not step.solve([step.of(then ^ 1)])
     step.close()
     return initiated and safe and kept
 
 
-def _cube(g: Graph, cube: Cube, literals: Sequence[int]) -> int:
-    return g.all_of(literals[abs(x) - 1] ^ (x < 0) for x in cube)
+def _left_out(g: Graph, question: Question, cube: Cube) -> int:
+    """That a state is not in a cube."""
+    literals = (question.latches[abs(x) - 1].literal ^ (x < 0) for x in cube)
+    return g.all_of(literals) ^ 1

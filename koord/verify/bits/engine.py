@@ -14,6 +14,7 @@ from koord.verify.bits import abc, pdr
 from koord.verify.bits.checking import holds_always
 from koord.verify.bits.clauses import QUICK, TRUE_SIDE, Clauses
 from koord.verify.bits.graph import FALSE
+from koord.verify.bits.lemmas import lemmas
 from koord.verify.bits.narrowing import everything, narrowed
 from koord.verify.bits.renaming import images
 from koord.verify.bits.runs import recording
@@ -209,17 +210,30 @@ class _Run:
                 break
             claims = [claim for claim in claims if claim not in failed]
         clauses.close()
-        self._holds(claims, 1)
+        if claims:
+            self._holds(claims, everything(circuit, claims, given), ())
 
     def _lost(self) -> int:
         g, circuit = self.circuit.d.graph, self.circuit
         return g.both(circuit.lost, circuit.steps)
 
-    def _holds(self, claims: Sequence[Claim], depth: int = 1) -> None:
-        seconds = time.monotonic() - self.started
-        self.ledger.settle(
-            {c: Verdict(c, Outcome.HOLDS, self.engine, seconds, depth=depth) for c in claims}
+    def _holds(
+        self, claims: Sequence[Claim], question: pdr.Question, cubes: Sequence[pdr.Cube]
+    ) -> None:
+        """Settle claims, with what keeps them in words."""
+        ledger = self.ledger
+        found = lemmas(
+            ledger.system, self.circuit, question, cubes, claims, ledger.proved(), ledger.deadline
         )
+        verdict = Verdict(
+            claims[0],
+            Outcome.HOLDS,
+            self.engine,
+            time.monotonic() - self.started,
+            lemmas=found.statements,
+            unsaid=found.unsaid,
+        )
+        ledger.settle({claim: replace(verdict, claim=claim) for claim in claims})
 
     def _search(self) -> None:
         """IC3 on the claims that are left, all at once, until each is settled or gives up."""
@@ -235,7 +249,7 @@ class _Run:
                     whole = everything(circuit, claims, given)
                     asked = replace(question, steps=whole.steps, bad=whole.bad)
                     if holds_always(g, asked, found.cubes):
-                        self._holds(claims)
+                        self._holds(claims, asked, found.cubes)
                         return
                     if self.abc:
                         self.astray |= dict.fromkeys(claims, "abc gave an invariant that is none")

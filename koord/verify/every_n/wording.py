@@ -50,6 +50,11 @@ def worded(e: core.Expr) -> str:
     return text
 
 
+def number_worded(value: Fraction) -> str:
+    """A number as Koord has it."""
+    return _number(value)[0]
+
+
 def _worded(e: core.Expr) -> tuple[str, int]:
     match e:
         case core.Const():

@@ -1,0 +1,60 @@
+"""What a proof on bits consists of, in Koord: for people, for other engines, for certificates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from koord.semantics.configurations import System
+from koord.semantics.search.symmetry import Symmetry, symmetry_of
+from koord.verify.bits.minimal import needed
+from koord.verify.bits.pdr import Cube, Question
+from koord.verify.bits.places import places_of
+from koord.verify.bits.primes import Primes, Table, UnsaidError
+from koord.verify.bits.renaming import speaking_last
+from koord.verify.bits.saying import Said, said
+from koord.verify.bits.transition import Circuit
+from koord.verify.claims import Claim
+from koord.verify.solving import Deadline
+from koord.verify.verdicts import AT_ROUND
+
+
+@dataclass(frozen=True, slots=True)
+class Lemmas:
+    """Statements that make claims inductive; or why there are none."""
+
+    statements: tuple[str, ...] = ()
+    unsaid: str = ""
+
+
+def _text(statement: Said) -> str:
+    return (AT_ROUND if statement.at_round else "") + statement.text
+
+
+def lemmas(
+    system: System,
+    circuit: Circuit,
+    question: Question,
+    cubes: Sequence[Cube],
+    claims: Sequence[Claim],
+    given: Sequence[Claim],
+    deadline: Deadline,
+) -> Lemmas:
+    """An invariant of bits that keeps the claims, if ``given`` ones hold, as statements in Koord.
+
+    Robots that may change places are spoken of together, unless the invariant sets them apart.
+    """
+    properties = tuple(c.stated for c in (*claims, *given) if c.stated is not None)
+    symmetry = symmetry_of(speaking_last(system), properties)
+    alike = symmetry if isinstance(symmetry, Symmetry) else None
+    reason = ""
+    for each in (alike, None) if alike else (None,):
+        places = places_of(system, circuit, each)
+        table = Table(circuit.d, places, each.groups if each else ())
+        primes = Primes(table, question, cubes, deadline)
+        try:
+            found = needed(circuit, table, primes.orbits(), claims, given, deadline)
+            return Lemmas(tuple(map(_text, said(system, table, found))))
+        except UnsaidError as error:
+            reason = primes.unsaid or str(error)
+    return Lemmas((), reason)
