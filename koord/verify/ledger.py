@@ -5,9 +5,9 @@ Engines work on a ledger and write down each answer as it comes, so that stoppin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from koord.semantics.configurations import System
@@ -52,6 +52,16 @@ class Reach:
     reason: str
     seconds: float
     step: BrokenStep | None = None  #: why an invariant is not inductive
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What was found out about some claims on a ledger of its own, to be put into another one."""
+
+    verdicts: Mapping[Claim, Verdict]
+    reaches: Mapping[Claim, Sequence[Reach]]
+    stopped: str
+    interrupted: bool
 
 
 @dataclass(slots=True)
@@ -117,6 +127,32 @@ class Ledger:
         """Note how far an engine came with claims, in place of what it said of them before."""
         for claim in claims:
             self._reaches.setdefault(claim, {})[reach.engine] = reach
+
+    # --- ledgers of some claims -----------------------------------------------------------------
+
+    def of(self, claims: Collection[Claim], report: Callable[[str], None]) -> Ledger:
+        """A ledger on which of the open claims there are only these; what is settled is known."""
+        known = dict(self.verdicts)
+        kept = tuple(claim for claim in self.claims if claim in known or claim in claims)
+        reaches = {c: dict(r) for c, r in self._reaches.items() if c in claims}
+        return replace(self, claims=kept, report=report, verdicts=known, _reaches=reaches)
+
+    def said(self, claims: Iterable[Claim]) -> Said:
+        """What is known of claims by now."""
+        asked = list(claims)
+        verdicts = {claim: self.verdicts[claim] for claim in asked if claim in self.verdicts}
+        reaches = {claim: [*self._reaches.get(claim, {}).values()] for claim in asked}
+        return Said(verdicts, reaches, self.stopped, self.interrupted)
+
+    def take(self, said: Said) -> None:
+        """Put down what was found out elsewhere about claims that are open here."""
+        self.stopped = self.stopped or said.stopped
+        self.interrupted = self.interrupted or said.interrupted
+        for claim in self.open():
+            if claim in said.verdicts:
+                self.settle({claim: replace(said.verdicts[claim], claim=claim)})
+            for reach in said.reaches.get(claim, ()):
+                self.leave([claim], reach)
 
     def verdict(self, claim: Claim) -> Verdict:
         """The answer to a claim, as far as it is known."""

@@ -21,6 +21,8 @@ from koord.verify.engines import ByGlance, ByInduction, BySearch, ByUnrolling
 from koord.verify.every_n.engine import ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
 from koord.verify.ledger import Ledger, Subject, Works
+from koord.verify.pool import Pool, Progress
+from koord.verify.singly import ByRounds
 from koord.verify.solving import Deadline
 from koord.verify.vacuity import vacuities
 from koord.verify.varieties import others
@@ -53,6 +55,7 @@ def verify(
     names: Sequence[str] = (),
     known: Sequence[Verdict] = (),
     seed: int = 0,
+    jobs: int = 1,
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Report:
@@ -60,7 +63,8 @@ def verify(
 
     Claims that are not named still serve as lemmas. If verdicts on all claims are ``known``, of
     what they leave open the named ones alone are asked. KeyboardInterrupt ends it with what is
-    known so far, and so does ``interrupted``, which is asked now and then.
+    known so far, and so does ``interrupted``, which is asked now and then. Of what takes long so
+    many ``jobs`` are done at a time, which has no influence on the verdicts.
     """
 
     def is_over() -> bool:
@@ -71,35 +75,42 @@ def verify(
     started = time.monotonic()
     deadline = Deadline.after(bounds.timeout_s)
     system = replace(system, patience=Patience(is_over))
-    ask = partial(_ask, bounds=bounds, choice=choice, seed=seed, progress=progress)
-    subject = _abstract_subject(system) or _plain_subject(system)
-    before = _before(system, known, names) if known else None
-    asked = ask(subject, deadline, known=before)
-    given, cut = asked.verdicts, asked.interrupted
-    if subject.is_abstract and asked.suspected is not None and not cut:
-        # Opaque values let something happen that real ones do not: look at those.
-        again = ask(_plain_subject(system), deadline, known=asked)
-        given, cut = again.verdicts, again.interrupted
-    every = [
-        replace(verdict, claim=claim)
-        for claim, verdict in zip(claims_of(system), given, strict=True)
-    ]
-    verdicts = tuple(v for v in every if not names or v.claim.name in names)
-    vacuities = asked.vacuities
-    if any(not names or claim.name in names for claim in liveness_of(system)):
-        held = [v for v in every if v.outcome is Outcome.HOLDS and v.rounds is None]
-        live = _of_whole_runs(
-            system, bounds, None if cut else choice, deadline, names, held, seed, progress
-        )
-        verdicts += live.verdicts
-        vacuities, cut = vacuities + live.vacuities, cut or live.interrupted
+    with Pool(jobs, progress, interrupted) as pool:
+        ask = partial(_ask, deadline=deadline, bounds=bounds, choice=choice, seed=seed, pool=pool)
+        subject = _abstract_subject(system) or _plain_subject(system)
+        found, ledger = ask(subject, _before(system, known, names) if known else None)
+        last = ledger
+        if subject.is_abstract and found.suspected is not None and not ledger.interrupted:
+            # Opaque values let something happen that real ones do not: look at those.
+            found, last = ask(_plain_subject(system), found)
+        every = [
+            replace(verdict, claim=claim)
+            for claim, verdict in zip(claims_of(system), found.verdicts, strict=True)
+        ]
+        held = [v.claim for v in every if v.outcome is Outcome.HOLDS and v.rounds is None]
+        cut = last.interrupted
+        look = partial(_hollow, None if known or cut or ledger.stopped else ledger)
+        of_runs = [c for c in liveness_of(system) if not names or c.name in names]
+        # Neither knows of the other.
+        looking = pool.hand_in("", look) if of_runs and jobs > 1 else None
+        hollow = _Hollow() if looking is not None else look(progress)
+        verdicts = tuple(v for v in every if not names or v.claim.name in names)
+        empty: tuple[Vacuity, ...] = ()
+        cut = cut or hollow.interrupted
+        if of_runs:
+            asked = None if cut else choice
+            live = _of_whole_runs(system, bounds, asked, deadline, names, held, seed, pool)
+            verdicts, empty, cut = verdicts + live.verdicts, live.vacuities, cut or live.interrupted
+        if looking is not None and not cut:
+            hollow = pool.answer(looking) or hollow
     seconds = time.monotonic() - started
+    cut = cut or hollow.interrupted
     every_n = choice is Choice.EVERY_N
-    return Report(verdicts, vacuities, seconds, cut, every_n=every_n)
+    return Report(verdicts, hollow.vacuities + empty, seconds, cut, every_n=every_n)
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
+class _Known:
     """The verdicts on a subject's claims, in order.
 
     ``suspected`` is the last round in which something seemed violated and was not. ``left`` are
@@ -107,18 +118,35 @@ class _Asked:
     """
 
     verdicts: tuple[Verdict, ...]
-    vacuities: tuple[Vacuity, ...]
-    interrupted: bool
     suspected: int | None
-    left: frozenset[int] = frozenset()
+    left: frozenset[int]
 
 
-def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _Asked:
+@dataclass(frozen=True, slots=True)
+class _Hollow:
+    """What makes verdicts say less than they seem to, as far as Ctrl-C did not end the search."""
+
+    vacuities: tuple[Vacuity, ...] = ()
+    interrupted: bool = False
+
+
+def _hollow(ledger: Ledger | None, tell: Progress) -> _Hollow:
+    """What makes the verdicts of a ledger say less than they seem to; nothing without one."""
+    if ledger is None:
+        return _Hollow()
+    own = ledger.of((), tell)
+    found: tuple[Vacuity, ...] = ()
+    with own.stopping():
+        found = vacuities(own)
+    return _Hollow(found, own.interrupted)
+
+
+def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _Known:
     """What is known already, where nobody asks about claims that are not named."""
     verdicts = {verdict.claim: verdict for verdict in known}
     claims = claims_of(system)
     left = frozenset(n for n, claim in enumerate(claims) if claim.name not in names)
-    return _Asked(tuple(verdicts[claim] for claim in claims), (), False, None, left)
+    return _Known(tuple(verdicts[claim] for claim in claims), None, left)
 
 
 def _plain_subject(system: System) -> Subject:
@@ -148,27 +176,26 @@ def _abstract_subject(system: System) -> Subject | None:
 
 def _ask(
     subject: Subject,
-    deadline: Deadline,
+    known: _Known | None,
     *,
-    known: _Asked | None = None,
+    deadline: Deadline,
     bounds: Bounds,
     choice: Choice,
     seed: int,
-    progress: Callable[[str], None],
-) -> _Asked:
+    pool: Pool,
+) -> tuple[_Known, Ledger]:
     """Verdicts on the claims about a subject.
 
-    Of ``known`` ones only the unknown are asked, suspected rounds first; what is empty is known.
+    Of ``known`` ones only the unknown are asked, suspected rounds first.
     """
     claims = claims_of(subject.system)
-    ledger = Ledger(subject, bounds, deadline, claims, seed, progress)
+    ledger = Ledger(subject, bounds, deadline, claims, seed, pool.progress)
     left = known.left if known is not None else frozenset()
     for n, verdict in enumerate(known.verdicts if known is not None else ()):
         if verdict.outcome is not Outcome.UNKNOWN or n in left:
             ledger.settle({claims[n]: replace(verdict, claim=claims[n])})
     asked = ledger.open()
     unrolling = ByUnrolling()
-    empty: tuple[Vacuity, ...] = ()
     with ledger.stopping():
         if known is not None and known.suspected is not None:
             # What is proved narrows down what functions may answer, to answers that often do not
@@ -176,29 +203,32 @@ def _ask(
             suspected = min(known.suspected, bounds.rounds)
             ByUnrolling(relying=False).through(ledger, suspected)
             unrolling.through(ledger, suspected)
-        in_turn = engines(choice, unrolling)
+        in_turn = engines(choice, unrolling, pool)
         while ledger.open() and (engine := next(in_turn, None)) is not None:
             engine.work(ledger)
-        _find_others(ledger, asked)
-        if known is None:
-            empty = vacuities(ledger)
+        _find_others(ledger, asked, pool)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
-    return _Asked(verdicts, empty, ledger.interrupted, unrolling.suspected, left)
+    return _Known(verdicts, unrolling.suspected, left), ledger
 
 
-def _find_others(ledger: Ledger, asked: Sequence[Claim]) -> None:
+def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool) -> None:
     """As many different counterexamples to each claim as were asked for."""
     wanted = ledger.bounds.violations - 1
-    for claim, verdict in list(ledger.verdicts.items()):
-        if claim not in asked:
-            continue
-        if wanted > 0 and verdict.counterexample is not None:
-            ledger.progress(f"other ways to break {claim.name}")
-            found = tuple(islice(others(ledger, claim, verdict.counterexample), wanted))
-            ledger.settle({claim: replace(verdict, others=found)})
+
+    def find(claim: Claim, shown: Counterexample, tell: Progress) -> tuple[Counterexample, ...]:
+        tell("other ways to break it")
+        return tuple(islice(others(ledger, claim, shown), wanted))
+
+    jobs = {
+        claim: pool.hand_in(claim.name, partial(find, claim, verdict.counterexample))
+        for claim, verdict in ledger.verdicts.items()
+        if claim in asked and wanted > 0 and verdict.counterexample is not None
+    }
+    for claim, found in pool.answers(jobs):
+        ledger.settle({claim: replace(ledger.verdicts[claim], others=found or ())})
 
 
-def engines(choice: Choice, unrolling: ByUnrolling) -> Iterator[Works]:
+def engines(choice: Choice, unrolling: ByUnrolling, pool: Pool) -> Iterator[Works]:
     """The engines that a choice asks, in turn, cheapest first.
 
     Each is loaded when its turn comes: most questions are answered before.
@@ -212,11 +242,8 @@ def engines(choice: Choice, unrolling: ByUnrolling) -> Iterator[Works]:
             yield _by_bits(sparing=True)
             yield ByGlance(unrolling)
             spacer = _by_spacer(sparing=True)
-            yield spacer
-            # Of what holds, invariants for every number of robots say more.
-            yield ByInference(SPARING)
-            yield _kept_back(spacer)
-            yield unrolling
+            # Of what holds, invariants for every number of robots say more than Spacer's.
+            yield ByRounds(unrolling, pool, (spacer, ByInference(SPARING), _kept_back(spacer)))
         case Choice.EVERY_N:
             yield ByEveryN()
             yield ByInference()
@@ -231,7 +258,8 @@ def engines(choice: Choice, unrolling: ByUnrolling) -> Iterator[Works]:
         case Choice.SPACER:
             yield _by_spacer()
         case Choice.BMC:
-            yield unrolling
+            yield ByGlance(unrolling)
+            yield ByRounds(unrolling, pool)
         case _:
             assert_never(choice)
 
@@ -260,9 +288,9 @@ def _of_whole_runs(
     choice: Choice | None,
     deadline: Deadline,
     names: Sequence[str],
-    held: Sequence[Verdict],
+    proved: Sequence[Claim],
     seed: int,
-    progress: Callable[[str], None],
+    pool: Pool,
 ) -> Settled:
     """Verdicts on what is claimed of whole runs, by the engines that can tell."""
     from koord.verify.live.settling import Ways, settled
@@ -274,7 +302,6 @@ def _of_whole_runs(
         Choice.ABC: Ways.BITS,
     }
     asked = ways.get(choice, Ways.NONE) if choice is not None else Ways.NONE
-    proved = [verdict.claim for verdict in held]
     return settled(
-        system, bounds, asked, deadline, names=names, proved=proved, seed=seed, progress=progress
+        system, bounds, asked, deadline, names=names, proved=proved, seed=seed, pool=pool
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from koord.semantics.configurations import System
 from koord.semantics.liveness import Response, expected, reads_ran, responses
@@ -25,6 +26,8 @@ from koord.verify.live.counting import Counting, counted, counting, settles
 from koord.verify.live.loops import Loops
 from koord.verify.live.monitors import NOTHING, Watched, Watching
 from koord.verify.live.search import NO_FAIR_RUN
+from koord.verify.pool import Pool
+from koord.verify.singly import singly
 from koord.verify.solving import Answer
 from koord.verify.verdicts import Engine, Outcome, Vacuity, Verdict
 from koord.verify.witness import NotReplayedError
@@ -62,6 +65,7 @@ AT_LENGTH = (
 class LiveByBits:
     """Verdicts on whole runs from circuits. ``lemmas`` are claims that hold in every round."""
 
+    pool: Pool  #: where claims are asked each by itself
     sparing: bool = False  #: only what promises to end soon
     quick: bool = False  #: only what is tried first
     lemmas: tuple[Claim, ...] = ()
@@ -80,9 +84,9 @@ class LiveByBits:
             except NotFiniteError as error:
                 _leave(ledger, claims, str(error), started)
                 return
-            for claim in claims:
-                if claim not in ledger.verdicts:
-                    _Run(ledger, watching, claim, self.lemmas, started).work(*self._means(ledger))
+            work = partial(self._work, watching, started)
+            left = [claim for claim in claims if claim not in ledger.verdicts]
+            singly(ledger, left, self.pool, work)
             circuit = watching.circuit
             held = [c for c in claims if c in ledger.verdicts]
             if held and expected(ledger.system) and not self.empty:
@@ -98,6 +102,9 @@ class LiveByBits:
                 or ledger.deadline.passed()
             ):
                 return
+
+    def _work(self, watching: Watching, started: float, ledger: Ledger, claim: Claim) -> None:
+        _Run(ledger, watching, claim, self.lemmas, started).work(*self._means(ledger))
 
     def _means(self, ledger: Ledger) -> tuple[int, tuple[_Try, ...]]:
         """How long lassos may be, and which proofs are tried once there are none of these."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -16,6 +16,7 @@ from koord.verify.ledger import Ledger, Reach, Subject
 from koord.verify.live.bits import LiveByBits
 from koord.verify.live.lassos import replayed_lasso
 from koord.verify.live.search import FEW_EDGES, LiveBySearch
+from koord.verify.pool import Pool
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Counterexample, Engine, Vacuity, Verdict
 
@@ -47,7 +48,7 @@ def settled(
     names: Sequence[str] = (),
     proved: Sequence[Claim] = (),
     seed: int = 0,
-    progress: Callable[[str], None] = lambda text: None,
+    pool: Pool | None = None,
 ) -> Settled:
     """Ask about everything that a program claims of whole runs, or what is named.
 
@@ -59,8 +60,9 @@ def settled(
     search = LiveBySearch(Limits())
     if ways is Ways.ALL:
         search = LiveBySearch(Limits(states=FEW_STATES), FEW_EDGES)
-    bits = LiveByBits(sparing=ways is Ways.ALL)
-    ledger = Ledger(_plainly(system), bounds, deadline, claims, seed, progress)
+    pool = pool or Pool()
+    bits = LiveByBits(pool, sparing=ways is Ways.ALL)
+    ledger = Ledger(_plainly(system), bounds, deadline, claims, seed, pool.progress)
     if ways is Ways.NONE:
         ledger.stopped = "liveness is decided by search and bits, for some number of robots"
     with ledger.stopping():
@@ -84,7 +86,7 @@ def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
     asked = tuple(c for c, claim in originals.items() if claim in ledger.open())
     inner = Ledger(subject, ledger.bounds, ledger.deadline, asked, ledger.seed, ledger.progress)
     # Lemmas make the circuit larger, and may not be needed.
-    quickly = LiveByBits(quick=True, empty=bits.empty)
+    quickly = LiveByBits(bits.pool, quick=True, empty=bits.empty)
     try:
         if lemmas:
             quickly.work(inner)

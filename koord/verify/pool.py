@@ -1,0 +1,297 @@
+"""Work that knows nothing of other work, in processes of its own, several at a time.
+
+A process is forked from the one that asks: it starts in milliseconds with all that is known so far
+(programs, circuits, what a solver was told), and nothing need be sent to it. What it finds out is
+sent back. So the answer depends on what was known when the work was handed in, and not on how many
+processes there are, nor on which of them is done first. Z3 stops its timers before a fork.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import TYPE_CHECKING, Generic, TypeAlias, TypeVar
+
+from koord.syntax.diagnostics import Diagnostic, KoordError
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from multiprocessing.process import BaseProcess
+
+T = TypeVar("T")
+K = TypeVar("K")
+
+#: Says what is being done.
+Progress: TypeAlias = Callable[[str], None]
+
+#: How long answers are waited for at a time.
+_WAIT_S = 0.05
+
+#: How often a process says what it is doing.
+_TELL_S = 0.2
+
+#: After Ctrl-C: when processes that did not hear it are told, and when they are ended.
+_TOLD_S, _ENDED_S = 0.3, 1.5
+
+#: `prctl` of Linux: which signal comes when the process that forked this one is gone.
+_PR_SET_PDEATHSIG = 1
+
+
+#: Why nothing is known of what a process was asked.
+DIED = "its process ended before it was done, as for want of memory"
+
+
+def can_fork() -> bool:
+    """Whether there can be several processes at all."""
+    return hasattr(os, "fork")
+
+
+@dataclass(eq=False, slots=True)
+class Job(Generic[T]):
+    """Work that was handed in. ``name`` is for who looks on."""
+
+    name: str
+    work: Callable[[Progress], T]
+    process: BaseProcess | None = None
+    line: Connection | None = None
+    is_done: bool = False
+    found: T | None = None
+    failure: BaseException | None = None
+
+
+@dataclass(slots=True)
+class Pool:
+    """Runs up to ``jobs`` processes; the one that asks counts as one unless it waits.
+
+    Inside a ``with``, at whose end no process is left. ``interrupted`` is asked while it waits.
+    """
+
+    jobs: int = 1
+    progress: Progress = lambda text: None
+    interrupted: Callable[[], bool] = lambda: False
+    _waiting: list[Job[object]] = field(default_factory=list)
+    _running: list[Job[object]] = field(default_factory=list)
+    _done: int = 0
+    _stopped_at: float | None = None
+    _told: bool = False
+
+    def __enter__(self) -> Pool:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._waiting.clear()
+        for job in self._running:
+            _end(job)
+        self._running.clear()
+
+    def hand_in(self, name: str, work: Callable[[Progress], T]) -> Job[T]:
+        """Have work done. Whoever hands it in must not change what it reads before it is done."""
+        if not self._running and not self._waiting:
+            self._done = 0
+        job: Job[T] = Job(name, work)
+        self._waiting.append(job)  # type: ignore[arg-type]
+        if can_fork():
+            self._fill(self.jobs - 1)
+        return job
+
+    def drop(self, job: Job[T]) -> None:
+        """Nobody asks for that work any more."""
+        self._waiting = [other for other in self._waiting if other is not job]
+        if any(other is job for other in self._running):
+            self._running = [other for other in self._running if other is not job]
+            _end(job)
+
+    def answer(self, job: Job[T]) -> T | None:
+        """What work found out; None if its process died, as for want of memory.
+
+        Raises what the work raised, and KeyboardInterrupt if it could not end in good order.
+        """
+        if not can_fork():
+            self._waiting = [other for other in self._waiting if other is not job]
+            return job.work(self.progress)
+        while not job.is_done:
+            if self._stopped_at is not None or self.interrupted():
+                self._stop(job)
+            self._fill(self.jobs)
+            self._listen()
+        if job.failure is not None:
+            raise job.failure
+        if job.found is None and self.interrupted():
+            raise KeyboardInterrupt
+        return job.found
+
+    def answers(self, jobs: Mapping[K, Job[T]]) -> Iterator[tuple[K, T | None]]:
+        """What each work found out, in order.
+
+        After Ctrl-C those that could still say something are heard; then it raises
+        KeyboardInterrupt.
+        """
+        cut = False
+        for key, job in jobs.items():
+            try:
+                found = self.answer(job)
+            except KeyboardInterrupt:
+                cut = True
+                continue
+            yield key, found
+        if cut or self.interrupted():
+            raise KeyboardInterrupt
+
+    # --- processes ------------------------------------------------------------------------------
+
+    def _fill(self, most: int) -> None:
+        from multiprocessing import get_context  # seldom needed, and takes a while to load
+
+        while self._waiting and len(self._running) < most and self._stopped_at is None:
+            job = self._waiting.pop(0)
+            context = get_context("fork")
+            receives, sends = context.Pipe(duplex=False)
+            process = context.Process(target=_worked, args=(job.work, sends, os.getpid()))
+            process.start()
+            sends.close()
+            job.process, job.line = process, receives
+            self._running.append(job)
+
+    def _listen(self) -> None:
+        from multiprocessing.connection import wait
+
+        lines = {job.line: job for job in self._running if job.line is not None}
+        ready = wait(list(lines), _WAIT_S)
+        for line, job in [(line, job) for line, job in lines.items() if line in ready]:
+            try:
+                said = line.recv()
+            except (EOFError, OSError):
+                said = _Found(None)  # it died: nothing comes
+            if isinstance(said, str):
+                self._tell(job, said)
+                continue
+            job.found, job.failure = said.answer, said.failure
+            job.is_done = True
+            self._running.remove(job)
+            self._done += 1
+            _join(job)
+
+    def _tell(self, job: Job[object], text: str) -> None:
+        told = f"{job.name}: {text}" if job.name else text
+        of = len(self._running) + len(self._waiting) + self._done
+        if of > 1:
+            told = f"{self._done} of {of} done; {told}"
+        self.progress(told)
+
+    def _stop(self, job: Job[T]) -> None:
+        """After Ctrl-C: let processes say what they know by now; then end them.
+
+        On a terminal it reached them as well. Raises KeyboardInterrupt if this job has no answer.
+        """
+        now = time.monotonic()
+        if self._stopped_at is None:
+            self._stopped_at = now
+            self._waiting.clear()
+        since = now - self._stopped_at
+        is_running = any(other is job for other in self._running)
+        if not is_running or since > _ENDED_S:
+            raise KeyboardInterrupt
+        if since > _TOLD_S and not self._told:
+            self._told = True
+            for other in self._running:
+                _interrupt(other)
+
+
+def _interrupt(job: Job[object]) -> None:
+    process = job.process
+    if process is not None and process.pid is not None and process.is_alive():
+        os.kill(process.pid, signal.SIGINT)
+
+
+def _end(job: Job[T]) -> None:
+    if job.process is not None:
+        job.process.kill()
+    _join(job)
+
+
+def _join(job: Job[T]) -> None:
+    if job.process is not None:
+        job.process.join()
+        job.process.close()
+        job.process = None
+    if job.line is not None:
+        job.line.close()
+        job.line = None
+
+
+# --- inside a process -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What a process found out, or why it could not."""
+
+    answer: object
+    diagnostics: tuple[Diagnostic, ...] = ()
+    trouble: str = ""
+
+    @property
+    def failure(self) -> BaseException | None:
+        if self.diagnostics:
+            return KoordError(self.diagnostics)
+        return RuntimeError(self.trouble) if self.trouble else None
+
+
+def _worked(work: Callable[[Progress], T], sends: Connection, parent: int) -> None:
+    """Do work and send what it finds out. Nothing is left to do then: not even to flush."""
+    try:
+        _die_with(parent)
+        teller = _Teller(sends)
+        try:
+            found = pickle.dumps(_Found(work(teller.tell)))
+        except KoordError as error:
+            found = pickle.dumps(_Found(None, diagnostics=error.diagnostics))
+        except KeyboardInterrupt:
+            return
+        except BaseException:
+            found = pickle.dumps(_Found(None, trouble=traceback.format_exc()))
+        sends.send_bytes(found)
+        sends.close()
+    finally:
+        _leave()
+
+
+@dataclass(slots=True)
+class _Teller:
+    """Sends what is being done, not too often."""
+
+    sends: Connection
+    last: float = 0.0
+
+    def tell(self, text: str) -> None:
+        now = time.monotonic()
+        if now - self.last >= _TELL_S:
+            self.last = now
+            self.sends.send(text)
+
+
+def _die_with(parent: int) -> None:
+    """End when the process that forked this one ends, however it does."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            _leave()
+
+
+def _leave() -> None:
+    """End at once: what is not flushed yet belongs to the process that forked this one."""
+    os.kill(os.getpid(), signal.SIGKILL)
