@@ -24,9 +24,10 @@ from koord.syntax.core import BinaryOp, Direction, Home, PropertyKind, UnaryOp
 from koord.syntax.source import Span
 from koord.syntax.types import FLOAT, FloatType, Type, within
 from koord.syntax.walk import last_site, statements, written
+from koord.verify.apart import verify_apart
 from koord.verify.bmc import Unrolling
 from koord.verify.claims import Claim, ClaimKind
-from koord.verify.portfolio import Choice, verify
+from koord.verify.portfolio import Choice
 from koord.verify.shadows import BETWEEN, INSTANT, Shadows, ports_of, with_primed
 from koord.verify.solving import Answer as Solved
 from koord.verify.solving import Deadline, Effort
@@ -102,6 +103,7 @@ def verified(
     *,
     wanted: Callable[[str], bool] = lambda name: True,
     seed: int = 0,
+    jobs: int = 1,
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Report:
@@ -112,12 +114,13 @@ def verified(
     names = [name for name in shadows.names if wanted(name)]
     report = Report((), (), 0.0)
     if names:
-        report = verify(
+        report = verify_apart(
             shadows.system,
             bounds,
             choice,
             names=names,
             seed=seed,
+            jobs=jobs,
             progress=lambda text: progress(f"{BETWEEN}: {text}"),
             interrupted=interrupted,
         )

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
+from koord.cli import asking, requests, run, verified, verify, watching
 from koord.cli import main as frame
-from koord.cli import run, verify, watching
 from koord.cli.arguments import Fleet
 from koord.cli.exits import Exit
 from koord.cli.inputs import LoadedProgram
@@ -37,18 +37,16 @@ def test_each_property_may_have_a_time_limit(
     assert "unknown" in capsys.readouterr().out
     assert frame.main([*words, "0"]) == Exit.BAD_INPUT
     assert frame.main([*words, "1", "--jobs", "0"]) == Exit.BAD_INPUT
-    assert frame.main([*words, "1", "--instants"]) == Exit.BAD_INPUT
-    assert "do not go together" in capsys.readouterr().err
 
 
 def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
-    seen: list[tuple[str, verify.Request]] = []
+    seen: list[tuple[str, requests.Request]] = []
 
-    def engine(loaded: LoadedProgram, request: verify.Request, told: object) -> Exit:
-        seen.append((loaded.source.name, request))
+    def engine(programs: Sequence[LoadedProgram], request: requests.Request, told: object) -> Exit:
+        seen.extend((loaded.source.name, request) for loaded in programs)
         return Exit.UNKNOWN
 
-    monkeypatch.setattr(verify, "_verify", engine)
+    monkeypatch.setattr(verify, "_verified", engine)
     words = ["verify", program, "--robots", "Car=2,Drone=1", "--rounds", "5", "--delta", "1/3"]
     words += ["--engine", "bmc", "--property", "Small", "--timeout", "2.5", "--seed", "9"]
     words += ["--max-violations", "4", "--explain", "--rests-on", "--instants"]
@@ -58,11 +56,11 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
     assert seen == [
         (
             program,
-            verify.Request(
+            requests.Request(
                 fleets=(Fleet(3, (("Car", 2), ("Drone", 1))),),
                 rounds=5,
                 delta_s=Fraction(1, 3),
-                engine=verify.Engine.BMC,
+                engine=requests.Engine.BMC,
                 properties=("Small",),
                 timeout_s=2.5,
                 claim_s=None,
@@ -85,16 +83,20 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
 def test_the_defaults_are_those_of_the_documentation(
     monkeypatch: pytest.MonkeyPatch, program: str
 ) -> None:
-    seen: list[verify.Request] = []
+    seen: list[requests.Request] = []
 
-    def engine(loaded: LoadedProgram, request: verify.Request, told: object) -> Exit:
+    def engine(loaded: object, request: requests.Request, told: object) -> Exit:
         seen.append(request)
         return Exit.OK
 
-    monkeypatch.setattr(verify, "_verify", engine)
+    monkeypatch.setattr(verify, "_verified", engine)
     assert frame.main(["verify", program]) == Exit.OK
     (request,) = seen
-    assert (request.fleets, request.rounds, request.engine) == ((Fleet(3),), 20, verify.Engine.AUTO)
+    assert (request.fleets, request.rounds, request.engine) == (
+        (Fleet(3),),
+        20,
+        requests.Engine.AUTO,
+    )
     assert (request.properties, request.timeout_s, request.trace) == ((), None, None)
 
 
@@ -102,7 +104,8 @@ def test_several_programs_end_with_the_gravest_code(
     monkeypatch: pytest.MonkeyPatch, program: str
 ) -> None:
     codes = [Exit.OK, Exit.VIOLATED, Exit.UNKNOWN]
-    monkeypatch.setattr(verify, "_verify", lambda loaded, request, told: codes.pop())
+    monkeypatch.setattr(asking, "asked_each", lambda systems, request: iter(systems))
+    monkeypatch.setattr(verified, "tell", lambda loaded, asked, request, told: codes.pop())
     assert frame.main(["verify", program, program, program]) == Exit.VIOLATED
     assert codes == []
 

@@ -33,7 +33,7 @@ def squared(number: int) -> Callable[[Progress], int]:
 def test_answers_come_in_the_order_in_which_they_are_asked_for(jobs: int) -> None:
     with Pool(jobs) as pool:
         work = {number: pool.hand_in("", squared(number)) for number in range(6)}
-        found = list(pool.answers(work))
+        found = [*pool.answers(work)]
         assert found == [(n, n * n) for n in range(6)]
         assert pool.answer(pool.hand_in("", squared(9))) == 81
 
@@ -49,7 +49,7 @@ def test_work_starts_with_what_is_known_when_it_is_asked_for(jobs: int) -> None:
 
     with Pool(jobs) as pool:
         work = {n: pool.hand_in("", counted) for n in range(3)}
-        found = list(pool.answers(work))
+        found = [*pool.answers(work)]
     assert found == [(0, 1), (1, 1), (2, 1)]
     assert known == [0]
 
@@ -106,7 +106,7 @@ def test_of_a_process_that_dies_nothing_is_known() -> None:
 
     with Pool(2) as pool:
         work = {"dies": pool.hand_in("", dies), "lives": pool.hand_in("", squared(3))}
-        found = dict(pool.answers(work))
+        found = {name: answer for name, answer in pool.answers(work)}
     assert found == {"dies": None, "lives": 9}
 
 
@@ -138,7 +138,7 @@ def test_on_ctrl_c_processes_say_what_they_know_by_then(tmp_path: Path) -> None:
     with Pool(1, interrupted=begun.exists) as pool:
         work = {name: pool.hand_in(name, waits) for name in ("first", "second")}
         with pytest.raises(KeyboardInterrupt):
-            found.extend(pool.answers(work))
+            found += pool.answers(work)
     assert found == [("first", "known by then")]
 
 

@@ -1,0 +1,193 @@
+"""The engines are asked, about one system or about several at a time, under a live line."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from koord.cli.progress import Interruption, LiveLine
+from koord.cli.requests import Request
+from koord.semantics.configurations import System
+
+if TYPE_CHECKING:
+    from koord.verify.instants import Shadowed
+    from koord.verify.resting import Resting
+    from koord.verify.verdicts import Bounds, Verdict
+    from koord.verify.verdicts import Report as Verification
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What was found out about a system; ``shadows`` is set if instants were asked for too."""
+
+    system: System
+    bounds: Bounds
+    at_ends: Verification
+    between: Verification | None = None
+    shadows: Shadowed | None = None
+
+    @property
+    def asks_nothing_between(self) -> bool:
+        """Whether instants were asked for, and there is nothing to be said of them."""
+        shadows = self.shadows
+        return shadows is not None and not shadows.names and not shadows.unsaid
+
+    @property
+    def report(self) -> Verification:
+        """Everything."""
+        if self.between is None:
+            return self.at_ends
+        return replace(
+            self.at_ends,
+            verdicts=self.at_ends.verdicts + self.between.verdicts,
+            seconds=self.at_ends.seconds + self.between.seconds,
+            interrupted=self.at_ends.interrupted or self.between.interrupted,
+        )
+
+    def system_of(self, verdict: Verdict) -> System:
+        """The system whose run a counterexample is."""
+        if self.shadows is None or verdict.claim.name not in self.shadows.names:
+            return self.system
+        return self.shadows.system
+
+
+def asked_each(systems: Sequence[System], request: Request) -> Iterator[Asked]:
+    """The verdicts on some systems, in order, with a live line while they are looked for.
+
+    Several are asked about in processes of their own, ``request.jobs`` at a time. After Ctrl-C the
+    answers are what is known by then, and there may be fewer of them.
+    """
+    from koord.verify.pool import Pool
+
+    with Interruption() as interruption:
+
+        def interrupted() -> bool:
+            return interruption.requested
+
+        def asked(system: System, jobs: int, tell: Callable[[str], None]) -> Asked:
+            return _asked(system, request, jobs, tell, interrupted)
+
+        if len(systems) == 1:
+            with LiveLine(sys.stderr) as line:
+                found = asked(systems[0], request.jobs, line.show)
+            yield found
+            return
+        shown = [LiveLine(None)]
+        with Pool(request.jobs, lambda text: shown[0].show(text), interrupted) as pool:
+            work = [
+                (system, pool.hand_in(_named(system, request), partial(asked, system, 1)))
+                for system in systems
+            ]
+            for system, job in work:
+                try:
+                    with LiveLine(sys.stderr) as shown[0]:
+                        answer = pool.answer(job)
+                except KeyboardInterrupt:
+                    return
+                yield answer or _unanswered(system, request)
+
+
+def _named(system: System, request: Request) -> str:
+    """What tells a system from others that are asked about."""
+    return f"{system.robots} robots" if len(request.fleets) > 1 else system.program.name
+
+
+def _unanswered(system: System, request: Request) -> Asked:
+    """What is known if the process of a system died."""
+    from koord.verify.claims import claims_of, liveness_of
+    from koord.verify.pool import DIED
+    from koord.verify.verdicts import Engine, Outcome, Report, Verdict
+
+    claims = (*claims_of(system), *liveness_of(system))
+    verdicts = (Verdict(c, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=DIED) for c in claims)
+    return Asked(system, _bounds(request), Report(tuple(verdicts), (), 0.0))
+
+
+def _bounds(request: Request) -> Bounds:
+    from koord.verify.verdicts import Bounds
+
+    return Bounds(request.rounds, request.timeout_s, request.violations, request.claim_s)
+
+
+def _asked(
+    system: System,
+    request: Request,
+    jobs: int,
+    tell: Callable[[str], None],
+    interrupted: Callable[[], bool],
+) -> Asked:
+    """The verdicts on one system: if any number of robots is asked for, an example of them."""
+    from koord.verify.apart import verify_apart
+    from koord.verify.claims import claims_of, liveness_of
+    from koord.verify.portfolio import Choice
+    from koord.verify.solving import Deadline
+    from koord.verify.verdicts import Report
+
+    known = [claim.name for claim in (*claims_of(system), *liveness_of(system))]
+    deadline, shadows = Deadline.after(request.timeout_s), None
+    between: list[str] = []
+    if request.instants:
+        from koord.verify import instants
+
+        shadows = instants.shadowed(system, deadline, request.seed)
+        between = [*shadows.names, *(claim.name for claim, _ in shadows.unsaid)]
+    _check_names(request.properties, [*known, *between])
+    every_n = request.fleets[0].any_number
+    choice = Choice.EVERY_N if every_n else Choice(request.engine.value)
+    bounds = _bounds(request)
+    own = [name for name in request.properties if name in known]
+    report = Report((), (), 0.0)
+    if own or not request.properties:
+        report = verify_apart(
+            system,
+            bounds,
+            choice,
+            names=own,
+            seed=request.seed,
+            jobs=jobs,
+            progress=tell,
+            interrupted=interrupted,
+        )
+    if shadows is None or report.interrupted:
+        return Asked(system, bounds, report)
+    left = bounds if request.timeout_s is None else replace(bounds, timeout_s=deadline.left_s())
+    found = instants.verified(
+        shadows,
+        left,
+        choice,
+        wanted=lambda name: not request.properties or name in request.properties,
+        seed=request.seed,
+        jobs=jobs,
+        progress=tell,
+        interrupted=interrupted,
+    )
+    return Asked(system, bounds, report, found, shadows)
+
+
+def resting(
+    system: System, bounds: Bounds, report: Verification, request: Request
+) -> Resting | None:
+    """What the proofs rest on; None where Ctrl-C ended the search for proofs or for this."""
+    from koord.verify.resting import resting as rested
+
+    if report.interrupted:
+        return None
+    try:
+        with LiveLine(sys.stderr) as line:
+            return rested(system, report.verdicts, bounds, seed=request.seed, progress=line.show)
+    except KeyboardInterrupt:
+        return None
+
+
+def _check_names(wanted: Sequence[str], known: Sequence[str]) -> None:
+    """A misspelt name must not pass for a verdict. Raises ArgumentTypeError."""
+    for word in wanted:
+        if word not in known:
+            listed = ", ".join(known)
+            raise argparse.ArgumentTypeError(
+                f"--property: there is no {word!r}; there are {listed}"
+            )

@@ -1,0 +1,123 @@
+"""What ``koord verify`` is asked for: its flags as data, and which of them go together."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+
+from koord.cli.arguments import Fleet
+from koord.cli.files import check_writable
+
+
+class Engine(Enum):
+    """How a verdict is found."""
+
+    AUTO = "auto"  #: induction, then whichever of the others fits the program
+    ABC = "abc"  #: the same as bits, but that abc looks for proofs, if it is installed
+    BITS = "bits"  #: finite instances bit by bit: SAT, IC3
+    BMC = "bmc"  #: bounded model checking, round by round
+    SPACER = "spacer"  #: constrained Horn clauses: reals and integers, all rounds
+    SEARCH = "search"  #: all configurations one by one
+    INDUCTION = "induction"  #: for all rounds at once
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What is to be verified of each program, and within which limits."""
+
+    fleets: tuple[Fleet, ...]  #: several make a sweep
+    rounds: int
+    delta_s: Fraction
+    engine: Engine
+    properties: tuple[str, ...]  #: their names; none means all
+    timeout_s: float | None
+    claim_s: float | None  #: the time for each property
+    jobs: int
+    violations: int  #: how many different ones of each claim
+    seed: int
+    trace: str | None  #: the file for the trace of a violation
+    certificate: str | None  #: the file for what a proof consists of
+    plot: str | None  #: the file for a picture of a sweep
+    found: str | None  #: the file for invariants that were found
+    rests_on: bool  #: find out what the proofs need
+    instants: bool  #: ask of the time between the ends of rounds too
+    explain: bool  #: show the steps that break claims which are not inductive
+    as_json: bool
+
+
+def request_of(arguments: argparse.Namespace) -> Request:
+    """The request. Raises ArgumentTypeError before any work is done if flags do not go together."""
+    request = _request(arguments)
+    if request.trace is not None:
+        if len(arguments.files) > 1:
+            raise argparse.ArgumentTypeError("--trace takes one program at a time")
+        if len(request.fleets) > 1:
+            raise argparse.ArgumentTypeError("--trace takes one number of robots at a time")
+        check_writable(request.trace)
+    if request.certificate is not None:
+        if len(arguments.files) > 1 or len(request.fleets) > 1 or request.fleets[0].any_number:
+            raise argparse.ArgumentTypeError(
+                "--certificate takes one program and one number of robots"
+            )
+        check_writable(request.certificate)
+    if request.plot is not None:
+        _check_plot(arguments.files, request)
+    if request.found is not None:
+        if len(arguments.files) > 1 or len(request.fleets) > 1:
+            raise argparse.ArgumentTypeError("--save-invariants takes one program at a time")
+        check_writable(request.found)
+    if request.rests_on and len(request.fleets) > 1:
+        raise argparse.ArgumentTypeError("--rests-on takes one number of robots at a time")
+    if request.fleets[0].any_number and request.engine is not Engine.AUTO:
+        raise argparse.ArgumentTypeError(
+            "--robots any has an engine of its own: leave --engine out"
+        )
+    if request.engine is Engine.ABC:
+        _check_abc()
+    return request
+
+
+def _request(arguments: argparse.Namespace) -> Request:
+    return Request(
+        fleets=arguments.robots,
+        rounds=arguments.rounds,
+        delta_s=arguments.delta,
+        engine=Engine(arguments.engine),
+        properties=tuple(arguments.names),
+        timeout_s=arguments.timeout,
+        claim_s=arguments.claim_s,
+        jobs=arguments.jobs,
+        violations=arguments.violations,
+        seed=arguments.seed,
+        trace=arguments.trace,
+        certificate=arguments.certificate,
+        plot=arguments.plot,
+        found=arguments.found,
+        rests_on=arguments.rests_on,
+        instants=arguments.instants,
+        explain=arguments.explain,
+        as_json=arguments.json,
+    )
+
+
+def _check_abc() -> None:
+    from koord.verify.bits.abc import installed
+
+    if installed() is None:
+        raise argparse.ArgumentTypeError(
+            "--engine abc: there is no abc here (Debian: apt-get install berkeley-abc);"
+            " --engine bits needs none"
+        )
+
+
+def _check_plot(files: Sequence[str], request: Request) -> None:
+    from koord.cli.sweeps import check_drawable
+
+    assert request.plot is not None
+    if len(files) > 1 or len(request.fleets) == 1:
+        raise argparse.ArgumentTypeError("--plot takes one program and a sweep: --robots 2..10")
+    check_drawable(request.plot)
+    check_writable(request.plot)

@@ -1,0 +1,153 @@
+"""What was found out is shown, and kept in the files that were asked for."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from koord.cli.asking import Asked, resting
+from koord.cli.exits import Exit, gravest
+from koord.cli.files import write_atomically
+from koord.cli.inputs import LoadedProgram
+from koord.cli.requests import Request
+from koord.cli.terminal import style_of
+from koord.semantics.configurations import System
+
+if TYPE_CHECKING:
+    from koord.verify.verdicts import Report as Verification
+    from koord.verify.verdicts import Verdict
+
+
+def tell(
+    program: LoadedProgram, asked: Asked, request: Request, told: list[dict[str, object]]
+) -> Exit:
+    """Show the verdicts on one system, and keep what is to be kept; with --json add to ``told``."""
+    # What shows verdicts loads Z3, and the other commands start without it.
+    from koord.cli import verdicts
+
+    system, bounds, report = asked.system, asked.bounds, asked.report
+    if asked.asks_nothing_between:
+        why = "no invariant reads a sensor, so none can break between rounds"
+        print(f"koord verify: {why}", file=sys.stderr)
+    found = resting(system, bounds, asked.at_ends, request) if request.rests_on else None
+    if request.as_json:
+        told.append(verdicts.as_json(program.source.name, system, bounds, report))
+        if found is not None:
+            from koord.cli import premises
+
+            told[-1]["rests_on"] = premises.as_json(found)
+    else:
+        style = style_of(sys.stdout)
+        for text in verdicts.lines(program.source.name, system, report, style):
+            print(text)
+        for verdict in report.verdicts:
+            if verdict.counterexample is not None:
+                from koord.cli import counterexamples
+
+                print()
+                for text in counterexamples.lines(
+                    program, asked.system_of(verdict), verdict, style
+                ):
+                    print(text)
+            elif request.explain and verdict.step is not None:
+                from koord.cli import steps
+
+                print()
+                for text in steps.lines(system, verdict, style):
+                    print(text)
+        if found is not None:
+            from koord.cli import premises
+
+            print()
+            for text in premises.lines(program, found, style):
+                print(text)
+        print()
+        print(verdicts.summary(system, bounds, report, style))
+    if request.trace is not None:
+        _keep(program, asked, request.trace)
+    if request.found is not None:
+        _save(program, system, asked.at_ends, request.found)
+    if request.certificate is not None and not report.interrupted:
+        from koord.cli.certifying import certify
+
+        certify(program, system, asked.at_ends, request.certificate, request.timeout_s)
+    return _exit(report)
+
+
+def tell_sweep(
+    program: LoadedProgram,
+    answers: Iterable[Asked],
+    request: Request,
+    told: list[dict[str, object]],
+) -> Exit:
+    """One number of robots after the other; Ctrl-C ends it with those that are done."""
+    from koord.cli import sweeps, verdicts
+
+    style = style_of(sys.stdout)
+    name = program.source.name
+    points: list[sweeps.Point] = []
+    if not request.as_json:
+        print("\n".join(sweeps.heading(name, style)))
+    for asked in answers:
+        system, bounds, report = asked.system, asked.bounds, asked.report
+        points.append(sweeps.Point(system, report))
+        told.append(verdicts.as_json(name, system, bounds, report))
+        if not request.as_json:
+            print(sweeps.row(points[-1], style), flush=True)
+        if report.interrupted:
+            break
+    if request.plot is not None and points:
+        sweeps.draw(request.plot, name, points)
+    if len(points) < len(request.fleets):
+        return Exit.INTERRUPTED
+    return gravest(_exit(point.report) for point in points)
+
+
+def _exit(report: Verification) -> Exit:
+    from koord.verify.verdicts import Outcome
+
+    if report.interrupted:
+        return Exit.INTERRUPTED
+    codes = {
+        Outcome.HOLDS: Exit.VACUOUS if report.is_vacuous else Exit.OK,
+        Outcome.VIOLATED: Exit.VIOLATED,
+        Outcome.UNKNOWN: Exit.UNKNOWN,
+    }
+    return codes[report.outcome]
+
+
+def _keep(program: LoadedProgram, asked: Asked, path: str) -> None:
+    """Write the trace of the first violation, the shortest of several; say so if there is none."""
+    from koord.cli import counterexamples
+    from koord.cli.traces import write_trace
+
+    broken = [v for v in asked.report.verdicts if v.counterexample is not None]
+    if not broken:
+        print("koord verify: no claim is violated, so there is no trace to write", file=sys.stderr)
+        return
+    shortest = min(broken, key=_length)
+    if asked.system_of(shortest) is asked.system:
+        write_trace(path, counterexamples.trace_of(program, asked.system, shortest))
+        return
+    # Traces have the ends of rounds: this one has the run in which it happens in between.
+    assert asked.shadows is not None
+    assert shortest.counterexample is not None
+    recording = asked.shadows.unshadowed(shortest.counterexample.recording)
+    write_trace(path, counterexamples.trace_of_run(program, asked.system, recording))
+
+
+def _save(program: LoadedProgram, system: System, report: Verification, path: str) -> None:
+    """Write the invariants that were found; say so if there are none."""
+    from koord.cli import verdicts
+
+    if not report.found:
+        print("koord verify: no invariant was found that a proof rests on", file=sys.stderr)
+        return
+    text = verdicts.invariants(program.source.name, system, report)
+    write_atomically(path, text.encode("utf-8"))
+
+
+def _length(verdict: Verdict) -> int:
+    assert verdict.counterexample is not None
+    return verdict.counterexample.round
