@@ -21,13 +21,13 @@ from koord.syntax.printer import print_program
 from koord.syntax.source import Source
 from koord.verify.abstraction import abstracted
 from koord.verify.bmc import Unrolling, violations
-from koord.verify.claims import Claim, Phase, claims_of
+from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
 from koord.verify.engines import MAX_DEPTH, PROOF_S
 from koord.verify.every_n.candidates import candidates
 from koord.verify.every_n.proving import GENEROUS, infer
 from koord.verify.induction import prove, step_scripts
 from koord.verify.solving import Deadline, Effort
-from koord.verify.verdicts import as_invariant
+from koord.verify.verdicts import Engine, Outcome, Report, as_invariant
 
 FORMAT = "koord certificate"
 VERSION = 2
@@ -71,6 +71,28 @@ class Shown:
     lemmas: tuple[Lemma, ...] = ()
     beyond: Mapping[str, str] = field(default_factory=dict)
     unsaid: Mapping[str, str] = field(default_factory=dict)
+
+
+#: Why a claim is not certified that is about whole runs.
+_OF_RUNS = "it is about whole runs, and a certificate is about configurations"
+
+
+def shown_by(report: Report) -> Shown:
+    """What a verification has shown of all rounds."""
+    settled = [v for v in report.verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
+    holding = [v for v in settled if v.claim.kind is not ClaimKind.LIVENESS]
+    lemmas = (Lemma(text, v.engine is Engine.EVERY_N) for v in holding for text in v.lemmas)
+    return Shown(
+        tuple(v.claim.name for v in holding),
+        frozenset(v.claim.name for v in holding if v.engine is Engine.EVERY_N),
+        tuple(dict.fromkeys(lemmas)),
+        {v.claim.name: _OF_RUNS for v in settled if v.claim.kind is ClaimKind.LIVENESS},
+        {
+            v.claim.name: f"its invariant is not said in Koord: {v.unsaid}"
+            for v in holding
+            if v.unsaid
+        },
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from koord.syntax.core import Variable
-from koord.syntax.walk import nodes
 from koord.verify.bits.checking import keeps
 from koord.verify.bits.clauses import QUICK, TRUE_SIDE, Clauses
 from koord.verify.bits.graph import FALSE
@@ -141,16 +139,12 @@ class _Core:
             found |= new
             roots = [self._then[node] for node in sorted(new)]
         places = self.table.places
-        moving = [k for k, p in enumerate(places) if any(x >> 1 in found for x in p.latches)]
-        read = {places[k].variable for k in moving} | {
-            node.name
-            for node in nodes([c.stated for c in self.known])
-            if isinstance(node, Variable)
-        }
-        # What always has one value is part of no state, and has to be said all the same.
-        fixed = [
-            k
-            for k, place in enumerate(places)
-            if place.variable.split(".")[-1] in read and len(place.values) == 1
-        ]
-        return [*(k for k in moving if isinstance(places[k].bits, Number)), *fixed]
+        if any(place.written and len(place.values) == 1 for place in places):
+            # What always has one value is part of no state, and may hang on any range.
+            return [
+                k
+                for k, place in enumerate(places)
+                if isinstance(place.bits, Number) or len(place.values) == 1
+            ]
+        moving = ((k, p) for k, p in enumerate(places) if isinstance(p.bits, Number))
+        return [k for k, place in moving if any(x >> 1 in found for x in place.latches)]

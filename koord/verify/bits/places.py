@@ -42,9 +42,6 @@ from koord.verify.bits.opaque import EQUALS, Argument, Choice
 from koord.verify.bits.transition import Circuit
 from koord.verify.footprint import Written, footprint, statuses
 
-#: Before the name of a list.
-LENGTH = "length("
-
 #: Between two opaque values that are the same.
 EQUALS_SIGN = " == "
 
@@ -102,11 +99,6 @@ class Place:
     moves: bool = False
     written: bool = True
     of_robots: bool = False
-
-    @property
-    def variable(self) -> str:
-        """The name of the variable that it is in, or of the relation."""
-        return str(self.name[1] if self.name[0] == LENGTH else self.name[0])
 
     @property
     def robots(self) -> tuple[int, ...]:
@@ -263,7 +255,7 @@ def _valued(
         case Seq(length=length, items=items):
             listed = isinstance(type_, ListType | QueueType)
             if listed and at.written is not Written.PARTS:
-                yield from _scalar(at, (LENGTH, *name, ")"), INT, length, None, inside)
+                yield from _scalar(at, ("length(", *name, ")"), INT, length, None, inside)
             elements = _parts(name, type_, items, shape)
             for k, (label, its_type, item, its_shape) in enumerate(elements):
                 there = inside

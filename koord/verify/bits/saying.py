@@ -98,8 +98,15 @@ def _ranges(ranged: Iterable[int], table: Table) -> Iterator[_Clause]:
     found: dict[Values, None] = {}
     for k in ranged:
         place = table.places[k]
-        few = len(place.values) == 1 or not isinstance(place.type, EnumType)
-        if few and place.type is not None and place.written and OUTSIDE not in place.values:
+        all_members = isinstance(place.type, EnumType) and len(place.values) == len(
+            place.type.members
+        )
+        if (
+            not all_members
+            and place.type is not None
+            and place.written
+            and OUTSIDE not in place.values
+        ):
             found.setdefault(table.orbit(((k, frozenset()),)).first)
     yield from map(_Clause, found)
 
@@ -390,6 +397,8 @@ def _runs(place: Place, held: frozenset[Held]) -> Iterator[list[Held]]:
 
 def _implied(premises: Sequence[str], conclusions: Sequence[str]) -> str:
     several = len(conclusions) > 1
+    if not premises and not several and conclusions and conclusions[0].startswith("("):
+        return conclusions[0][1:-1]
     parts = [f"({text})" if several and " and " in text else text for text in conclusions]
     conclusion = " or ".join(parts) or "false"  # no state is left: nothing starts
     return f"{' and '.join(premises)} implies {conclusion}" if premises else conclusion
