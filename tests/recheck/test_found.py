@@ -39,8 +39,7 @@ def _made(text: str, kinds: tuple[int, ...], choice: Choice) -> str:
 
 def made(text: str, kinds: tuple[int, ...] = (0, 0, 0), choice: Choice = Choice.BITS) -> Document:
     """A certificate as ``koord verify --engine bits --certificate`` writes it; a copy."""
-    document: Document = json.loads(_made(text, kinds, choice))
-    return document
+    return dict(json.loads(_made(text, kinds, choice)))
 
 
 def task() -> Document:
