@@ -48,8 +48,9 @@ def task() -> Document:
 
 def conjunct(document: Document, part: str) -> Document:
     """The one conjunct with a text in it."""
-    (found,) = [c for c in document["invariant"] if part in c["text"]]
-    return found
+    found: list[Document] = [c for c in document["invariant"] if part in c["text"]]
+    assert len(found) == 1
+    return found[0]
 
 
 def outcome(document: Document) -> Outcome:
