@@ -18,7 +18,7 @@ from koord.verify.abstraction import abstracted
 from koord.verify.claims import Claim, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
 from koord.verify.engines import ByGlance, ByInduction, BySearch, ByUnrolling
-from koord.verify.every_n.engine import ByEveryN, ByInference
+from koord.verify.every_n.engine import FEW, ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
 from koord.verify.ledger import Ledger, Subject, Works
 from koord.verify.pool import Pool, Progress
@@ -238,6 +238,7 @@ def engines(choice: Choice, unrolling: ByUnrolling, pool: Pool) -> Iterator[Work
             # A proof for every number of robots is one for this number.
             yield ByEveryN(SPARING)
             yield ByInduction(unrolling)
+            yield ByInference(SPARING, FEW)
             yield BySearch(Limits(states=FEW_STATES))
             yield _by_bits(sparing=True)
             yield ByGlance(unrolling)

@@ -46,7 +46,7 @@ from tests.semantics.building import (
     length,
     lst,
 )
-from tests.verify.asking import ask
+from tests.verify.asking import ask, of_text
 
 
 @pytest.fixture(autouse=True)
@@ -534,3 +534,16 @@ def test_engines_agree_on_programs_written_by_hand() -> None:
                 if verdict.outcome is not Outcome.UNKNOWN:
                     said.setdefault(verdict.claim.name, set()).add(verdict.outcome)
         assert all(len(outcomes) == 1 for outcomes in said.values()), (program.name, said)
+
+
+def test_few_likely_invariants_are_tried_before_states_are_counted() -> None:
+    """With whom the lock is, which proves it for every N, need not be said."""
+    text = (
+        "allwrite:\n  int owner = -1\nlocal:\n  bool inside = false\n"
+        "Enter:\n  pre: owner == -1\n  eff:\n    atomic:\n      owner = pid\n      inside = true\n"
+        "Leave:\n  pre: inside\n  eff:\n    owner = -1\n    inside = false\n"
+        "invariant Alone: forall i, j: i != j implies not (inside@i and inside@j)\n"
+    )
+    alone, _ = verify(of_text(text), Bounds(rounds=3)).verdicts
+    assert (alone.outcome, alone.engine) == (Outcome.HOLDS, Engine.EVERY_N)
+    assert alone.lemmas == ("forall i: inside@i implies owner == i",)
