@@ -25,7 +25,7 @@ from koord.verify.ledger import Ledger, Reach
 from koord.verify.live.counting import Counting, counted, counting, settles
 from koord.verify.live.loops import Loops
 from koord.verify.live.monitors import NOTHING, Watched, Watching
-from koord.verify.live.search import NO_FAIR_RUN
+from koord.verify.live.search import no_fair_run
 from koord.verify.pool import Pool
 from koord.verify.singly import singly
 from koord.verify.solving import Answer
@@ -92,7 +92,7 @@ class LiveByBits:
             if held and expected(ledger.system) and not self.empty:
                 run = _Run(ledger, watching, held[0], self.lemmas, started)
                 if run.is_impossible():
-                    self.empty.append(NO_FAIR_RUN)
+                    self.empty.append(no_fair_run(ledger.system))
             strays = any("strays" in latch.name for latch in circuit.latches)
             if (
                 self.sparing

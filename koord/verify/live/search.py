@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from koord.semantics.configurations import System
 from koord.semantics.search.findings import Exhausted, OutOfBounds
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
@@ -48,12 +49,15 @@ class LiveBySearch:
             why = unreplayed.get(claim, reason)
             ledger.leave([claim], Reach(Engine.SEARCH, None, why, seconds))
         if found.is_empty:
-            self.empty.append(NO_FAIR_RUN)
+            self.empty.append(no_fair_run(ledger.system))
 
 
-NO_FAIR_RUN = Vacuity(
-    Emptiness.ASSUMPTIONS, "", "no run without end does all that is expected", certain=True
-)
+def no_fair_run(system: System) -> Vacuity:
+    """That no run is fair: what is claimed of whole runs holds for no reason."""
+    detail = "no run without end does all that is expected"
+    if not system.program.expectations:
+        detail = "no fair run goes on for ever: each ends in a fault, or where contracts contradict"
+    return Vacuity(Emptiness.ASSUMPTIONS, "", detail, certain=True)
 
 
 def _settled(

@@ -14,6 +14,15 @@ from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.semantics.endless import GATE, PASSING, QUITTING, SERVED, TWO, system
 
+ENDS_IN_A_FAULT = """
+    local:
+      int n = 2
+    Down:
+      pre: n >= 0
+      eff: n = n - n / n
+    eventually Done: n < 0
+"""
+
 
 def asked(text: str, robots: int = 2, rounds: int = 8) -> Settled:
     return settled(system(text, robots), Bounds(rounds), Ways.BITS, Deadline.after(None))
@@ -140,6 +149,12 @@ def test_that_no_run_is_fair_is_told() -> None:
     said = asked(COUNTER + "    assume Odd: true leadsto n == 6\n")
     assert [vacuity.certain for vacuity in said.vacuities] == [True]
     assert not asked(COUNTER + "    assume Even: true leadsto n == 5\n").vacuities
+
+
+def test_that_all_fair_runs_end_in_faults_is_told() -> None:
+    of = system(ENDS_IN_A_FAULT)
+    (empty,) = settled(of, Bounds(8), Ways.SEARCH, Deadline.after(None)).vacuities
+    assert "each ends in a fault" in empty.detail
 
 
 def test_a_statement_that_asks_is_left_to_others() -> None:
