@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Generic, TypeVar
 
-from koord.recheck.body import Fault, Write
+from koord.recheck.memory import Fault, Write
 from koord.recheck.storage import Crowd, Many, Robot, Storage, Storages, Store
 from koord.recheck.terms import BOOL, INT, Term
 from koord.recheck.turns import Evolved, Turn, Turns

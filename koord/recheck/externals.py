@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from koord.recheck import quantifiers
 from koord.recheck.terms import Term
 from koord.recheck.values import NotRecheckedError, Value, Values
 from koord.recheck.world import opened
@@ -81,7 +82,7 @@ def _promise_always(asking: Body, function: core.External) -> bool:
             body = asking.apart()
             names = [f"{function.name} {p.name}" for p in function.parameters]
             asked: list[Value] = [
-                body.binder(name, p.type, binders)
+                quantifiers.binder(body, name, p.type, binders)
                 for name, p in zip(names, function.parameters, strict=True)
             ]
             flat = [

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from koord.recheck.anyone import Anyone, Crowds
-from koord.recheck.body import Write
+from koord.recheck.memory import Write
 from koord.recheck.racing import is_flat, made
 from koord.recheck.storage import Cell, Crowd, Many, Robot, Storage, Store
 from koord.recheck.terms import INT, Term

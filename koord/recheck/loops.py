@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from koord.recheck import blocks, places
 from koord.recheck.storage import Cell, Many, Storage
 from koord.recheck.sums import total
 from koord.recheck.terms import BOOL, INT, Term
@@ -45,7 +46,7 @@ class Loop:
         """Do to the body's memory what the loop does. [S-FOR] [S-FOREACH] [S-BREAK]"""
         body, t, v = self.body, self.body.t, self.body.v
         changed = self._changed()
-        before = [body.storage_of(variable) for variable in changed]
+        before = [places.storage_of(body, variable) for variable in changed]
         faults, legal = len(body.faults), len(body.legal)
         with v.within() as trip, body.among(trip, self.low, self.high):
             blank = [self._blank(storage) for storage in before]
@@ -64,7 +65,7 @@ class Loop:
         self._keep(trip, earlier, faults, legal)
         for variable, old, was, new in zip(changed, before, blank, after, strict=True):
             made = self._summed_up(old, was, new, trip)
-            body.set_storage(variable, body.s.merge(body.path, made, old, variable.type))
+            places.set_storage(body, variable, body.s.merge(body.path, made, old, variable.type))
         if left.value is not False:
             self._return(trip, t.both(inside, left), earlier, result)
 
@@ -115,9 +116,9 @@ class Loop:
                 body.bound[key.slot] = body.s.stored(trip, INTEGER)
         body.bound[self.variable.slot] = body.s.stored(item, self.variable.type)
         for variable, blank in memory:
-            body.set_storage(variable, blank)
-        left, broken, result = body.tried(self.block, inside)
-        return [body.storage_of(variable) for variable, _ in memory], left, broken, result
+            places.set_storage(body, variable, blank)
+        left, broken, result = blocks.tried(body, self.block, inside)
+        return [places.storage_of(body, variable) for variable, _ in memory], left, broken, result
 
     def _keep(self, trip: Term, earlier: Term, faults: int, legal: int) -> None:
         """What was noted in one trip, of all trips that come about."""
@@ -142,7 +143,7 @@ class Loop:
         first = body.v.symbol("first trip", INT)
         body.legal.append(t.implies(returns, t.put(t.both(here, earlier), trip, first)))
         value = None if result is None else body.s.of(result, trip, first)
-        body.returns(t.both(body.path, returns), value)
+        blocks.returns(body, t.both(body.path, returns), value)
 
     def _summed_up(self, old: Storage, was: Storage, new: Storage, trip: Term) -> Storage:
         if isinstance(old, Cell):

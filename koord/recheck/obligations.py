@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, partial
 
-from koord.recheck.body import Fault
+from koord.recheck.memory import Fault
 from koord.recheck.racing import made
 from koord.recheck.rounds import Prefix, Rounds
 from koord.recheck.storage import Cell, Crowd, Robot, State, Storage, Storages, Store

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from koord.recheck.body import Write
+from koord.recheck.memory import Write
 from koord.recheck.storage import Cell, Storage, Storages, Store
 from koord.recheck.terms import INT, Term
 from koord.syntax.core import Home

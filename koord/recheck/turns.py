@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from koord.recheck.body import Body, Fault, Memory, Write
+from koord.recheck import blocks, places
+from koord.recheck.body import Body
+from koord.recheck.memory import Fault, Memory, Write
 from koord.recheck.racing import Part, Racing
 from koord.recheck.storage import Crowd, Robot, State, Storage, Storages, Store
 from koord.recheck.terms import Term
@@ -135,7 +137,7 @@ class Turns:
             self._start(body, entry, memory.locals, f"@{name}")
         for entry in self.world.program.allread:
             self._start_own(body, entry, name)
-        body.run(agent.init)
+        blocks.run(body, agent.init)
         return body
 
     def _start(
@@ -167,7 +169,7 @@ class Turns:
         else:
             value = body.value(entry.initial)
         place = core.Place(variable, (core.IndexStep(core.Pid(INT), element),), span=entry.span)
-        body.assign(place, value)
+        places.assign(body, place, value)
 
     # --- program turns --------------------------------------------------------------------------
 
@@ -187,7 +189,7 @@ class Turns:
         enabled = body.condition(event.guard)
         guard_faults, guard_legal = tuple(body.faults), t.conjunction(body.legal)
         body.outside = enabled
-        body.run(event.effect)
+        blocks.run(body, event.effect)
         after = Robot(
             tuple(memory.locals),
             tuple(memory.ports),
@@ -235,7 +237,7 @@ class Turns:
         for module in agent.modules:
             if module.environment is not None:
                 body.bound = [None] * module.environment_bound
-                body.run(module.environment)
+                blocks.run(body, module.environment)
             else:
                 self._sense(agent, module, name, memory)
         faults = tuple(body.faults)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from koord.recheck.body import Write
+from koord.recheck.memory import Write
 from koord.recheck.rounds import Prefix
 from koord.recheck.storage import Field
 from koord.recheck.terms import Term, Terms

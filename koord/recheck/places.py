@@ -1,0 +1,207 @@
+"""Places that a body reads and writes. [LOOKUP] [LOCAL-ASSIGN] [SHARED-ASSIGN]"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, assert_never
+
+from koord.recheck import crowds
+from koord.recheck.memory import Write
+from koord.recheck.storage import Cell, Field, Location, Many, Storage
+from koord.recheck.terms import Term
+from koord.recheck.values import Family, NotRecheckedError, Value
+from koord.syntax import core
+from koord.syntax.core import Home
+from koord.syntax.source import Span
+from koord.syntax.types import QueueType, Type
+
+if TYPE_CHECKING:
+    from koord.recheck.body import Body
+
+
+def read(body: Body, place: core.Place) -> Value:
+    """Every read is from the robot's own memory. [LOOKUP]"""
+    storage, type_ = root(body, place), place.variable.type
+    steps = list(place.steps)
+    while steps and not isinstance(storage, Cell):
+        step = steps.pop(0)
+        location = located(body, step)
+        if isinstance(location, Term):
+            check_index(body, location, storage, step.span)
+        storage, type_ = body.s.below(storage, location, type_), step.type
+    value, is_set = body.s.read(storage, type_)
+    body.fault_unless(is_set, f"{place.variable.name} is read while unset", place.span)
+    return part(body, value, type_, steps)
+
+
+def check_index(body: Body, index: Term, storage: Storage, span: Span) -> None:
+    t = body.t
+    if isinstance(storage, Many):
+        there = crowds.is_robot(body, index)
+    else:
+        assert isinstance(storage, tuple)
+        size = t.integer(len(storage))
+        there = t.both(t.at_most(t.integer(0), index), t.less(index, size))
+    body.fault_unless(there, "index out of range", span)
+
+
+def part(body: Body, value: Value, type_: Type, steps: Sequence[core.Step]) -> Value:
+    for step in steps:
+        location = located(body, step)
+        if isinstance(location, Field):
+            assert isinstance(value, tuple)
+            value = value[location.position]
+        else:
+            there = (
+                crowds.is_robot(body, location)
+                if isinstance(value, Family)
+                else body.v.inside(value, location)
+            )
+            body.fault_unless(there, "index out of range", step.span)
+            value = body.v.at(value, location, type_)
+        type_ = step.type
+    return value
+
+
+def located(body: Body, step: core.Step) -> Location:
+    match step:
+        case core.FieldStep(position=position):
+            return Field(position)
+        case core.IndexStep(index=index):
+            return body.condition(index)
+        case core.KeyStep():
+            raise NotRecheckedError("maps are not rechecked", step.span)
+    assert_never(step)
+
+
+def root(body: Body, place: core.Place) -> Storage:
+    variable, memory = place.variable, body.memory
+    match variable.home:
+        case Home.BOUND:
+            found = body.bound[variable.slot]
+            return found if found is not None else body.s.unset(variable.type)
+        case Home.ALLREAD:
+            return memory.allread[variable.slot]
+        case Home.ALLWRITE:
+            return memory.allwrite[variable.slot]
+        case Home.LOCAL | Home.PORT if memory.state is not None:
+            return of_named(body, place)
+        case Home.LOCAL:
+            return memory.locals[variable.slot]
+        case Home.PORT:
+            if place.primed:
+                assert memory.after is not None
+                return memory.after[variable.slot]
+            return memory.ports[variable.slot]
+    assert_never(variable.home)
+
+
+def of_named(body: Body, place: core.Place) -> Storage:
+    """``v@i``: the variable of the robot that the number names. [PROP-READ]"""
+    assert place.robot is not None
+    number, type_ = body.condition(place.robot), place.variable.type
+    if body.crowd is not None:
+        return crowds.named(body, place, number)
+    found: Storage = body.s.unset(type_)
+    there: list[Term] = []
+    for i in reversed(body.everyone()):
+        slot = body.world.slot_of(body.world.kinds[i], place.variable)
+        if slot is None:
+            continue
+        here = body.t.equal(number, body.t.integer(i))
+        robot = body.state().robots[i]
+        own = robot.locals if place.variable.home is Home.LOCAL else robot.ports
+        # The last one needs no condition: there is no such robot otherwise, which is a fault.
+        found = body.s.merge(here, own[slot], found, type_) if there else own[slot]
+        there.append(here)
+    body.fault_unless(body.t.disjunction(there), "no such robot", place.robot.span)
+    return found
+
+
+def assign(body: Body, place: core.Place, value: Value) -> None:
+    """Write a place. [LOCAL-ASSIGN] [SHARED-ASSIGN] [ALLREAD] [ACTUATE]"""
+    variable = place.variable
+    locations = tuple(located(body, step) for step in place.steps)
+    storages = held_in(body, variable.home)
+    before = storages[variable.slot]
+    if before is None:
+        before = body.s.unset(variable.type)
+    check_place(body, place, before, locations)
+    storages[variable.slot] = body.s.put(before, variable.type, locations, value, body.path)
+    if variable.home in (Home.ALLREAD, Home.ALLWRITE):
+        body.writes.append(Write(body.path, variable, locations, value))
+
+
+def held_in(body: Body, home: Home) -> list[Storage] | list[Storage | None]:
+    memory = body.memory
+    match home:
+        case Home.LOCAL:
+            return memory.locals
+        case Home.PORT:
+            return memory.ports if memory.after is None else memory.after
+        case Home.ALLREAD:
+            return memory.allread
+        case Home.ALLWRITE:
+            return memory.allwrite
+        case Home.BOUND:
+            return body.bound
+    assert_never(home)
+
+
+def check_place(
+    body: Body, place: core.Place, storage: Storage, locations: Sequence[Location]
+) -> None:
+    """A place exists for writing, or the step that fails is a fault. [S-ASSIGN]"""
+    type_, value = place.variable.type, None
+    for step, location in zip(place.steps, locations, strict=True):
+        if value is None and isinstance(storage, Cell):
+            what = f"{place.variable.name} is written into while unset"
+            body.fault_unless(storage.is_set, what, place.span)
+            value = storage.value
+        if value is not None:
+            if isinstance(location, Field):
+                assert isinstance(value, tuple)
+                value = value[location.position]
+            else:
+                there = body.v.inside(value, location)
+                body.fault_unless(there, "index out of range", step.span)
+                value = body.v.at(value, location, type_)
+        else:
+            assert not isinstance(storage, Cell)
+            if isinstance(location, Term):
+                check_index(body, location, storage, step.span)
+            storage = body.s.below(storage, location, type_)
+        type_ = step.type
+
+
+def removed(body: Body, s: core.Remove) -> None:
+    """The first equal element goes, if there is one. [S-REMOVE]"""
+    wanted = body.value(s.value)
+    whole = read(body, s.place)
+    position = body.v.position(whole, wanted, s.place.type)
+    found = body.t.at_most(body.t.integer(0), position)
+    with body.where(found):
+        assign(body, s.place, body.v.without(whole, position, s.place.type))
+
+
+def popped(body: Body, s: core.Pop) -> None:
+    """The first of a queue goes, or the last of a list. [S-POP]"""
+    t, type_ = body.t, s.place.type
+    whole = read(body, s.place)
+    length = body.v.length(whole)
+    body.fault_unless(t.less(t.integer(0), length), "empty list", s.span)
+    last = t.minus(length, t.integer(1))
+    position = t.integer(0) if isinstance(type_, QueueType) else last
+    taken = body.v.at(whole, position, type_)
+    assign(body, s.place, body.v.without(whole, position, type_))
+    if s.into is not None:
+        assign(body, s.into, taken)
+
+
+def storage_of(body: Body, variable: core.Variable) -> Storage:
+    found = held_in(body, variable.home)[variable.slot]
+    return body.s.unset(variable.type) if found is None else found
+
+
+def set_storage(body: Body, variable: core.Variable, storage: Storage) -> None:
+    held_in(body, variable.home)[variable.slot] = storage
