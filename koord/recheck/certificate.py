@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from hashlib import sha256
 
-from koord.recheck.obligations import Claim, Kind
+from koord.recheck.claims import Claim, Kind
 from koord.recheck.world import World
 from koord.syntax import ast, core
 from koord.syntax.core import PropertyKind

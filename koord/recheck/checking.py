@@ -9,9 +9,10 @@ from enum import Enum
 
 from koord.recheck import instances
 from koord.recheck.certificate import Argument, Certificate, Given, opened
+from koord.recheck.claims import Obligation
 from koord.recheck.commands import NotACommandError, harmless
 from koord.recheck.every_number import EveryNumber
-from koord.recheck.obligations import Obligation, Obligations
+from koord.recheck.obligations import Obligations
 from koord.recheck.settling import Settled, Settling
 from koord.recheck.solving import Answer, Session, TextError, answer_of
 from koord.recheck.terms import Terms

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 from koord.recheck.anyone import Anyone, Begun, Crowds
+from koord.recheck.claims import Attempt, Claim, Goal, Kind, Obligation, stated
 from koord.recheck.gatherings import Gathered, Gathering, Moves, may_run, off, stopped_together
 from koord.recheck.memory import Fault
-from koord.recheck.obligations import Attempt, Claim, Goal, Kind, Obligation, stated
 from koord.recheck.racing import made
 from koord.recheck.storage import Crowd, Many, Robot, Storages
 from koord.recheck.terms import BOOL, INT, Term, Terms

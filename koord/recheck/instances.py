@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from koord.recheck.claims import Attempt, Goal, Obligation
 from koord.recheck.grounding import Grounding, numbers, plainest
-from koord.recheck.obligations import Attempt, Goal, Obligation
 from koord.recheck.settling import Settled, Settling, conjuncts
 from koord.recheck.solving import Answer
 from koord.recheck.terms import Term

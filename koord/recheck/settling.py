@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
-from koord.recheck.obligations import Attempt, Goal, Obligation, Shown
+from koord.recheck.claims import Attempt, Goal, Obligation, Shown
 from koord.recheck.script import Script
 from koord.recheck.solving import Answer, Session
 from koord.recheck.terms import Term, Terms

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TypeAlias
 
 from koord.recheck import instances
+from koord.recheck.claims import Claim, Kind
 from koord.recheck.every_number import EveryNumber
-from koord.recheck.obligations import Claim, Kind, Obligations
+from koord.recheck.obligations import Obligations
 from koord.recheck.settling import Settled, Settling
 from koord.recheck.solving import Answer, Session
 from koord.recheck.terms import Terms

@@ -1,0 +1,114 @@
+"""What is claimed, and what has to be shown for it: goals that follow from hypotheses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import Enum
+
+from koord.recheck.memory import Fault
+from koord.recheck.storage import Crowd, State
+from koord.recheck.terms import Term
+from koord.recheck.turns import Turns
+from koord.syntax import core
+from koord.syntax.types import Type
+
+
+class Kind(Enum):
+    """Why something is claimed."""
+
+    STATEMENT = "property"  #: a statement about configurations
+    FAULT = "fault"
+    LOST_UPDATE = "lost update"
+    CONTRACT = "contract"
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """What is to be shown; ``subject`` is the variable of a lost update, or the contract.
+
+    ``depth`` is over how many rounds it is inductive.
+    """
+
+    name: str
+    kind: Kind
+    stated: core.Property | None = None
+    subject: str = ""
+    depth: int = 1
+
+    @property
+    def at_round(self) -> bool:
+        return self.stated is not None and self.stated.kind is core.PropertyKind.AT_ROUND
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """``holds`` has to follow; ``legal`` is what the answers satisfy that it asks for."""
+
+    claim: str
+    legal: Term
+    holds: Term
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A part of a configuration, or a choice, to be shown in a counterexample."""
+
+    what: str
+    term: Term
+    type: Type | None
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """From the hypotheses each goal follows. ``shown`` is what to tell of a counterexample.
+
+    ``names`` are numbers of robots that it is about, where there is any number of them.
+    """
+
+    hypotheses: tuple[Term, ...]
+    goals: tuple[Goal, ...]
+    shown: tuple[Shown, ...] = ()
+    names: tuple[Term, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Obligation:
+    """Something to be shown, in one way or another: the first attempts are quick, and know less.
+
+    A counterexample to the last attempt is one to the obligation. Attempts are made when asked for.
+    """
+
+    name: str
+    attempts: tuple[Callable[[], Attempt], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """A configuration at the start of a round, and all that is known of how it came about."""
+
+    state: State
+    facts: tuple[Term, ...]
+
+
+def stated(
+    turns: Turns, state: State | Crowd, claims: Iterable[Claim], *, between_rounds: bool
+) -> list[Goal]:
+    """The claims that are statements, of a configuration."""
+    goals = []
+    for claim in claims:
+        if claim.stated is not None and (between_rounds or not claim.at_round):
+            holds, legal = turns.holds(state, claim.stated.condition, claim.stated.bound)
+            goals.append(Goal(claim.name, legal, holds))
+    return goals
+
+
+def sound(turns: Turns, fault: Fault, legal: Term | None = None) -> Goal:
+    t = turns.v.t
+    place = f"{fault.span.line}:{fault.span.column}"
+    known = t.truth(True) if legal is None else legal
+    return Goal(f"no fault ({fault.what}, {place})", known, t.negation(fault.when))
+
+
+def taken(goals: Iterable[Goal]) -> list[Term]:
+    return [term for goal in goals for term in (goal.legal, goal.holds)]

@@ -1,0 +1,255 @@
+"""The obligations of one round: what one more step of it may break."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
+
+from koord.recheck.claims import Attempt, Claim, Goal, Kind, Obligation, Past, Shown, sound, taken
+from koord.recheck.racing import made
+from koord.recheck.rounds import Prefix
+from koord.recheck.storage import State, Store
+from koord.recheck.terms import BOOL, Term, Terms
+from koord.recheck.turns import Turn
+from koord.recheck.updates import meeting
+from koord.recheck.world import World
+from koord.syntax import core
+
+if TYPE_CHECKING:
+    from koord.recheck.obligations import Obligations
+
+
+@dataclass
+class Round:
+    """The obligations of one round. ``within`` says which, where it is not any round."""
+
+    of: Obligations
+    past: Past
+    assumed: Sequence[Claim]
+    asked: Sequence[Claim]
+    label: str
+
+    @property
+    def world(self) -> World:
+        return self.of.world
+
+    @property
+    def t(self) -> Terms:
+        return self.of.v.t
+
+    @property
+    def within(self) -> str:
+        return f" in {self.label}" if self.label else ""
+
+    @cached_property
+    def shown(self) -> tuple[Shown, ...]:
+        return tuple(self.of.parts(self.past.state))
+
+    @cached_property
+    def prefix(self) -> Prefix:
+        return self.of.rounds.prefix(self.past.state, self.label or "the round")
+
+    @cached_property
+    def chosen(self) -> tuple[Shown, ...]:
+        return tuple(
+            Shown(f"robot {c.turn.robot} has run {c.turn.event.name}", c.runs, None)
+            for mine in self.prefix.choices
+            for c in mine
+        )
+
+    def _attempt(
+        self, facts: Iterable[Term], goals: Iterable[Goal], shown: tuple[Shown, ...]
+    ) -> Attempt:
+        return Attempt((*self.past.facts, *facts), tuple(goals), shown)
+
+    def _faults_asked(self) -> bool:
+        return any(claim.kind is Kind.FAULT for claim in self.asked)
+
+    # --- events ---------------------------------------------------------------------------------
+
+    def event(self, robot: int, position: int) -> Iterator[Obligation]:
+        turn = self.of.turns.turn(self.past.state, robot, position)
+        name = f"event {turn.event.name} of robot {robot}{self.within}"
+        if self._faults_asked():
+            yield Obligation(f"{name}: no fault", (partial(self._no_fault, turn),))
+        attempts = [partial(self._event_exactly, turn)]
+        if not self.world.mentions(core.Ran):
+            attempts.insert(0, partial(self._event_loosely, turn))
+        yield Obligation(name, tuple(attempts))
+
+    def _no_fault(self, turn: Turn) -> Attempt:
+        """A fault needs one robot only. [T-FAULT]"""
+        awake = self.t.negation(self.past.state.robots[turn.robot].stopped)
+        goals = [sound(self.of.turns, fault, turn.legal) for fault in turn.faults]
+        return self._attempt([awake], goals, self.shown)
+
+    def _event_exactly(self, turn: Turn) -> Attempt:
+        """The other robots have done what they can do on ``c``."""
+        prefix, t = self.prefix, self.t
+        facts = [*prefix.facts, *self.inside, prefix.ran_none(turn.robot, self.of.turns)]
+        for lock, entered in turn.entered.items():
+            free = t.negation(self.of.rounds.taken(prefix, lock))
+            facts.append(t.implies(entered, free))
+        others = [
+            prefix.ran_none(j, self.of.turns)
+            for j in range(len(self.world.kinds))
+            if j != turn.robot
+        ]
+        last, after = self._moved(prefix.state, turn)
+        if last is not None:
+            facts.append(t.either(last, t.disjunction(others)))
+            legal = t.conjunction(self.of.rounds.skips_legally(prefix, mover=turn))
+            facts.append(t.implies(last, legal))
+        facts.append(self.of.rounds.may_run(prefix.start, turn))
+        goals = self.of.goals(after, self.asked)
+        return self._attempt(facts, goals, (*self.shown, *self.chosen))
+
+    def _event_loosely(self, turn: Turn) -> Attempt:
+        """Of what the other robots have done only the claims are known, and the locks."""
+        state, i = self.loose, turn.robot
+        before, t = self.past.state, self.t
+        robots = (*state.robots[:i], before.robots[i], *state.robots[i + 1 :])
+        allread = tuple(
+            (*x[:i], own[i], *x[i + 1 :])
+            for x, own in zip(state.store.allread, before.store.allread, strict=True)
+            if isinstance(x, tuple) and isinstance(own, tuple)
+        )
+        allwrite = []
+        for d, x, old in zip(
+            self.world.program.allwrite,
+            state.store.allwrite,
+            before.store.allwrite,
+            strict=True,
+        ):
+            # What only blocks of a class write is as it was, for whoever enters the class.
+            lock = self.world.guarding(d.variable.slot)
+            alone = turn.entered.get(lock, t.truth(False)) if lock is not None else t.truth(False)
+            allwrite.append(self.of.s.merge(alone, old, x, d.variable.type))
+        inside = State(robots, Store(allread, tuple(allwrite)))
+        _, after = self._moved(inside, turn)
+        facts = taken(self.of.goals(inside, self.assumed))
+        facts.append(self.of.rounds.may_run(before, turn))
+        return self._attempt(facts, self.of.goals(after, self.asked), ())
+
+    def _moved(self, state: State, turn: Turn) -> tuple[Term | None, State]:
+        """One more robot has run an event.
+
+        Where it can be seen, also whether it was the last to move, which ends the program turns.
+        """
+        i, t = turn.robot, self.t
+        robots = (*state.robots[:i], turn.after, *state.robots[i + 1 :])
+        store = made(self.of.s, state.store, turn.writes, t.truth(True))
+        after = State(robots, store)
+        if not self.world.asks():
+            return None, after
+        # END-PROG comes with the last turn of a round.
+        last = t.truth(True)
+        if len(self.world.kinds) > 1:
+            last = self.of.v.symbol(f"{i} is the last to move", BOOL)
+        _, ended = self.of.rounds.stopped_together(after)
+        robots = tuple(
+            replace(r, stopped=t.ite(last, x.stopped, r.stopped))
+            for r, x in zip(after.robots, ended.robots, strict=True)
+        )
+        return last, State(robots, store)
+
+    @cached_property
+    def inside(self) -> list[Term]:
+        """What is assumed of the configuration before the last step.
+
+        Where nobody has run yet it is the one that the round started in, but for who ran what in
+        the round before.
+        """
+        facts = taken(self.of.goals(self.prefix.state, self.assumed))
+        if not self.world.mentions(core.Ran):
+            return facts
+        t = self.t
+        begun = t.disjunction(c.runs for mine in self.prefix.choices for c in mine)
+        return [t.implies(begun, fact) for fact in facts]
+
+    @cached_property
+    def loose(self) -> State:
+        """Any configuration that shares with the start of the round what no event writes."""
+        return self.of.anything_like(self.past.state, self.world.moved, " inside")
+
+    # --- turns that run nothing -----------------------------------------------------------------
+
+    def quiet(self) -> Iterator[Obligation]:
+        """Skips that can be seen: the first turn of a round, and the last."""
+        if self.world.mentions(core.Ran):
+            name = f"a first turn in which a robot skips{self.within}"
+            yield Obligation(name, (self._first_skip,))
+        if self.world.asks():
+            name = f"a last turn in which a robot skips{self.within}"
+            yield Obligation(name, (self._last_skip,))
+
+    def _first_skip(self) -> Attempt:
+        never = self.t.integer(-1)
+        state = self.past.state
+        robots = tuple(replace(robot, ran=never) for robot in state.robots)
+        may = self.of.rounds.skips_legally(self.prefix, nobody_moved=True)
+        goals = self.of.goals(State(robots, state.store), self.asked)
+        return self._attempt([self.t.disjunction(may)], goals, self.shown)
+
+    def _last_skip(self) -> Attempt:
+        idle, ended = self.of.rounds.stopped_together(self.prefix.state)
+        legal = self.of.rounds.skips_legally(self.prefix)
+        facts = (*self.prefix.facts, *self.inside, idle, *legal)
+        return self._attempt(facts, self.of.goals(ended, self.asked), (*self.shown, *self.chosen))
+
+    # --- pairs of robots ------------------------------------------------------------------------
+
+    def updates(self) -> Iterator[Obligation]:
+        """No two robots write one location in the round, of whom one updates it."""
+        if any(claim.kind is Kind.LOST_UPDATE for claim in self.asked):
+            yield Obligation(f"updates in one round{self.within}", (self._updates,))
+
+    def _updates(self) -> Attempt:
+        t = self.t
+        goals = [
+            Goal(
+                claim.name,
+                t.truth(True),
+                t.negation(meeting(self.of.turns, self.prefix, claim.subject)),
+            )
+            for claim in self.asked
+            if claim.kind is Kind.LOST_UPDATE
+        ]
+        return self._attempt(self.prefix.facts, goals, (*self.shown, *self.chosen))
+
+    # --- the environment ------------------------------------------------------------------------
+
+    def environment(self) -> Iterator[Obligation]:
+        name = f"the environment's turn{self.within}"
+        ways = (self._end_loosely, self._end_exactly)
+        if self._faults_asked():
+            faults = tuple(partial(self._no_fault_after, end) for end in ways)
+            yield Obligation(f"{name}: no fault", faults)
+        yield Obligation(name, tuple(partial(self._evolved, end) for end in ways))
+
+    def _end_loosely(self) -> tuple[State, list[Term]]:
+        return self.loose, taken(self.of.goals(self.loose, self.assumed))
+
+    def _end_exactly(self) -> tuple[State, list[Term]]:
+        prefix, end, facts = self.of.ended(self.past, self.assumed, self.label)
+        return end, [*prefix.facts, *facts]
+
+    def _no_fault_after(self, end: Callable[[], tuple[State, list[Term]]]) -> Attempt:
+        state, facts = end()
+        evolution = self.of.turns.environment(state)
+        goals = [sound(self.of.turns, fault) for fault in evolution.faults]
+        return self._attempt([*facts, *evolution.facts], goals, self.shown)
+
+    def _evolved(self, end: Callable[[], tuple[State, list[Term]]]) -> Attempt:
+        state, facts = end()
+        t, evolution = self.t, self.of.turns.environment(state)
+        goals = self.of.goals(evolution.state, self.asked, between_rounds=True)
+        for claim in self.asked:
+            if claim.kind is Kind.CONTRACT:
+                kept = [x for name, _, x in evolution.promises if name == claim.subject]
+                goals.append(Goal(claim.name, t.truth(True), t.conjunction(kept)))
+        sound = [t.negation(fault.when) for fault in evolution.faults]
+        shown = (*self.shown, *self.of.parts(evolution.state, " after"))
+        return self._attempt([*facts, *evolution.facts, *sound], goals, shown)
