@@ -48,10 +48,9 @@ class OfRobot:
 
 @dataclass(frozen=True, slots=True)
 class OfTask:
-    """A task: who had it, since when, and when that robot came there. None: not yet."""
+    """A task: who had it, and when that robot came there. None: not yet."""
 
     robot: int | None
-    assigned_s: float | None
     visited_s: float | None
 
 
@@ -97,7 +96,6 @@ class Gauge:
         self._nearby = Nearby()
         self._tasks = _task_list(engine)
         self._owner: list[int | None] = []
-        self._assigned: list[float | None] = []
         self._visited: list[float | None] = []
         self._visit_m = [placed.kind.visit.epsilon_m for placed in scene.robots]
 
@@ -155,7 +153,7 @@ class Gauge:
             )
             for k in range(n)
         )
-        tasks = map(OfTask, self._owner, self._assigned, self._visited)
+        tasks = map(OfTask, self._owner, self._visited)
         rounds = self.engine.round
         # One proposal and one acknowledgement of each robot, a decision and a commit.
         messages = (rounds + 1) * (2 * n + 2)
@@ -172,12 +170,12 @@ class Gauge:
         if held is None or held is tasks.seen:
             return
         tasks.seen = held
-        for known in (self._owner, self._assigned, self._visited):
+        for known in (self._owner, self._visited):
             known += [None] * (len(held) - len(known))
         for number, task in enumerate(held):
             if self._owner[number] is None and (task[tasks.owner] or 0) >= 0 and tasks.taken(task):
                 self._owner[number] = task[tasks.owner]
-                time_s = self._assigned[number] = self.engine.round * self.scene.delta_s
+                time_s = self.engine.round * self.scene.delta_s
                 self.recorder.task(time_s, number, TaskState.ASSIGNED, task[tasks.owner])
 
     def _note_visits(self, tasks: _TaskList) -> None:
