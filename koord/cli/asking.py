@@ -61,6 +61,8 @@ def asked_each(systems: Sequence[System], request: Request) -> Iterator[Asked]:
     Several are asked about in processes of their own, ``request.jobs`` at a time. After Ctrl-C the
     answers are what is known by then, and there may be fewer of them.
     """
+    # Loaded once, before there are several processes.
+    import koord.verify.apart  # noqa: F401
     from koord.verify.pool import Pool
 
     with Interruption() as interruption:

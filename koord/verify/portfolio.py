@@ -21,10 +21,10 @@ from koord.verify.engines import ByGlance, ByInduction, BySearch, ByUnrolling
 from koord.verify.every_n.engine import FEW, ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
 from koord.verify.ledger import Ledger, Subject, Works
-from koord.verify.pool import Pool, Progress
+from koord.verify.pool import Job, Pool, Progress
 from koord.verify.singly import ByRounds
 from koord.verify.solving import Deadline
-from koord.verify.vacuity import vacuities
+from koord.verify.vacuity import Looked, look, vacuities
 from koord.verify.varieties import others
 from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Vacuity, Verdict
 from koord.verify.witness import replayed, simplified
@@ -76,33 +76,35 @@ def verify(
     deadline = Deadline.after(bounds.timeout_s)
     system = replace(system, patience=Patience(is_over))
     with Pool(jobs, progress, interrupted) as pool:
+        beside = _Beside(pool, wanted=not known)
         ask = partial(_ask, deadline=deadline, bounds=bounds, choice=choice, seed=seed, pool=pool)
         subject = _abstract_subject(system) or _plain_subject(system)
-        found, ledger = ask(subject, _before(system, known, names) if known else None)
+        found, ledger = ask(subject, _before(system, known, names) if known else None, beside)
         last = ledger
         if subject.is_abstract and found.suspected is not None and not ledger.interrupted:
             # Opaque values let something happen that real ones do not: look at those.
-            found, last = ask(_plain_subject(system), found)
+            found, last = ask(_plain_subject(system), found, beside)
         every = [
             replace(verdict, claim=claim)
             for claim, verdict in zip(claims_of(system), found.verdicts, strict=True)
         ]
         held = [v.claim for v in every if v.outcome is Outcome.HOLDS and v.rounds is None]
-        cut = last.interrupted
-        look = partial(_hollow, None if known or cut or ledger.stopped else ledger)
-        of_runs = [c for c in liveness_of(system) if not names or c.name in names]
-        # Neither knows of the other.
-        looking = pool.hand_in("", look) if of_runs and jobs > 1 else None
-        hollow = _Hollow() if looking is not None else look(progress)
         verdicts = tuple(v for v in every if not names or v.claim.name in names)
         empty: tuple[Vacuity, ...] = ()
-        cut = cut or hollow.interrupted
+        cut = last.interrupted
+        beside.wanted &= not cut and not ledger.stopped
+        hollow = _Hollow()
+        if of_runs := [c for c in liveness_of(system) if not names or c.name in names]:
+            beside.begin(ledger)
+        if beside.job is None:
+            hollow = beside.end(ledger)
+            cut = cut or hollow.interrupted
         if of_runs:
             asked = None if cut else choice
             live = _of_whole_runs(system, bounds, asked, deadline, names, held, seed, pool)
             verdicts, empty, cut = verdicts + live.verdicts, live.vacuities, cut or live.interrupted
-        if looking is not None and not cut:
-            hollow = pool.answer(looking) or hollow
+        if beside.job is not None and not cut:
+            hollow = beside.end(ledger)
     seconds = time.monotonic() - started
     cut = cut or hollow.interrupted
     every_n = choice is Choice.EVERY_N
@@ -130,15 +132,41 @@ class _Hollow:
     interrupted: bool = False
 
 
-def _hollow(ledger: Ledger | None, tell: Progress) -> _Hollow:
-    """What makes the verdicts of a ledger say less than they seem to; nothing without one."""
-    if ledger is None:
-        return _Hollow()
-    own = ledger.of((), tell)
-    found: tuple[Vacuity, ...] = ()
-    with own.stopping():
-        found = vacuities(own)
-    return _Hollow(found, own.interrupted)
+@dataclass(slots=True)
+class _Beside:
+    """The search for what never happens, beside other work if there are processes for that."""
+
+    pool: Pool
+    wanted: bool
+    job: Job[Looked | str] | None = None
+
+    def begin(self, ledger: Ledger) -> None:
+        """Other work that follows takes long."""
+        if self.wanted and self.job is None and self.pool.jobs > 1:
+            own = ledger.of((), lambda text: None)
+
+            def looked(tell: Progress) -> Looked | str:
+                found: Looked | str = ""
+                with own.stopping():
+                    found = look(own)
+                return found
+
+            self.job = self.pool.hand_in("", looked)
+
+    def end(self, ledger: Ledger) -> _Hollow:
+        """What makes the verdicts of a ledger say less than they seem to."""
+        found: tuple[Vacuity, ...] = ()
+        own = ledger.of((), ledger.report)
+        if self.wanted:
+            with own.stopping():
+                looked = look(own) if self.job is None else self.pool.answer(self.job)
+                if isinstance(looked, Looked):
+                    found = vacuities(own, looked)
+        return _Hollow(found, own.interrupted)
+
+
+#: They are asked first, and seldom take longer than a process does to start.
+_QUICK = (ByEveryN, ByInduction)
 
 
 def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _Known:
@@ -177,6 +205,7 @@ def _abstract_subject(system: System) -> Subject | None:
 def _ask(
     subject: Subject,
     known: _Known | None,
+    beside: _Beside,
     *,
     deadline: Deadline,
     bounds: Bounds,
@@ -205,6 +234,8 @@ def _ask(
             unrolling.through(ledger, suspected)
         in_turn = engines(choice, unrolling, pool)
         while ledger.open() and (engine := next(in_turn, None)) is not None:
+            if not isinstance(engine, _QUICK):
+                beside.begin(ledger)
             engine.work(ledger)
         _find_others(ledger, asked, pool)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)

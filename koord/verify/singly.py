@@ -33,7 +33,7 @@ class _Slice:
 
 
 #: What is spent on each claim in turn, until it is known whether another one is violated.
-SLICES = (_Slice(5, False), _Slice(5, True), _Slice(50, False), _Slice(50, True))
+SLICES = (_Slice(5, False), _Slice(2, True), _Slice(50, False), _Slice(20, True))
 AT_LAST = _Slice(None, False)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from koord.semantics.configurations import System
 from koord.syntax import core
@@ -13,7 +13,7 @@ from koord.verify.bmc import Unrolling
 from koord.verify.claims import NO_FAULT, Claim
 from koord.verify.footprint import footprint
 from koord.verify.ledger import Ledger
-from koord.verify.reaching import inside_rounds, never_broken, unbroken
+from koord.verify.reaching import Unbroken, inside_rounds, never_broken, unbroken
 from koord.verify.solving import Answer, Deadline, Effort
 from koord.verify.summaries import unanswerable
 from koord.verify.verdicts import Emptiness, Outcome, Vacuity
@@ -24,15 +24,42 @@ WISHES_S = 10.0
 RUNS_S = 2.0
 
 
-def vacuities(ledger: Ledger) -> tuple[Vacuity, ...]:
-    """All that makes the verdicts of a ledger say less than they seem to."""
-    deadline, effort = ledger.deadline, Effort.of_seconds(WISHES_S)
-    start = _start(ledger.system, ledger.seed, deadline, effort)
+@dataclass(frozen=True, slots=True)
+class Looked:
+    """What was found out about what can happen, whatever the verdicts are.
+
+    ``never`` are the wishes that no run fulfils; None if no run can start, as ``empty`` says.
+    ``effort`` is what is left of it.
+    """
+
+    empty: tuple[Vacuity, ...]
+    never: Unbroken | None
+    effort: Effort
+
+
+def look(ledger: Ledger) -> Looked:
+    """Find out what hangs on no verdict: it can be done beside other work."""
+    system, deadline, seed = ledger.system, ledger.deadline, ledger.seed
+    effort = Effort.of_seconds(WISHES_S)
+    start = _start(system, seed, deadline, effort)
     if start is not None:
-        return (start,)
+        return Looked((start,), None, effort)
     ledger.progress("looking for what never happens")
     silent = tuple(_silent(ledger, deadline, effort))
-    return (*silent, *_unmet(ledger, deadline, effort), *_untouched(ledger))
+    nevers = [wish.never for wish in wishes_of(system)]
+    # Making up positions and paths that meet assumptions can cost more than it spares.
+    runs_s = 0 if ledger.subject.is_abstract else RUNS_S
+    rounds = ledger.bounds.rounds
+    never = unbroken(system, nevers, rounds, deadline, effort, seed=seed, runs_s=runs_s)
+    return Looked(silent, never, effort)
+
+
+def vacuities(ledger: Ledger, looked: Looked) -> tuple[Vacuity, ...]:
+    """All that makes the verdicts of a ledger say less than they seem to."""
+    if looked.never is None:
+        return looked.empty
+    ledger.progress("looking for what never happens")
+    return (*looked.empty, *_unmet(ledger, looked.never, looked.effort), *_untouched(ledger))
 
 
 def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:
@@ -57,13 +84,10 @@ def _start(system: System, seed: int, deadline: Deadline, effort: Effort) -> Vac
     return Vacuity(Emptiness.SUMMARIES, "", detail, certain=True)
 
 
-def _unmet(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:
+def _unmet(ledger: Ledger, left: Unbroken, effort: Effort) -> Iterator[Vacuity]:
     """Events that never run, and suppositions that are never true."""
-    system, rounds, seed = ledger.system, ledger.bounds.rounds, ledger.seed
-    wishes = {wish.never: wish for wish in wishes_of(system)}
-    # Making up positions and paths that meet assumptions can cost more than it spares.
-    runs_s = 0 if ledger.subject.is_abstract else RUNS_S
-    left = unbroken(system, wishes, rounds, deadline, effort, seed=seed, runs_s=runs_s)
+    rounds, deadline = ledger.bounds.rounds, ledger.deadline
+    wishes = {wish.never: wish for wish in wishes_of(ledger.system)}
     if left.stuck is not None:
         detail = f"no run gets through round {left.stuck}"
         found = Vacuity(Emptiness.CONTRACTS, "", detail, certain=True)
