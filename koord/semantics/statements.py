@@ -12,6 +12,7 @@ from koord.semantics.machine import Machine
 from koord.semantics.masks import marked
 from koord.semantics.places import located
 from koord.semantics.quantifiers import integers, listable
+from koord.semantics.room import in_room
 from koord.semantics.storage import (
     AtIndex,
     AtKey,
@@ -140,7 +141,7 @@ def assign(m: Machine[V], place: core.Place, value: Value[V]) -> None:
     fresh = _fresh(m, place, storage, locations, value)
     changed, legal = write(m.d, storage, locations, fresh)
     _check_write(m, place, storage, locations, legal)
-    storages[variable.slot] = changed
+    storages[variable.slot] = _in_room(changed, variable, locations)
     _mark(m, variable, storage, locations)
 
 
@@ -229,7 +230,16 @@ def _assign_bound(
     fresh = _fresh(m, place, storage, locations, value)
     changed, legal = write(m.d, storage, locations, fresh)
     _check_write(m, place, storage, locations, legal)
-    m.memory.bound[variable.slot] = changed
+    m.memory.bound[variable.slot] = _in_room(changed, variable, locations)
+
+
+def _in_room(
+    changed: Storage[V], variable: core.Variable, locations: Sequence[Location[V]]
+) -> Storage[V]:
+    """A variable after a write: one at a key may have made room that its map does not need."""
+    if any(isinstance(location, AtKey) for location in locations):
+        return in_room(changed, variable.type)
+    return changed
 
 
 def _mark(

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TypeAlias
 
 from koord.semantics.configurations import Store, System
 from koord.semantics.domain import conjunction
 from koord.semantics.masks import joined, restricted
 from koord.semantics.races import overlap
+from koord.semantics.room import in_room
 from koord.semantics.storage import Storage, merge_storage
+from koord.syntax import core
 from koord.syntax.core import BinaryOp
 from koord.syntax.types import INT
 from koord.verify.moments import Option
@@ -29,6 +31,7 @@ def committed(
     racy: set[int],
 ) -> Store[Term]:
     """The store after everybody's writes. [SHARED-ASSIGN] [T-COMMIT]"""
+    program = system.program
     allread = list(store.allread)
     for slot in range(len(allread)):
         for o in options:
@@ -36,7 +39,7 @@ def committed(
             source = o.turned.robot.copy.allread[slot]
             allread[slot] = joined(d, allread[slot], source, mask)
     allwrite = list(store.allwrite)
-    for slot, declaration in enumerate(system.program.allwrite):
+    for slot, declaration in enumerate(program.allwrite):
         writes = [
             (o.robot, o.turned.robot.copy.allwrite[slot], mask)
             for o in options
@@ -49,7 +52,13 @@ def committed(
             allwrite[slot] = winning(d, allwrite[slot], writes, before)
         else:
             allwrite[slot] = _in_order(d, system, allwrite[slot], writes, before)
-    return Store(tuple(allread), tuple(allwrite))
+    return Store(_in_room(program.allread, allread), _in_room(program.allwrite, allwrite))
+
+
+def _in_room(
+    declared: Iterable[core.Declaration], stored: Iterable[Storage[Term]]
+) -> tuple[Storage[Term], ...]:
+    return tuple(in_room(s, e.variable.type) for e, s in zip(declared, stored, strict=True))
 
 
 def _in_order(

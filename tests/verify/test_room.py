@@ -1,0 +1,68 @@
+"""Maps in formulas have no more room than they have keys. [E-MAP] [T-COMMIT]"""
+
+from __future__ import annotations
+
+from itertools import islice
+
+import pytest
+
+from koord.semantics.search.engine import survey
+from koord.semantics.search.findings import Exhausted
+from koord.semantics.search.limits import Limits
+from koord.semantics.storage import Cell, Storage
+from koord.semantics.values import Table
+from koord.verify.bmc import Unrolling
+from koord.verify.terms import Term
+from tests.verify.asking import bounded, of_text
+
+#: In each turn a robot goes through a map three times, and writes where it is.
+TURNING = """
+enum Colour: red, green
+allwrite:
+  Map<{key}, int> m = {{{some}: 0}}
+local:
+  Map<{key}, int> own = {{}}
+  int n = 0
+Turn:
+  pre: n < 2
+  eff:
+    atomic:
+      for again = 0, 3:
+        for k, v in m:
+          m[{first}] = n
+          m[{second}] = n
+      own = m
+    n = n + 1
+invariant Two: length(m) <= 2
+invariant Late: contains(m, {second}) implies m[{second}] < 1
+"""
+
+KEYS = [("bool", "true", "n < 9", "n < 2"), ("Colour", "red", "red", "green")]
+
+
+def room(storage: Storage[Term]) -> int:
+    assert isinstance(storage, Cell)
+    assert isinstance(storage.value, Table)
+    return len(storage.value.entries)
+
+
+@pytest.mark.parametrize(("key", "some", "first", "second"), KEYS)
+def test_maps_keep_to_the_number_of_their_keys(
+    key: str, some: str, first: str, second: str
+) -> None:
+    """However often they are written, though nobody knows which robot writes, or where."""
+    of = of_text(TURNING.format(key=key, some=some, first=first, second=second))
+    for moment in islice(Unrolling(of).moments(), 1, 12):
+        configuration = moment.configuration
+        assert room(configuration.store.allwrite[0]) <= 2
+        assert all(room(robot.locals[0]) <= 2 for robot in configuration.robots)
+
+
+@pytest.mark.parametrize(("key", "some", "first", "second"), KEYS)
+def test_nothing_else_changes(key: str, some: str, first: str, second: str) -> None:
+    of = of_text(TURNING.format(key=key, some=some, first=first, second=second))
+    found = survey(of, of.program.properties, Limits(rounds=9))
+    assert isinstance(found.end, Exhausted)
+    first_broken = {v.claim.name: v.rounds for v in found.violated}
+    assert first_broken.keys() == {"Late"}
+    assert bounded(of, rounds=5).rounds == first_broken
