@@ -10,7 +10,7 @@ from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.turns import guard_of
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
-from koord.syntax.types import BOOL, INT
+from koord.syntax.types import INT, EnumType
 from koord.verify.moments import Option
 from koord.verify.races import Before
 from koord.verify.symbols import SymbolicInputs
@@ -71,22 +71,19 @@ def differs(d: Terms, status: Term, other: Status) -> Term:
     return d.binary(BinaryOp.NE, status, d.const(int(other), INT))
 
 
-def order_of(d: Terms, system: System, label: str) -> Before:
-    pairs = combinations(range(system.robots), 2)
-    return {(i, j): d.fresh(f"{i}<{j}#{label}", BOOL) for i, j in pairs}
+def order_of(d: Terms, robots: int, label: str) -> Before:
+    """Who comes before whom: each robot has a place, and of two with the same the later pid.
+
+    So whatever the places are, they are an order of all robots, and nothing is required of them.
+    """
+    places = [d.fresh(f"place@{i}#{label}", _places(robots)) for i in range(robots)]
+    pairs = combinations(range(robots), 2)
+    return {(i, j): d.binary(BinaryOp.LT, places[i], places[j]) for i, j in pairs}
 
 
-def is_order(d: Terms, system: System, before: Before) -> list[Term]:
-    """``before`` is transitive. It is total and irreflexive by the way it is stored."""
-    if not before:
-        return []
-    constraints: list[Term] = []
-    for i, j, k in combinations(range(system.robots), 3):
-        ij, jk, ik = before[i, j], before[j, k], before[i, k]
-        chain = d.binary(BinaryOp.AND, ij, jk)
-        constraints.append(d.binary(BinaryOp.IMPLIES, chain, ik))
-        constraints.append(d.binary(BinaryOp.IMPLIES, ik, d.binary(BinaryOp.OR, ij, jk)))
-    return constraints
+def _places(robots: int) -> EnumType:
+    """As many values as there are robots: domains with a number of bits for each need no more."""
+    return EnumType("place", tuple(str(place) for place in range(robots)))
 
 
 def obligations(

@@ -2,7 +2,7 @@
 
 Every robot's events run once on its snapshot, by the semantics' own turns on Z3 terms; Booleans say
 which event each robot runs. Where the order of robots matters (writes to one location outside of
-atomic blocks; urgent events that wait for a lock) Booleans say who comes before whom; elsewhere
+atomic blocks; urgent events that wait for a lock) places say who comes before whom; elsewhere
 there is no order at all. A robot that would lose a lock skips, so at most one robot enters a class.
 """
 
@@ -21,7 +21,6 @@ from koord.verify.arbitrary import Arbitrary
 from koord.verify.choices import (
     differs,
     free_to_skip,
-    is_order,
     obligations,
     one_event_each,
     one_winner_each,
@@ -69,12 +68,11 @@ class Encoder:
             for slot in turned.allwrite:
                 writers.setdefault(slot, []).append(i)
         racy = {slot for slot, who in writers.items() if len(who) > 1}
-        before = order_of(d, self.system, "init") if racy else {}
+        before = order_of(d, self.system.robots, "init") if racy else {}
         always = d.const(True, BOOL)
         options = [Option(i, NO_EVENT, always, turned) for i, turned in enumerate(turns)]
         final = committed(d, self.system, store, options, before, racy)
-        constraints = is_order(d, self.system, before)
-        constraints += [x.condition for turned in turns for x in turned.legality]
+        constraints = [x.condition for turned in turns for x in turned.legality]
         found = [f for f, _ in faults] + [f for turned in turns for f, _ in turned.faults]
         states = tuple(replace(t.robot, copy=final, turn=Turn.PROG) for t in turns)
         configuration = Configuration(states, final, 0)
@@ -93,7 +91,7 @@ class Encoder:
         """One round from a configuration in which every robot is to move."""
         inputs = SymbolicInputs(self.unknowns, label)
         options = self._options(start, inputs, label)
-        before = order_of(self.d, self.system, label) if self._racy else {}
+        before = order_of(self.d, self.system.robots, label) if self._racy else {}
         inside = self._program_turns(start, options, before)
         asked, middle = self._end_of_program_turns(inside)
         urgency = obligations(self.d, self.system, start, options, inputs) if self._urgent else []
@@ -152,7 +150,6 @@ class Encoder:
         d = self.d
         constraints = one_event_each(d, self.system, options)
         constraints += one_winner_each(d, self.system, options)
-        constraints += is_order(d, self.system, before)
         store = committed(d, self.system, start.store, options, before, set(self._racy))
         robots = tuple(
             turn_taken(d, state, [(o.chosen, o.turned) for o in options if o.robot == i])

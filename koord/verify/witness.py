@@ -175,7 +175,7 @@ def _moment(symbolic: moments.SymbolicRound, phase: Phase) -> moments.Moment:
 
 
 def _order(reader: Reader, before: dict[tuple[int, int], Term]) -> tuple[int, ...]:
-    """The order that the Booleans describe; pid order where there are none."""
+    """The order that the places describe; pid order where there are none."""
     robots = range(reader.system.robots)
     if not before:
         return tuple(robots)
