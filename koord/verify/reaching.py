@@ -120,8 +120,12 @@ def _unbroken(
     pending = list(claims)
     for moment in unrolling.moments():
         answer = _strike(unrolling, moment, pending, deadline, effort)
-        if answer is not Answer.UNKNOWN and moment.phase is Phase.END:
-            # Nothing is broken any more if no run comes here.
+        if (
+            answer is not Answer.UNKNOWN
+            and moment.phase is Phase.END
+            and (unrolling.movers is None or not pending)
+        ):
+            # Nothing is broken any more if no run comes here. (Of some runs it is no news.)
             answer = unrolling.solver.check([], deadline, effort)
             if answer is Answer.UNSAT:
                 if unrolling.movers is not None:
