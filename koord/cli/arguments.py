@@ -78,6 +78,8 @@ def fleets(text: str) -> tuple[Fleet, ...]:
     low, dots, high = text.partition("..")
     if not dots:
         return (fleet(text),)
+    if not low or not high:
+        raise ArgumentTypeError(f"{text!r} is no sweep; write 2..10, or any")
     least = _whole(low, "robots", 1, MOST_ROBOTS)
     most = _whole(high, "robots", 1, MOST_ROBOTS)
     if most < least:

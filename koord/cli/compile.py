@@ -29,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     check_files([arguments.file, *arguments.properties])
     if arguments.output != DASH:
-        check_writable(arguments.output)
+        check_writable(arguments.output, (arguments.file, *arguments.properties))
     report = Report()
     programs = load_programs([arguments.file], Reading.of(arguments), report)
     report.print(sys.stderr, as_json=False)

@@ -48,7 +48,7 @@ def export(arguments: argparse.Namespace) -> int:
     if len(arguments.files) > 1 or len(arguments.robots) > 1 or arguments.robots[0].any_number:
         raise argparse.ArgumentTypeError("--export takes one program and one number of robots")
     if arguments.output != DASH:
-        check_writable(arguments.output)
+        check_writable(arguments.output, (*arguments.files, *arguments.properties))
     report = Report()
     programs = load_programs(arguments.files, Reading.of(arguments), report)
     report.print(sys.stderr, as_json=False)

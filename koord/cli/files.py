@@ -7,7 +7,7 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,12 +81,17 @@ def write_atomically(path: str, data: bytes) -> None:
         raise refusal("K903", path, f"cannot be written: {_reason(error)}") from None
 
 
-def check_writable(path: str) -> None:
-    """Raise KoordError if ``path`` can be seen not to be writable, before long work is done."""
+def check_writable(path: str, read: Iterable[str] = ()) -> None:
+    """Raise KoordError if ``path`` can be seen not to be writable, before long work is done.
+
+    What is ``read`` by the same command is nobody's to replace.
+    """
     target = os.path.realpath(path)
     folder = os.path.dirname(target)
     reason = None
-    if os.path.isdir(target):
+    if any(os.path.realpath(name) == target for name in read if name != DASH):
+        reason = "it is read by the same command"
+    elif os.path.isdir(target):
         reason = "it is a folder"
     elif not os.path.isdir(folder):
         reason = f"there is no folder {folder}"

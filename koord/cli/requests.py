@@ -9,7 +9,7 @@ from enum import Enum
 from fractions import Fraction
 
 from koord.cli.arguments import Fleet
-from koord.cli.files import check_writable
+from koord.cli.files import DASH, check_writable
 
 
 class Engine(Enum):
@@ -50,25 +50,28 @@ class Request:
 
 def request_of(arguments: argparse.Namespace) -> Request:
     """The request. Raises ArgumentTypeError before any work is done if flags do not go together."""
+    if arguments.output != DASH:
+        raise argparse.ArgumentTypeError("-o says where --export writes to: add --export")
     request = _request(arguments)
+    read = (*arguments.files, *arguments.properties)
     if request.trace is not None:
         if len(arguments.files) > 1:
             raise argparse.ArgumentTypeError("--trace takes one program at a time")
         if len(request.fleets) > 1:
             raise argparse.ArgumentTypeError("--trace takes one number of robots at a time")
-        check_writable(request.trace)
+        check_writable(request.trace, read)
     if request.certificate is not None:
         if len(arguments.files) > 1 or len(request.fleets) > 1 or request.fleets[0].any_number:
             raise argparse.ArgumentTypeError(
                 "--certificate takes one program and one number of robots"
             )
-        check_writable(request.certificate)
+        check_writable(request.certificate, read)
     if request.plot is not None:
-        _check_plot(arguments.files, request)
+        _check_plot(arguments.files, request, read)
     if request.found is not None:
         if len(arguments.files) > 1 or len(request.fleets) > 1:
             raise argparse.ArgumentTypeError("--save-invariants takes one program at a time")
-        check_writable(request.found)
+        check_writable(request.found, read)
     if request.rests_on and len(request.fleets) > 1:
         raise argparse.ArgumentTypeError("--rests-on takes one number of robots at a time")
     if request.fleets[0].any_number and request.engine is not Engine.AUTO:
@@ -113,11 +116,11 @@ def _check_abc() -> None:
         )
 
 
-def _check_plot(files: Sequence[str], request: Request) -> None:
+def _check_plot(files: Sequence[str], request: Request, read: Sequence[str]) -> None:
     from koord.cli.sweeps import check_drawable
 
     assert request.plot is not None
     if len(files) > 1 or len(request.fleets) == 1:
         raise argparse.ArgumentTypeError("--plot takes one program and a sweep: --robots 2..10")
     check_drawable(request.plot)
-    check_writable(request.plot)
+    check_writable(request.plot, read)

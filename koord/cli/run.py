@@ -116,7 +116,7 @@ def main(arguments: argparse.Namespace) -> int:
     if request.interactive and DASH in (arguments.file, *arguments.properties):
         raise argparse.ArgumentTypeError("--interactive reads standard input, and so does -")
     if request.trace is not None:
-        check_writable(request.trace)
+        check_writable(request.trace, (arguments.file, *arguments.properties))
     report = Report()
     programs = load_programs([arguments.file], Reading.of(arguments), report)
     if report.errors and request.as_json:

@@ -35,8 +35,10 @@ def _robots(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
     kinds: list[int] = []
     for name, count in fleet.kinds:
         if name not in names:
-            known = ", ".join(names) if names != [""] else "only one kind, which has no name"
-            raise ArgumentTypeError(f"--robots: there is no agent {name} here; there is {known}")
+            known = f"there are {', '.join(names)}"
+            if names == [""]:
+                known = "there is only one kind, which has no name"
+            raise ArgumentTypeError(f"--robots: there is no agent {name} here; {known}")
         kinds += [names.index(name)] * count
     return System(program, tuple(kinds), delta_s)
 

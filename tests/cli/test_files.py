@@ -150,6 +150,17 @@ def test_an_output_is_tried_before_the_work(tmp_path: Path, name: str, reason: s
         write_atomically(str(tmp_path / name), b"x")
 
 
+def test_what_is_read_is_not_written_over(tmp_path: Path) -> None:
+    path, link = tmp_path / "a.krd", tmp_path / "b.krd"
+    path.write_text("")
+    link.symlink_to(path)
+    for name in (path, link):
+        with pytest.raises(KoordError) as error:
+            check_writable(str(name), ("-", str(path)))
+        assert refusal(error).message == "cannot be written: it is read by the same command"
+    check_writable(str(path), ("-", str(tmp_path / "c.krd")))
+
+
 def test_an_output_that_can_be_written(tmp_path: Path) -> None:
     check_writable(str(tmp_path / "new.json"))
     check_writable(os.devnull)

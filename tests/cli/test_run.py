@@ -237,7 +237,7 @@ def test_kinds_of_robots(koord: Koord) -> None:
     assert "  2 Drone  Climb  height: 0 → 1\n" in out
     code, _ = koord("run", "kinds.krd", "--robots", "Boat=1")
     assert code == Exit.BAD_INPUT
-    assert "there is no agent Boat here; there is Car, Drone" in koord.err
+    assert "there is no agent Boat here; there are Car, Drone" in koord.err
 
 
 def test_params_are_set(koord: Koord, write: Path) -> None:

@@ -417,3 +417,27 @@ invariant Small: Body.x <= 3.0
     branches = text.replace("up and x' ==", "up implies x' ==")
     path.write_text(branches, encoding="utf-8")
     assert frame.main(["verify", str(path), "--rounds", "5"]) == Exit.VIOLATED
+
+
+@pytest.mark.parametrize("flag", ["--trace", "--certificate", "--save-invariants", "-o"])
+def test_a_program_is_not_written_over(
+    program: str, capsys: pytest.CaptureFixture[str], flag: str
+) -> None:
+    export = ["--export", "smt2"] if flag == "-o" else []
+    assert frame.main(["verify", program, flag, program, *export]) == Exit.BAD_INPUT
+    assert "it is read by the same command" in capsys.readouterr().err
+    assert Path(program).read_text("utf-8") == GOOD
+
+
+def test_an_output_without_an_export_is_refused(
+    program: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert frame.main(["verify", program, "-o", f"{program}.smt2"]) == Exit.BAD_INPUT
+    assert "-o says where --export writes to" in capsys.readouterr().err
+
+
+def test_robots_from_here_on_without_an_end(
+    program: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert frame.main(["verify", program, "--robots", "2.."]) == Exit.BAD_INPUT
+    assert "'2..' is no sweep; write 2..10, or any" in capsys.readouterr().err
