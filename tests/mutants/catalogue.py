@@ -303,8 +303,15 @@ VERIFY = (
     Mutant(
         "an order need not be transitive",
         "verify/choices.py",
-        "if not before:\n        return []",
-        "if before is not None:\n        return []",
+        "d.binary(BinaryOp.LT, places[i], places[j])",
+        "d.binary(BinaryOp.LT, places[i], d.fresh(label, INT))",
+        (ROUNDS,),
+    ),
+    Mutant(
+        "there is one order only",
+        "verify/choices.py",
+        "d.binary(BinaryOp.LT, places[i], places[j])",
+        "d.binary(BinaryOp.LT, places[i], places[i])",
         (ROUNDS,),
     ),
     Mutant(
