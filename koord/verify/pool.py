@@ -184,7 +184,7 @@ class Pool:
             _join(job)
 
     def _tell(self, job: Job[object], text: str) -> None:
-        told = f"{job.name}: {text}" if job.name else text
+        told = text if job.name in text else f"{job.name}: {text}"
         of = len(self._running) + len(self._waiting) + self._done
         if of > 1:
             told = f"{self._done} of {of} done; {told}"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from threading import Timer
 from typing import Any, cast
 
+import pysolvers
 from pysat.solvers import Solver
 
 from koord.verify.bits.graph import Graph
@@ -72,7 +73,11 @@ class Clauses:
 
     def solve(self, assumptions: Sequence[int]) -> bool:
         """Whether everything required can be, with the assumptions."""
-        return bool(self._solver.solve(assumptions=assumptions))
+        try:
+            return bool(self._solver.solve(assumptions=assumptions))
+        except pysolvers.error as error:
+            # It listens to Ctrl-C by itself, and says so in a way of its own.
+            raise KeyboardInterrupt from error
 
     def solve_in_time(self, assumptions: Sequence[int], deadline: Deadline) -> Answer:
         """The same, or nothing where the deadline passes first."""

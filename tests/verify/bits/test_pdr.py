@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import product
 from random import Random
 
+import pysolvers
 import pytest
 
 from koord.verify.bits.checking import holds_always
@@ -208,3 +209,16 @@ def test_clauses_say_what_the_graph_says(engine: str) -> None:
                 assert one_sided.solve([*there, yes]) == value
         if seed > 25 and engine == OTHER:
             break
+
+
+def test_ctrl_c_that_the_solver_hears_is_ctrl_c() -> None:
+    """It has an error of its own for that."""
+
+    class Interrupted:
+        def solve(self, assumptions: list[int]) -> bool:
+            raise pysolvers.error("Caught keyboard interrupt")
+
+    clauses = Clauses(Graph())
+    clauses._solver = Interrupted()
+    with pytest.raises(KeyboardInterrupt):
+        clauses.solve([])
