@@ -94,6 +94,11 @@ def test_as_the_plain_search_late() -> None:
     assert count["holds"] >= 5
 
 
+def test_as_the_plain_search_where_what_is_unset_is_read() -> None:
+    """The turn goes on to its end: it copies an unset queue, and asks how long the copy is."""
+    assert compare_with_plain(11_054, system(Random(11_054), FINITE)) == "violated"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("block", range(4))
 def test_as_the_plain_search_on_many(block: int) -> None:

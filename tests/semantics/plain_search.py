@@ -6,7 +6,7 @@ any small value, and the rules say which are legal.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -24,7 +24,7 @@ from koord.semantics.rounds import (
     run_event,
     run_skip,
 )
-from koord.semantics.storage import Cell, Storage, Tree
+from koord.semantics.storage import Cell, Storage, Tree, unset
 from koord.semantics.traces.recording import Concrete
 from koord.semantics.turns import holds_in
 from koord.semantics.values import Rec
@@ -186,16 +186,36 @@ class PlainSearch:
 
     def _plain(self, c: Configuration[Constant]) -> Configuration[Constant]:
         """Without what no property reads and no rule: the round, ``ran``, values of unset atoms."""
-        robots = tuple(
-            replace(
+        robots = []
+        for r in c.robots:
+            agent = self.system.program.agents[r.kind]
+            ports = [port.declaration for port in agent.ports]
+            plain = replace(
                 r,
                 ran=r.ran if self.tracks_ran else NO_EVENT,
-                locals=tuple(map(_plain_storage, r.locals)),
-                ports=tuple(map(_plain_storage, r.ports)),
+                locals=self._plain_storages(agent.locals, r.locals),
+                ports=self._plain_storages(ports, r.ports),
             )
-            for r in c.robots
-        )
-        return replace(c, robots=robots, round=0)
+            robots.append(plain)
+        return replace(c, robots=tuple(robots), round=0)
+
+    def _plain_storages(
+        self, declared: Iterable[core.Declaration], stored: Iterable[Storage[Constant]]
+    ) -> tuple[Storage[Constant], ...]:
+        pairs = zip(declared, stored, strict=True)
+        return tuple(self._plain_storage(s, d.variable.type) for d, s in pairs)
+
+    def _plain_storage(self, storage: Storage[Constant], type_: Type) -> Storage[Constant]:
+        """An unset atom holds the default of its type: a turn that reads it goes on to its end."""
+        if isinstance(storage, Cell):
+            return storage if storage.is_set else unset(EXACT, type_, self.system.robots)
+        if isinstance(type_, RecordType):
+            types = [field for _, field in type_.fields]
+        else:
+            assert isinstance(type_, ArrayType)
+            types = [type_.element] * len(storage.parts)
+        pairs = zip(storage.parts, types, strict=True)
+        return Tree(tuple(self._plain_storage(part, t) for part, t in pairs))
 
     def _initial(self) -> Iterator[Configuration[Constant]]:
         for order in permutations(range(self.system.robots)):
@@ -272,9 +292,3 @@ class PlainSearch:
                 self._note("contract promise", contract.name)
             self._look(after, at_round=True)
             yield self._plain(after)
-
-
-def _plain_storage(storage: Storage[Constant]) -> Storage[Constant]:
-    if isinstance(storage, Tree):
-        return Tree(tuple(map(_plain_storage, storage.parts)))
-    return storage if storage.is_set else Cell(False, "")
