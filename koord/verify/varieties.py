@@ -1,20 +1,36 @@
-"""Further ways to break a claim: runs that do without some event of each run found so far."""
+"""Further ways to break a claim: runs that do without some event of each run found so far.
+
+The same run later, with idle rounds in between, or by other robots where they may change places, is
+no other way.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import islice, permutations, product
 
+from koord.semantics.configurations import System
 from koord.semantics.domain import conjunction
+from koord.semantics.search.symmetry import Symmetry, symmetry_of
 from koord.semantics.traces.recording import Recording
-from koord.syntax.core import UnaryOp
+from koord.syntax.core import BinaryOp, UnaryOp
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import Claim
 from koord.verify.ledger import Ledger
-from koord.verify.moments import Moment
-from koord.verify.solving import Answer
+from koord.verify.moments import Moment, SymbolicRound
+from koord.verify.solving import Answer, Effort
 from koord.verify.terms import Term
 from koord.verify.verdicts import Counterexample
 from koord.verify.witness import NotReplayedError, Reader, recording_of
+
+#: What may be spent on the search for other ways, when one is known: about so many seconds.
+_SECONDS = 60.0
+
+#: So many ways to name the robots of a run anew are taken into account.
+_MOST_NAMINGS = 120
+
+#: For robots of a run, who is to do in its place what it does.
+Naming = dict[int, int]
 
 
 def others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Counterexample]:
@@ -24,15 +40,17 @@ def others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Coun
     and other orders make no difference. Ends where there is none within the bound or in time.
     """
     unrolling = Unrolling(ledger.system, ledger.seed)
-    solver = unrolling.solver
+    solver, effort = unrolling.solver, Effort.of_seconds(_SECONDS)
     known = [first.recording]
+    groups = _interchangeable(ledger.system, claim)
     for moment in unrolling.moments():
         asked = violations(ledger.system, unrolling.encoder.d, moment, [claim])
         for violated, needed in asked.values():
             solver.add(needed)
             while True:
-                different = [_different(unrolling, recording) for recording in known]
-                if solver.check([violated, *different], ledger.deadline) is not Answer.SAT:
+                different = [_different(unrolling, run, groups) for run in known]
+                question = [violated, *different]
+                if solver.check(question, ledger.deadline, effort) is not Answer.SAT:
                     break
                 found = _read(ledger, claim, unrolling, moment)
                 if found is None:
@@ -41,7 +59,11 @@ def others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Coun
                 yield found
             # A run that went on from here would be a longer way to what was found.
             solver.add([unrolling.encoder.d.unary(UnaryOp.NOT, violated)])
-        if ledger.deadline.passed() or moment.configuration.round > ledger.bounds.rounds:
+        if (
+            ledger.deadline.passed()
+            or effort.left <= 0
+            or moment.configuration.round > ledger.bounds.rounds
+        ):
             return
 
 
@@ -56,15 +78,52 @@ def _read(
         return None
 
 
-def _different(unrolling: Unrolling, recording: Recording) -> Term:
-    """Some event of a recorded run does not run, as far as the rounds are there yet."""
-    if len(recording.rounds) > len(unrolling.rounds):
-        # The run is longer than what is asked about, which can be no variant of it.
-        return True
+def _interchangeable(system: System, claim: Claim) -> tuple[tuple[int, ...], ...]:
+    """Robots that may change places as far as the claim is concerned. [SYMMETRY]"""
+    stated = (claim.stated,) if claim.stated is not None else ()
+    symmetry = symmetry_of(system, stated)
+    return symmetry.groups if isinstance(symmetry, Symmetry) else ()
+
+
+def _different(unrolling: Unrolling, recording: Recording, groups: Sequence[Sequence[int]]) -> Term:
+    """Some event of a recorded run does not run, whoever is who in it and whenever it begins."""
     d = unrolling.encoder.d
-    ran = []
-    for taken, round_ in zip(unrolling.rounds, recording.rounds, strict=False):
-        for option in taken.options:
-            if round_.events[option.robot] == option.position:
-                ran.append(option.chosen)
-    return d.unary(UnaryOp.NOT, conjunction(d, ran))
+    same = [_contained(unrolling, recording, naming) for naming in _namings(recording, groups)]
+    return conjunction(d, [d.unary(UnaryOp.NOT, each) for each in same])
+
+
+def _namings(recording: Recording, groups: Sequence[Sequence[int]]) -> Iterator[Naming]:
+    """Who may stand for whom among the robots that run something, the given names first."""
+    active = {i for r in recording.rounds for i, e in enumerate(r.events) if e is not None}
+    fixed = {i: i for i in active if not any(i in group for group in groups)}
+    placed = []
+    for group in groups:
+        who = [i for i in group if i in active]
+        rest = [i for i in group if i not in active]
+        placed.append(
+            [dict(zip(who, to, strict=True)) for to in permutations(who + rest, len(who))]
+        )
+    for parts in islice(product(*placed), _MOST_NAMINGS):
+        yield fixed | {i: to for part in parts for i, to in part.items()}
+
+
+def _contained(unrolling: Unrolling, recording: Recording, naming: Naming) -> Term:
+    """What runs in each round of a recorded run runs in some round, in the same order of rounds."""
+    d = unrolling.encoder.d
+    wanted = [
+        {naming[i]: e for i, e in enumerate(round_.events) if e is not None}
+        for round_ in recording.rounds
+    ]
+    # By how many of its rounds were met by now.
+    met: list[Term] = [True, *(False for _ in wanted)]
+    for taken in unrolling.rounds:
+        for n in range(len(wanted), 0, -1):
+            now = d.binary(BinaryOp.AND, met[n - 1], _runs(unrolling, taken, wanted[n - 1]))
+            met[n] = d.binary(BinaryOp.OR, met[n], now)
+    return met[-1]
+
+
+def _runs(unrolling: Unrolling, taken: SymbolicRound, events: dict[int, int]) -> Term:
+    """Each of the robots runs its event in the round, as far as it can."""
+    chosen = [o.chosen for o in taken.options if events.get(o.robot) == o.position]
+    return conjunction(unrolling.encoder.d, chosen) if len(chosen) == len(events) else False
