@@ -13,7 +13,17 @@ from functools import partial
 from typing import Generic, TypeVar
 
 from koord.recheck.memory import Fault, Write
-from koord.recheck.storage import Crowd, Many, Robot, Storage, Storages, Store
+from koord.recheck.storage import (
+    AtKey,
+    Crowd,
+    Field,
+    Location,
+    Many,
+    Robot,
+    Storage,
+    Storages,
+    Store,
+)
 from koord.recheck.terms import BOOL, INT, Term
 from koord.recheck.turns import Evolved, Turn, Turns
 from koord.recheck.values import Values
@@ -61,10 +71,20 @@ class Replacing:
 
     def write(self, w: Write, old: Term, new: Term) -> Write:
         t = self.s.v.t
-        locations = tuple(t.put(x, old, new) if isinstance(x, Term) else x for x in w.locations)
+        locations = tuple(self.location(x, old, new) for x in w.locations)
         return Write(
             t.put(w.when, old, new), w.variable, locations, self.s.v.put(w.value, old, new)
         )
+
+    def location(self, x: Location, old: Term, new: Term) -> Location:
+        v = self.s.v
+        match x:
+            case Field():
+                return x
+            case AtKey(key=key, type=type_, adds=adds):
+                return AtKey(v.put(key, old, new), type_, v.t.put(adds, old, new))
+            case _:
+                return v.t.put(x, old, new)
 
     def turn(self, turn: Turn, old: Term, new: Term) -> Turn:
         t = self.s.v.t

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from fractions import Fraction
 from typing import assert_never
 
-from koord.recheck import blocks, crowds, externals, places, quantifiers
+from koord.recheck import blocks, crowds, externals, maps, places, quantifiers
 from koord.recheck.memory import Fault, Frame, Memory, Write
 from koord.recheck.storage import Crowd, State, Storage, Storages
 from koord.recheck.terms import Term, Terms
@@ -21,7 +21,7 @@ from koord.recheck.world import World
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, ListOp, UnaryOp
 from koord.syntax.source import Span
-from koord.syntax.types import ArrayType, BoolType, FloatType, Type
+from koord.syntax.types import ArrayType, BoolType, FloatType, MapType, Type
 
 
 class Body:
@@ -151,7 +151,7 @@ class Body:
                     self, e.robot, [self.state().robots[i].stopped for i in self.everyone()]
                 )
             case core.MakeMap():
-                raise NotRecheckedError("maps are not rechecked", e.span)
+                return self._map(e)
         assert_never(e)
 
     def _constant(self, e: core.Const) -> Term:
@@ -232,7 +232,7 @@ class Body:
             return crowds.of_all(self, e, value)
         match e.op:
             case ListOp.LENGTH:
-                return self.v.length(value)
+                return self.v.length(value, first.type)
             case ListOp.CONTAINS:
                 return self.v.contains(value, self.value(e.arguments[1]), first.type)
             case ListOp.ANY | ListOp.ALL:
@@ -246,10 +246,20 @@ class Body:
                 return self.v.least(items, greatest=e.op is ListOp.MAX)
         assert_never(e.op)
 
+    def _map(self, e: core.MakeMap) -> Value:
+        """Of two entries with one key the later counts. [E-MAP]"""
+        assert isinstance(e.type, MapType)
+        made = maps.empty(self.v, e.type)
+        for key, value in e.entries:
+            made = maps.with_entry(self.v, made, self.value(key), self.value(value), e.type)
+        return made
+
     def items(self, value: Value, span: Span) -> tuple[Value, ...]:
         if not isinstance(value, tuple):
             raise NotRecheckedError(
-                "going through a list whose length is not fixed by the text is not rechecked", span
+                "going through a map, or a list whose length is not fixed by the text, is not"
+                " rechecked",
+                span,
             )
         return value
 

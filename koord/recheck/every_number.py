@@ -322,7 +322,7 @@ class Step:
                 t.truth(True),
                 t.negation(
                     t.disjunction(
-                        overlap(t, x, y)
+                        overlap(self.v, x, y)
                         for x in a.writes
                         for y in b.writes
                         if x.variable == y.variable

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from koord.recheck import quantifiers
+from koord.recheck.maps import has_map
 from koord.recheck.terms import Term
 from koord.recheck.values import NotRecheckedError, Value, Values
 from koord.recheck.world import opened
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 def answer(body: Body, e: core.ExternalCall) -> Value:
     """Any answer that the summary allows; the same to the same question. [EXTERNAL]"""
     function = body.world.program.external(e.function)
+    if any(has_map(v.type) for v in (function.result, *function.parameters)):
+        # What is supposed of all maps would be supposed of those that are none.
+        raise NotRecheckedError("external functions of maps are not rechecked", e.span)
     arguments = [body.value(argument) for argument in e.arguments]
     pairs = list(zip(arguments, function.parameters, strict=True))
     result = function.result.type

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, assert_never
 
-from koord.recheck import crowds
+from koord.recheck import crowds, maps
 from koord.recheck.memory import Write
-from koord.recheck.storage import Cell, Field, Location, Many, Storage
+from koord.recheck.storage import AtKey, Cell, Field, Location, Many, Storage
 from koord.recheck.terms import Term
-from koord.recheck.values import Family, NotRecheckedError, Value
+from koord.recheck.values import Family, Value
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import Span
-from koord.syntax.types import QueueType, Type
+from koord.syntax.types import MapType, QueueType, Type
 
 if TYPE_CHECKING:
     from koord.recheck.body import Body
@@ -25,7 +26,7 @@ def read(body: Body, place: core.Place) -> Value:
     steps = list(place.steps)
     while steps and not isinstance(storage, Cell):
         step = steps.pop(0)
-        location = located(body, step)
+        location = located(body, step, type_)
         if isinstance(location, Term):
             check_index(body, location, storage, step.span)
         storage, type_ = body.s.below(storage, location, type_), step.type
@@ -47,10 +48,16 @@ def check_index(body: Body, index: Term, storage: Storage, span: Span) -> None:
 
 def part(body: Body, value: Value, type_: Type, steps: Sequence[core.Step]) -> Value:
     for step in steps:
-        location = located(body, step)
+        location = located(body, step, type_)
         if isinstance(location, Field):
             assert isinstance(value, tuple)
             value = value[location.position]
+        elif isinstance(location, AtKey):
+            assert isinstance(value, Term)
+            body.fault_unless(
+                maps.has(body.v, value, location.key, location.type), "no such key", step.span
+            )
+            value = maps.at(body.v, value, location.key, location.type)
         else:
             there = (
                 crowds.is_robot(body, location)
@@ -63,14 +70,16 @@ def part(body: Body, value: Value, type_: Type, steps: Sequence[core.Step]) -> V
     return value
 
 
-def located(body: Body, step: core.Step) -> Location:
+def located(body: Body, step: core.Step, type_: Type) -> Location:
+    """Where a step leads from a value of a type."""
     match step:
         case core.FieldStep(position=position):
             return Field(position)
         case core.IndexStep(index=index):
             return body.condition(index)
-        case core.KeyStep():
-            raise NotRecheckedError("maps are not rechecked", step.span)
+        case core.KeyStep(key=key):
+            assert isinstance(type_, MapType)
+            return AtKey(body.value(key), type_, body.t.truth(False))
     assert_never(step)
 
 
@@ -121,14 +130,21 @@ def of_named(body: Body, place: core.Place) -> Storage:
 def assign(body: Body, place: core.Place, value: Value) -> None:
     """Write a place. [LOCAL-ASSIGN] [SHARED-ASSIGN] [ALLREAD] [ACTUATE]"""
     variable = place.variable
-    locations = tuple(located(body, step) for step in place.steps)
+    types = [variable.type, *(step.type for step in place.steps)]
+    locations = tuple(located(body, step, t) for step, t in zip(place.steps, types, strict=False))
     storages = held_in(body, variable.home)
     before = storages[variable.slot]
     if before is None:
         before = body.s.unset(variable.type)
-    check_place(body, place, before, locations)
-    storages[variable.slot] = body.s.put(before, variable.type, locations, value, body.path)
+    locations = check_place(body, place, before, locations)
+    after = body.s.put(before, variable.type, locations, value, body.path)
+    storages[variable.slot] = after
     if variable.home in (Home.ALLREAD, Home.ALLWRITE):
+        keys = [k for k, location in enumerate(locations, start=1) if isinstance(location, AtKey)]
+        if keys and keys[0] < len(locations):
+            # Below a key the whole entry is one location. [LOCATION]
+            locations = locations[: keys[0]]
+            value = entry_in(body, after, place, locations)
         body.writes.append(Write(body.path, variable, locations, value))
 
 
@@ -150,10 +166,13 @@ def held_in(body: Body, home: Home) -> list[Storage] | list[Storage | None]:
 
 def check_place(
     body: Body, place: core.Place, storage: Storage, locations: Sequence[Location]
-) -> None:
-    """A place exists for writing, or the step that fails is a fault. [S-ASSIGN]"""
-    type_, value = place.variable.type, None
-    for step, location in zip(place.steps, locations, strict=True):
+) -> tuple[Location, ...]:
+    """A place exists for writing, or the step that fails is a fault. [S-ASSIGN]
+
+    The locations, with which of them add entries to maps.
+    """
+    type_, value, checked = place.variable.type, None, list(locations)
+    for k, (step, location) in enumerate(zip(place.steps, locations, strict=True)):
         if value is None and isinstance(storage, Cell):
             what = f"{place.variable.name} is written into while unset"
             body.fault_unless(storage.is_set, what, place.span)
@@ -162,6 +181,13 @@ def check_place(
             if isinstance(location, Field):
                 assert isinstance(value, tuple)
                 value = value[location.position]
+            elif isinstance(location, AtKey):
+                assert isinstance(value, Term)
+                there = maps.has(body.v, value, location.key, location.type)
+                checked[k] = replace(location, adds=body.t.negation(there))
+                if k + 1 < len(locations):
+                    body.fault_unless(there, "no such key", step.span)
+                value = maps.at(body.v, value, location.key, location.type)
             else:
                 there = body.v.inside(value, location)
                 body.fault_unless(there, "index out of range", step.span)
@@ -172,12 +198,42 @@ def check_place(
                 check_index(body, location, storage, step.span)
             storage = body.s.below(storage, location, type_)
         type_ = step.type
+    return tuple(checked)
+
+
+def entry_in(
+    body: Body, storage: Storage, place: core.Place, locations: Sequence[Location]
+) -> Value:
+    """What storage has at locations that lead to an entry, which is there."""
+    type_, value = place.variable.type, None
+    for step, location in zip(place.steps, locations, strict=False):
+        if value is None and isinstance(storage, Cell):
+            value = storage.value
+        if value is None:
+            assert not isinstance(storage, Cell)
+            storage = body.s.below(storage, location, type_)
+        elif isinstance(location, Field):
+            assert isinstance(value, tuple)
+            value = value[location.position]
+        elif isinstance(location, AtKey):
+            assert isinstance(value, Term)
+            value = maps.at(body.v, value, location.key, location.type)
+        else:
+            value = body.v.at(value, location, type_)
+        type_ = step.type
+    assert value is not None
+    return value
 
 
 def removed(body: Body, s: core.Remove) -> None:
-    """The first equal element goes, if there is one. [S-REMOVE]"""
+    """The first equal element goes, if there is one, or the key. [S-REMOVE]"""
     wanted = body.value(s.value)
     whole = read(body, s.place)
+    if isinstance(s.place.type, MapType):
+        assert isinstance(whole, Term)
+        with body.where(maps.has(body.v, whole, wanted, s.place.type)):
+            assign(body, s.place, maps.without(body.v, whole, wanted, s.place.type))
+        return
     position = body.v.position(whole, wanted, s.place.type)
     found = body.t.at_most(body.t.integer(0), position)
     with body.where(found):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, assert_never
 
 from koord.recheck import crowds
+from koord.recheck.maps import has_map
 from koord.recheck.terms import Term
 from koord.recheck.values import NotRecheckedError, Value
 from koord.syntax import core
@@ -60,6 +61,8 @@ def fixed_range(body: Body, low: core.Expr, high: core.Expr) -> range:
 def every_value(body: Body, e: core.Quantified, type_: Type) -> Term:
     """A mathematical quantifier, in a summary."""
     assert e.quantifier is QuantifierKind.FORALL
+    if has_map(type_):
+        raise NotRecheckedError("statements about all maps are not rechecked", e.span)
     binders: list[Term] = []
     body.bound[e.variable.slot] = body.s.stored(
         binder(body, e.variable.name, type_, binders), type_

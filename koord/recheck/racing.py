@@ -9,7 +9,7 @@ from koord.recheck.memory import Write
 from koord.recheck.storage import Cell, Storage, Storages, Store
 from koord.recheck.terms import INT, Term
 from koord.syntax.core import Home
-from koord.syntax.types import ArrayType, ListType, QueueType, RecordType, Type
+from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Type
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,13 +128,13 @@ class Racing:
 
 
 def is_flat(type_: Type) -> bool:
-    """Whether writes of a variable cannot be lost, and are to atoms as a whole: no lists."""
+    """Whether writes cannot be lost, and are to atoms as a whole: no lists and no maps."""
     match type_:
         case RecordType(fields=fields):
             return all(is_flat(part) for _, part in fields)
         case ArrayType(element=element):
             return is_flat(element)
-        case ListType() | QueueType():
+        case ListType() | QueueType() | MapType():
             return False
         case _:
             return True

@@ -48,6 +48,7 @@ _OPTIONS = {
     "produce-models": "true",
     "global-declarations": "true",
     "strings-exp": "true",
+    "arrays-exp": "true",
 }
 
 

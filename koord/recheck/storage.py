@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from koord.recheck import maps
 from koord.recheck.terms import Term
 from koord.recheck.values import Family, Value, Values
 from koord.syntax import core
-from koord.syntax.types import Type
+from koord.syntax.types import MapType, Type
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +38,17 @@ class Field:
     position: int
 
 
-#: A step of a location: a field, or the index of an element.
-Location: TypeAlias = "Field | Term"
+@dataclass(frozen=True, slots=True)
+class AtKey:
+    """A step to the entry of a map; ``adds``: a write makes an entry that was not there."""
+
+    key: Value
+    type: MapType
+    adds: Term
+
+
+#: A step of a location: a field, the index of an element, or the key of an entry.
+Location: TypeAlias = "Field | Term | AtKey"
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +171,7 @@ class Storages:
             return storage.at(location)
         if isinstance(location, Field):
             return storage[location.position]
+        assert isinstance(location, Term)  # a map is an atom: no key leads through a tree
         if location.value is not None:
             k = int(location.value)
             if 0 <= k < len(storage):
@@ -235,6 +246,7 @@ class Storages:
             if isinstance(first, Field):
                 here = self.v.t.truth(k == first.position)
             else:
+                assert isinstance(first, Term)
                 here = self.v.t.equal(first, self.v.t.integer(k))
             changed.append(self.put(below, part, rest, new, self.v.t.both(guard, here)))
         return tuple(changed)
@@ -302,6 +314,16 @@ class Storages:
             k = first.position
             inner = self._put_value(value[k], parts[k][1], rest, new)
             return (*value[:k], inner, *value[k + 1 :])
+        if isinstance(first, AtKey):
+            assert isinstance(type_, MapType)
+            assert isinstance(value, Term)
+            if not rest:
+                return maps.with_entry(self.v, value, first.key, new, type_)
+            entry = maps.at(self.v, value, first.key, type_)
+            entry = self._put_value(entry, type_.value, rest, new)
+            there = maps.has(self.v, value, first.key, type_)
+            changed = maps.with_entry(self.v, value, first.key, entry, type_)
+            return self.v.merge(there, changed, value, type_)
         old = self.v.at(value, first, type_)
         inner = self._put_value(old, self.v.element(type_), rest, new)
         return self.v.with_element(value, first, inner, type_)

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 from koord.recheck.memory import Write
 from koord.recheck.rounds import Prefix
-from koord.recheck.storage import Field
-from koord.recheck.terms import Term, Terms
+from koord.recheck.storage import AtKey, Field
+from koord.recheck.terms import Term
 from koord.recheck.turns import Turns
+from koord.recheck.values import Values
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.walk import nodes, statements
@@ -29,7 +30,7 @@ def meeting(turns: Turns, prefix: Prefix, name: str) -> Term:
             for a in mine.turn.writes:
                 for b in other.turn.writes:
                     if a.variable.name == b.variable.name == name and _shared(a) and _shared(b):
-                        found.append(t.both(both, overlap(t, a, b)))
+                        found.append(t.both(both, overlap(turns.v, a, b)))
     return t.disjunction(found)
 
 
@@ -37,12 +38,18 @@ def _shared(w: Write) -> bool:
     return w.variable.home is Home.ALLWRITE
 
 
-def overlap(t: Terms, a: Write, b: Write) -> Term:
+def overlap(v: Values, a: Write, b: Write) -> Term:
     """Whether both are made, to locations one of which is a prefix of the other."""
-    same = [a.when, b.when]
+    t, same = v.t, [a.when, b.when]
     for x, y in zip(a.locations, b.locations, strict=False):
         if isinstance(x, Field) or isinstance(y, Field):
             same.append(t.truth(x == y))
+        elif isinstance(x, AtKey) or isinstance(y, AtKey):
+            assert isinstance(x, AtKey)
+            assert isinstance(y, AtKey)
+            # Two that add entries decide about the order of keys.
+            alike = v.equal(x.key, y.key, x.type.key)
+            same.append(t.either(alike, t.both(x.adds, y.adds)))
         else:
             same.append(t.equal(x, y))
     return t.conjunction(same)

@@ -14,6 +14,7 @@ from fractions import Fraction
 from functools import reduce
 from typing import TypeAlias, assert_never
 
+from koord.recheck import maps
 from koord.recheck.terms import BOOL, INT, REAL, Term, Terms, quoted
 from koord.syntax.source import NOWHERE, Span
 from koord.syntax.types import (
@@ -159,15 +160,21 @@ class Values:
                 return f"(Seq {self.sort(element)})"
             case RecordType() | ArrayType():
                 return self._product(type_)
-            case MapType() | OpaqueType():
+            case MapType():
+                return maps.sort(self, type_)
+            case OpaqueType():
                 raise NotRecheckedError(f"values of type {show(type_)} are not rechecked")
         assert_never(type_)
 
-    def _sealed_sort(self, type_: ListType) -> str:
-        name = quoted(f"{show(type_)}!")
+    def declare(self, name: str, text: str) -> None:
+        """Declare something, if it was not yet."""
         if name not in self._functions:
             self._functions.add(name)
-            self.declarations.append(f"(declare-sort {name} 0)")
+            self.declarations.append(text)
+
+    def _sealed_sort(self, type_: ListType) -> str:
+        name = quoted(f"{show(type_)}!")
+        self.declare(name, f"(declare-sort {name} 0)")
         return name
 
     def _product(self, type_: RecordType | ArrayType) -> str:
@@ -207,6 +214,8 @@ class Values:
                 return self.t.truth(False)
             case FloatType():
                 return self.t.real(Fraction(0))
+            case MapType():
+                return maps.empty(self, type_)
             case _:
                 self.sort(type_)
                 return self.t.integer(0)
@@ -254,6 +263,8 @@ class Values:
 
     def bounds(self, term: Term, type_: Type) -> list[Term]:
         """What a term satisfies because it is of a type."""
+        if isinstance(type_, MapType):
+            return [maps.bounds(self, term, type_)]
         if not isinstance(type_, EnumType):
             return []
         t = self.t
@@ -392,7 +403,11 @@ class Values:
                 self.ranges.append(self.t.for_all([robot], bounds))
         return self._function("kind", [index], INT)
 
-    def length(self, value: Value) -> Term:
+    def length(self, value: Value, type_: Type | None = None) -> Term:
+        """How many elements or keys there are; maps need their type."""
+        if isinstance(type_, MapType):
+            assert isinstance(value, Term)
+            return maps.count(self, value, type_)
         if isinstance(value, Family):
             return self.count
         if isinstance(value, tuple):
@@ -438,6 +453,9 @@ class Values:
         )
 
     def contains(self, value: Value, wanted: Value, type_: Type) -> Term:
+        if isinstance(type_, MapType):
+            assert isinstance(value, Term)
+            return maps.has(self, value, wanted, type_)
         element = self.element(type_)
         if isinstance(value, Term):
             unit = self.t.op("seq.unit", [self.pack(wanted, element)], value.sort)

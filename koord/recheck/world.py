@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from koord.recheck.terms import Term
-from koord.recheck.values import NotRecheckedError, Values
+from koord.recheck.values import Values
 from koord.syntax import core
 from koord.syntax.core import Direction, Home
-from koord.syntax.source import Span
-from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Type, show
+from koord.syntax.types import ArrayType, ListType, MapType, QueueType, Type
 from koord.syntax.walk import nodes, written
 
 #: A variable: its home, the kind of robot (0 for shared ones), its slot.
@@ -37,7 +36,6 @@ class World:
     sealed: frozenset[Type] = field(init=False)
 
     def __post_init__(self) -> None:
-        _refuse_maps(self.program)
         pairs = list(_written(self.program))
         object.__setattr__(self, "written", frozenset(key for key, _ in pairs))
         moved = frozenset(key for key, _ in _by_events(self.program))
@@ -171,8 +169,8 @@ def _in_list(place: core.Place) -> bool:
     """Whether a place is an element of a list, or in one: then the list keeps its length."""
     type_ = place.variable.type
     for step in place.steps:
-        if isinstance(type_, ListType | QueueType):
-            return True
+        if isinstance(type_, ListType | QueueType | MapType):
+            return isinstance(type_, ListType | QueueType)
         type_ = step.type
     return False
 
@@ -212,30 +210,3 @@ def opened(node: object) -> Iterator[Type]:
             yield variable.type
         case _:
             return
-
-
-# --- what is not rechecked ------------------------------------------------------------------------
-
-
-def _has_map(type_: Type) -> bool:
-    match type_:
-        case MapType():
-            return True
-        case RecordType(fields=fields):
-            return any(_has_map(part) for _, part in fields)
-        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
-            return _has_map(element)
-        case _:
-            return False
-
-
-def _refuse_maps(program: core.Program) -> None:
-    """Raises NotRecheckedError at the first expression or declaration of a map."""
-    for node in nodes(program):
-        type_, span = None, None
-        if isinstance(node, core.Declaration):
-            type_, span = node.variable.type, node.span
-        elif isinstance(node, core.Node):
-            type_, span = getattr(node, "type", None), node.span
-        if isinstance(span, Span) and type_ is not None and _has_map(type_):
-            raise NotRecheckedError(f"maps are not rechecked ({show(type_)})", span)

@@ -1,0 +1,90 @@
+"""Certificates of programs with maps: of any size, with any keys."""
+
+from __future__ import annotations
+
+import pytest
+
+from koord.recheck.checking import Outcome
+from koord.verify.portfolio import Choice
+from tests.recheck.certificates import rechecked, with_text
+from tests.recheck.test_found import made
+
+pytest.importorskip("cvc5")
+
+LOCKERS = """
+def Locker:
+    int owner = -1
+    bool open = false
+
+allwrite:
+    Map<int, Locker> lockers = {}
+    Map<int, int> visits = {1: 0}
+local:
+    int mine = -1
+
+Take:
+    pre: mine == -1
+    eff:
+        atomic:
+            if not contains(lockers, pid + 10):
+                lockers[pid + 10] = Locker(pid, true)
+                mine = pid + 10
+Close:
+    pre: mine != -1
+    eff:
+        atomic:
+            lockers[mine].open = false
+Free:
+    pre: mine != -1
+    eff:
+        atomic:
+            lockers.remove(mine)
+            mine = -1
+
+invariant Here: forall i: mine@i == -1 or mine@i == i + 10
+invariant Owner:
+    forall i: mine@i != -1
+        implies contains(lockers, mine@i) and lockers[mine@i].owner == i
+invariant Visits: visits == {1: 0} and length(visits) == 1
+"""
+
+KINDS = (0, 0)
+
+
+@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BITS], ids=["auto", "bits"])
+def test_claims_about_maps_are_confirmed(choice: Choice) -> None:
+    document = made(LOCKERS, KINDS, choice)
+    assert [c["name"] for c in document["claims"]] == ["Here", "Owner", "Visits", "no fault"]
+    assert rechecked(document).outcome is Outcome.CONFIRMED
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("Locker(pid, true)", "Locker(0, true)"),
+        ("lockers.remove(mine)", "lockers.remove(mine + 1)"),
+        ("lockers[mine].open = false", "lockers[mine].owner = 0"),
+        ("lockers[mine].open = false", "lockers[10] = Locker(1, false)"),
+        ("lockers[mine].open = false", "visits[2] = 0"),
+        ("            mine = -1\n", "            pass\n"),
+        ("visits == {1: 0}", "visits == {2: 0}"),
+    ],
+)
+def test_what_another_program_does_to_maps_is_refuted(old: str, new: str) -> None:
+    document = made(LOCKERS, KINDS)
+    with_text(document, old, new)
+    found = rechecked(document)
+    assert found.outcome is Outcome.REFUTED, found.reason
+
+
+def test_the_order_of_keys_is_not_rechecked() -> None:
+    document = made(LOCKERS, KINDS)
+    with_text(
+        document,
+        "        atomic:\n            lockers[mine].open = false\n",
+        "        for k, v in visits: mine = mine\n",
+    )
+    found = rechecked(document)
+    assert found.outcome is Outcome.UNKNOWN
+    assert found.reason.startswith("going through a map")
+    assert found.span.line > 0
