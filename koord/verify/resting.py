@@ -126,7 +126,8 @@ def resting(
     if not names:
         return Resting((), (), (), asked)
     deadline = Deadline.after(bounds.timeout_s)
-    engines, found = {v.engine for v in proved}, any(v.lemmas for v in proved)
+    engines = {v.engine for v in proved}
+    found = any(v.lemmas and v.engine is Engine.EVERY_N for v in proved)
     workers = partial(_workers, engines, found)
     spare: list[Premise] = []
     for number, premise in enumerate(asked):
