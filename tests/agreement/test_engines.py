@@ -8,7 +8,7 @@ and the engine for every number of robots looks at one robot of a crowd.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from random import Random
@@ -23,8 +23,6 @@ from koord.semantics.search.engine import survey
 from koord.semantics.search.findings import Exhausted, Subject
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
-from koord.syntax import core
-from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Type
 from koord.verify.claims import ClaimKind, claims_of
 from koord.verify.every_n.proving import SPARING, prove
 from koord.verify.portfolio import Choice
@@ -49,9 +47,6 @@ class Family:
     make: Callable[[Random], System]
     rounds: int
 
-
-#: Through so many rounds of programs with maps engines look that write formulas.
-MAPPED = 2
 
 FAMILIES = {
     "finite": Family(partial(system, profile=FINITE), 2),
@@ -186,42 +181,17 @@ def compare(family: Family, seed: int) -> Counter[str]:
     count["violated"] += bool(case.first)
     count["violated late"] += any(n > 2 for n in case.first.values())
     count["exhausted"] += case.every
-    rounds = min(family.rounds, MAPPED) if has_maps(of) else family.rounds
-    count += bmc_agrees(case, rounds)
-    count += bits_agree(case, rounds)
+    count += bmc_agrees(case, family.rounds)
+    count += bits_agree(case, family.rounds)
     if seed % 2 == 0:
         count += induction_agrees(case, (1, 2, 3) if seed % 20 == 0 else (1,))
     if seed % 20 == 1:
         count += every_n_agrees(case)
     if seed % 10 == 3:
-        count += spacer_agrees(case, rounds)
+        count += spacer_agrees(case, family.rounds)
     if seed % 25 == 2:
-        count += portfolio_agrees(case, rounds)
+        count += portfolio_agrees(case, family.rounds)
     return count
-
-
-def has_maps(of: System) -> bool:
-    """A map in a formula has room for all entries of all rounds so far: it grows and grows."""
-    program = of.program
-    entries = (*program.allwrite, *program.allread, *(e for a in program.agents for e in a.locals))
-    return any(isinstance(node, MapType) for entry in entries for node in _types(entry))
-
-
-def _types(entry: core.Declaration) -> Iterator[Type]:
-    """The type of a variable, and those inside it."""
-    waiting = [entry.variable.type]
-    while waiting:
-        type_ = waiting.pop()
-        yield type_
-        match type_:
-            case (
-                ArrayType(element=element) | ListType(element=element) | QueueType(element=element)
-            ):
-                waiting.append(element)
-            case RecordType(fields=fields):
-                waiting += [field for _, field in fields]
-            case _:
-                pass
 
 
 def many(family: Family, seeds: range) -> Counter[str]:
