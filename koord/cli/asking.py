@@ -80,10 +80,12 @@ def asked_each(systems: Sequence[System], request: Request) -> Iterator[Asked]:
             return
         shown = [LiveLine(None)]
         with Pool(request.jobs, lambda text: shown[0].show(text), interrupted) as pool:
-            work = [
-                (system, pool.hand_in(_named(system, request), partial(asked, system, 1)))
-                for system in systems
-            ]
+            work = []
+            for system in systems:
+                # Beside the last one nobody else has anything to do in the end.
+                jobs = request.jobs if system is systems[-1] else 1
+                job = pool.hand_in(_named(system, request), partial(asked, system, jobs))
+                work.append((system, job))
             for system, job in work:
                 try:
                     with LiveLine(sys.stderr) as shown[0]:

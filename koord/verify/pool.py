@@ -63,7 +63,7 @@ class Job(Generic[T]):
     line: Connection | None = None
     is_done: bool = False
     found: T | None = None
-    failure: BaseException | None = None
+    failure: Exception | None = None
 
 
 @dataclass(slots=True)
@@ -240,32 +240,41 @@ class _Found:
 
     answer: object
     diagnostics: tuple[Diagnostic, ...] = ()
-    trouble: str = ""
+    raised: Exception | None = None
 
     @property
-    def failure(self) -> BaseException | None:
-        if self.diagnostics:
-            return KoordError(self.diagnostics)
-        return RuntimeError(self.trouble) if self.trouble else None
+    def failure(self) -> Exception | None:
+        return KoordError(self.diagnostics) if self.diagnostics else self.raised
 
 
 def _worked(work: Callable[[Progress], T], sends: Connection, parent: int) -> None:
     """Do work and send what it finds out. Nothing is left to do then: not even to flush."""
     try:
         _die_with(parent)
-        teller = _Teller(sends)
         try:
-            found = pickle.dumps(_Found(work(teller.tell)))
+            found = pickle.dumps(_Found(work(_Teller(sends).tell)))
         except KoordError as error:
-            found = pickle.dumps(_Found(None, diagnostics=error.diagnostics))
+            found = pickle.dumps(_Found(None, error.diagnostics))
         except KeyboardInterrupt:
             return
-        except BaseException:
-            found = pickle.dumps(_Found(None, trouble=traceback.format_exc()))
+        except Exception as error:
+            found = _raised(error)
         sends.send_bytes(found)
         sends.close()
     finally:
         _leave()
+
+
+def _raised(error: Exception) -> bytes:
+    """What went wrong, with the place, which is not known elsewhere."""
+    where = traceback.format_exc()
+    error.add_note(where)
+    try:
+        found = pickle.dumps(_Found(None, raised=error))
+        pickle.loads(found)
+    except Exception:
+        found = pickle.dumps(_Found(None, raised=RuntimeError(where)))
+    return found
 
 
 @dataclass(slots=True)

@@ -441,3 +441,54 @@ def test_robots_from_here_on_without_an_end(
 ) -> None:
     assert frame.main(["verify", program, "--robots", "2.."]) == Exit.BAD_INPUT
     assert "'2..' is no sweep; write 2..10, or any" in capsys.readouterr().err
+
+
+def timeless(text: str) -> Any:
+    """What was printed as JSON, without times."""
+
+    def without(found: Any) -> Any:
+        if isinstance(found, dict):
+            return {key: without(value) for key, value in found.items() if key != "seconds"}
+        return [without(each) for each in found] if isinstance(found, list) else found
+
+    return without(json.loads(text))
+
+
+@pytest.mark.parametrize(
+    "flags",
+    [("--robots", "1..3"), ("--robots", "2", "--engine", "bmc", "--max-violations", "2")],
+    ids=["numbers of robots", "programs"],
+)
+def test_what_is_printed_does_not_hang_on_how_many_processes_there_are(
+    flags: Sequence[str], program: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.krd"
+    other.write_text(GOOD + "invariant Wrong: x <= 1\ninvariant Rare: x < 3\n", encoding="utf-8")
+    told = []
+    for jobs in ("1", "3"):
+        words = ["verify", program, str(other), *flags, "--json", "--jobs", jobs]
+        assert frame.main(words) == Exit.VIOLATED
+        told.append(timeless(capsys.readouterr().out))
+    assert told[0] == told[1]
+    robots = {(report["program"], report["robots"]) for report in told[0]["reports"]}
+    assert len(robots) == len(told[0]["reports"]) == (6 if "1..3" in flags else 2)
+
+
+def test_a_misspelt_name_is_told_by_whichever_process_meets_it(
+    program: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["verify", program, "--robots", "1..3", "--property", "Smal", "--jobs", "2"]
+    assert frame.main(words) == Exit.BAD_INPUT
+    assert "there is no 'Smal'" in capsys.readouterr().err
+
+
+def test_instants_may_have_a_time_limit_for_each_property(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    crossing = str(Path(__file__).parents[2] / "specs/examples/broken/crossing.krd")
+    words = ["verify", crossing, "--robots", "2", "--rounds", "3", "--instants", "--json"]
+    told = []
+    for more in ((), ("--property-timeout", "600", "--jobs", "2")):
+        assert frame.main([*words, *more]) == Exit.VIOLATED
+        told.append(timeless(capsys.readouterr().out))
+    assert told[0]["reports"][0]["claims"] == told[1]["reports"][0]["claims"]
