@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tests.mutants.catalogue_bits import BITS
+from tests.mutants.catalogue_certified import CERTIFIED
 from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.catalogue_liveness import LIVENESS
 from tests.mutants.deployed import DEPLOYED
@@ -610,6 +611,7 @@ MUTANTS = (
     *INSTANTS,
     *HORN,
     *BITS,
+    *CERTIFIED,
     *LIVENESS,
     *PROTOCOL,
     *WIRE_MISTAKES,

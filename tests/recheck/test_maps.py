@@ -77,6 +77,26 @@ def test_what_another_program_does_to_maps_is_refuted(old: str, new: str) -> Non
     assert found.outcome is Outcome.REFUTED, found.reason
 
 
+RACED = """
+allwrite:
+    Map<int, int> m = {1: 0}
+local:
+    int n = 0
+Step:
+    pre: n < 2
+    eff: n = n + 1
+
+invariant Kept at round: m[1] == 0
+"""
+
+
+def test_a_map_that_several_robots_write_is_not_as_it_was() -> None:
+    document = made(RACED, KINDS)
+    assert rechecked(document).outcome is Outcome.CONFIRMED
+    with_text(document, "eff: n = n + 1", "eff: m[1] = n + 1")
+    assert rechecked(document).outcome is Outcome.REFUTED
+
+
 def test_the_order_of_keys_is_not_rechecked() -> None:
     document = made(LOCKERS, KINDS)
     with_text(

@@ -108,6 +108,49 @@ def test_what_is_found_for_claims_of_examples_makes_them_inductive(file: str, na
 def test_robots_that_variables_hold_are_spoken_of_like_others() -> None:
     found = proved(alone("delivery.krd", "Taken"), (0, 0, 0))
     assert any("list[k].carrier == i" in lemma for lemma in found), found
+    for name in ("Carries", "Once", "Taken"):
+        found = proved(alone("delivery.krd", name), (0, 0, 0))
+        assert not any(re.search(r"@\d", lemma) for lemma in found), found
+
+
+SHELVES = """
+allwrite:
+    bool[3] used = [false, false, false]
+    bool[3] dirty = [true, true, true]
+local:
+    int mine = -1
+    bool bad = false
+
+Take:
+    pre: mine == -1
+    eff:
+        atomic:
+            for k = 0, 3:
+                if not used[k] and mine == -1:
+                    used[k] = true
+                    dirty[k] = false
+                    mine = k
+Check:
+    pre: mine != -1
+    eff:
+        if dirty[mine]: bad = true
+Give:
+    pre: mine != -1
+    eff:
+        atomic:
+            used[mine] = false
+            dirty[mine] = true
+            mine = -1
+
+invariant Clean: forall i: not bad@i
+"""
+
+
+def test_clauses_that_differ_in_a_number_are_one_and_others_are_not() -> None:
+    found = proved(SHELVES, (0, 0, 0, 0))
+    assert "forall k in 0, 3: forall i: mine@i == k implies used[k]" in found
+    assert "forall k in 0, 3: forall i: dirty[k] implies mine@i != k" in found
+    assert "forall i, j: i != j and mine@i == mine@j implies mine@i == -1" in found
 
 
 KINDS = """
