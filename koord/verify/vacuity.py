@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from koord.semantics.configurations import System
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.walk import reached
-from koord.verify.bmc import Unrolling
-from koord.verify.claims import NO_FAULT, Claim
+from koord.verify.bmc import Unrolling, violations
+from koord.verify.claims import NO_FAULT, Claim, Findings, Phase
 from koord.verify.footprint import footprint
 from koord.verify.ledger import Ledger
+from koord.verify.moments import Moment
 from koord.verify.reaching import Unbroken, inside_rounds, never_broken, unbroken
+from koord.verify.representatives import representatives
 from koord.verify.solving import Answer, Deadline, Effort
 from koord.verify.summaries import unanswerable
+from koord.verify.symbols import SymbolicInputs
 from koord.verify.verdicts import Emptiness, Outcome, Vacuity
-from koord.verify.wishes import Aim, Wish, wishes_of
+from koord.verify.wishes import Aim, Wish, supposes, wishes_of
 
 #: What the search for what can happen may cost, after random runs of so many seconds.
 WISHES_S = 10.0
 RUNS_S = 2.0
+
+#: What it may cost to see that invariants hold of anything whatever, all of them and each.
+REGARDLESS_S = 2.0
+_AT_MOST = Effort.of_seconds(0.1).left
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +66,10 @@ def vacuities(ledger: Ledger, looked: Looked) -> tuple[Vacuity, ...]:
     if looked.never is None:
         return looked.empty
     ledger.progress("looking for what never happens")
-    return (*looked.empty, *_unmet(ledger, looked.never, looked.effort), *_untouched(ledger))
+    untouched = tuple(_untouched(ledger))
+    told = {vacuity.subject for vacuity in untouched}
+    unmet = _unmet(ledger, looked.never, looked.effort)
+    return (*looked.empty, *unmet, *untouched, *_regardless(ledger, told))
 
 
 def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:
@@ -154,5 +164,44 @@ def _untouched(ledger: Ledger) -> Iterator[Vacuity]:
         read = {(home, slot) for home, slot in read if home is not Home.BOUND}
         if not read & written and not any(isinstance(n, core.Ran | core.Stopped) for n in below):
             detail = "nothing that it reads changes after the start"
+            span = claim.stated.span
+            yield Vacuity(Emptiness.UNTOUCHED, claim.name, detail, certain=True, span=span)
+
+
+def _supposing(claim: Claim) -> bool:
+    return claim.stated is not None and supposes(claim.stated.condition)
+
+
+def _regardless(ledger: Ledger, told: Collection[str]) -> Iterator[Vacuity]:
+    """Invariants that are true of any configuration, but for those that were told of already.
+
+    What nothing writes is as it was at the start; all else has any value of its type. Statements
+    that suppose something may be about mathematics: what they suppose is asked by itself.
+    """
+    claims = [
+        claim
+        for claim, verdict in ledger.verdicts.items()
+        if verdict.outcome is Outcome.HOLDS
+        and claim.is_state_property
+        and claim.name not in told
+        and not _supposing(claim)
+    ]
+    if not claims:
+        return
+    unrolling = Unrolling(ledger.system, ledger.seed)
+    d, solver, represented = unrolling.encoder.d, unrolling.solver, representatives(ledger.system)
+    start = unrolling.encoder.arbitrary(unrolling.opening.moment.configuration, "#")
+    checks = SymbolicInputs(unrolling.unknowns, "start")
+    moment = Moment(Phase.INIT, start, [], Findings(False), checks)
+    effort = Effort.of_seconds(REGARDLESS_S)
+    for claim in claims:
+        asked = violations(ledger.system, d, moment, [represented(claim)])
+        question = [term for violated, needed in asked.values() for term in (*needed, violated)]
+        answer = Answer.UNSAT  # what is seen to hold without a solver is not asked at all
+        if asked:
+            answer = solver.check(question, ledger.deadline, effort, at_most=_AT_MOST)
+        if answer is Answer.UNSAT and not unrolling.unknowns.limits:
+            assert claim.stated is not None
+            detail = "it is true whatever the events do"
             span = claim.stated.span
             yield Vacuity(Emptiness.UNTOUCHED, claim.name, detail, certain=True, span=span)

@@ -118,7 +118,7 @@ class Emptiness(Enum):
     CONTRACTS = "contracts"  #: no run gets through some round
     EVENT = "event"  #: it cannot run
     SUPPOSITION = "supposition"  #: what an invariant supposes is never true
-    UNTOUCHED = "untouched"  #: nothing that an invariant reads ever changes
+    UNTOUCHED = "untouched"  #: nothing that an invariant reads ever changes, or nothing breaks it
 
 
 @dataclass(frozen=True, slots=True)

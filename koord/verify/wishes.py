@@ -80,6 +80,11 @@ def _suppositions(program: core.Program) -> Iterator[_Stated]:
             yield Aim.SUPPOSITION, stated.name, never, stated.bound, stated.trigger.span
 
 
+def supposes(condition: core.Expr) -> bool:
+    """Whether a statement says what follows from something that is to come true."""
+    return next(_denied(condition), None) is not None
+
+
 def _denied(e: core.Expr) -> Iterator[tuple[core.Expr, Span]]:
     """For each implication that a statement is made of: that what it supposes never holds."""
     match e:

@@ -486,6 +486,19 @@ def test_an_invariant_that_no_event_touches_is_told() -> None:
     assert asked.empty == ["untouched Untouched: nothing that it reads changes after the start"]
 
 
+def test_an_invariant_that_nothing_could_break_is_told() -> None:
+    b = Build()
+    x = b.local("x", INT, 0)
+    b.event("Go", x < 3, x.set(x + 1))
+    b.invariant("Either", forall(I, (x.at(I) > 2) | (x.at(I) <= 2)))
+    b.invariant("Same", forall(I, x.at(I).eq(x.at(I))))
+    b.invariant("Follows", forall(I, (x.at(I) > 2) >> (x.at(I) > 1)))
+    b.invariant("Small", forall(I, x.at(I) <= 3))
+    asked = ask(b.program(), robots=2, rounds=4)
+    told = "it is true whatever the events do"
+    assert asked.empty == [f"untouched Either: {told}", f"untouched Same: {told}"]
+
+
 def core_local(b: Build, slot: int) -> E:
     return E(core.Read(core.Place(b.kind.locals[slot].variable)))
 
