@@ -91,8 +91,9 @@ class Bounded:
     """The bounded check of one system, which goes on from where it stopped.
 
     ``completed`` is the last round through which all claims that are still open hold (None: not
-    even INIT is known to satisfy them). ``unreplayed`` are claims with a candidate violation that
-    is no run, each with the reason and with what was completed before it. ``tired``: the last check
+    even INIT is known to satisfy them), and ``covered`` the last one through which they do for
+    lists and maps of any length. ``unreplayed`` are claims with a candidate violation that is no
+    run, each with the reason and with what was completed before it. ``tired``: the last check
     ended because its effort was used up, and can be gone on with.
     """
 
@@ -104,6 +105,7 @@ class Bounded:
         self._moment: Moment | None = None
         self.unreplayed: dict[Claim, tuple[str, int | None]] = {}
         self.completed: int | None = None
+        self.covered: int | None = None
         self.reason = ""
         self.tired = False
 
@@ -146,6 +148,8 @@ class Bounded:
             self._moment = None
             if not self.reason and moment.phase in (Phase.INIT, Phase.END):
                 self.completed = moment.configuration.round
+                if not self._unrolling.unknowns.limits:
+                    self.covered = self.completed
         return verdicts
 
     @property

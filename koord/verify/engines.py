@@ -84,10 +84,11 @@ class ByUnrolling:
             reason = "another claim is violated, and this one takes long"
         if not reason and bounded.limits:
             reason = f"not covered: {'; '.join(bounded.limits)}"
-        reach = Reach(Engine.BMC, bounded.completed, reason, bounded.seconds)
+        reach = Reach(Engine.BMC, bounded.covered, reason, bounded.seconds)
         ledger.leave(self._pending(bounded, ledger), reach)
         for claim, (why, rounds) in bounded.unreplayed.items():
-            ledger.leave([claim], Reach(Engine.BMC, rounds, why, bounded.seconds))
+            through = bounded.covered if bounded.limits else rounds
+            ledger.leave([claim], Reach(Engine.BMC, through, why, bounded.seconds))
 
 
 @dataclass(slots=True)

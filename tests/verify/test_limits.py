@@ -50,3 +50,23 @@ def test_lists_longer_than_the_capacity_are_told_by_the_names_of_the_program() -
                 "not covered: lists Radio.heard of more than 3 elements; "
                 "lists heard of more than 3 elements"
             )
+
+
+PLANS = """
+def fun plan(int a) -> int[]: extern
+local:
+    int[] path = []
+Plan:
+    eff: path = plan(1)
+invariant Short: length(path) <= 3
+"""
+
+
+def test_nothing_is_said_of_rounds_in_which_lists_may_be_longer() -> None:
+    """A plan of four elements breaks Short in round 1, whatever engine looks at three."""
+    program = load(Source("plans.krd", PLANS)).program
+    assert program is not None
+    for choice in (Choice.AUTO, Choice.BMC, Choice.INDUCTION, Choice.BITS):
+        short, _ = verify(dealt(program, 1), Bounds(rounds=2), choice).verdicts
+        assert short.outcome is Outcome.UNKNOWN
+        assert short.rounds in (None, 0)

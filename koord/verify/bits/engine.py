@@ -121,14 +121,15 @@ class _Run:
             self._search()
         if self.open() and not self.sparing:
             self._unroll(ledger.bounds.rounds)
-        reason = ""
+        reason, through = "", self.completed
         if self.circuit.limits:
+            through = None  # a longer list may break a claim at once
             reason = f"not covered: {'; '.join(self.circuit.limits)}"
         elif ledger.deadline.passed():
             reason = "timeout"
         elif self.completed is None or self.completed < ledger.bounds.rounds:
             reason = "bits: too much to be proved" if self.sparing else "timeout"
-        _leave(ledger, self.open(), self.completed, reason, self.started)
+        _leave(ledger, self.open(), through, reason, self.started)
         for claim, why in self.astray.items():
             if claim not in ledger.verdicts:
                 _leave(ledger, [claim], None, f"bits: {why}{self._open_values()}", self.started)
