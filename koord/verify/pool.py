@@ -16,6 +16,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from select import select
 from types import TracebackType
 from typing import TYPE_CHECKING, Generic, TypeAlias, TypeVar
 
@@ -103,6 +104,7 @@ class Pool:
         job: Job[T] = Job(name, work)
         self._waiting.append(job)  # type: ignore[arg-type]
         if can_fork():
+            self._listen(0)
             self._fill(self.jobs - 1)
         return job
 
@@ -125,7 +127,7 @@ class Pool:
             if self._stopped_at is not None or self.interrupted():
                 self._stop(job)
             self._fill(self.jobs)
-            self._listen()
+            self._listen(_WAIT_S)
         if job.failure is not None:
             raise job.failure
         if job.found is None and self.interrupted():
@@ -164,11 +166,11 @@ class Pool:
             job.process, job.line = process, receives
             self._running.append(job)
 
-    def _listen(self) -> None:
+    def _listen(self, wait_s: float) -> None:
         from multiprocessing.connection import wait
 
         lines = {job.line: job for job in self._running if job.line is not None}
-        ready = wait(list(lines), _WAIT_S)
+        ready = wait(list(lines), wait_s)
         for line, job in [(line, job) for line, job in lines.items() if line in ready]:
             try:
                 said = line.recv()
@@ -279,15 +281,18 @@ def _raised(error: Exception) -> bytes:
 
 @dataclass(slots=True)
 class _Teller:
-    """Sends what is being done, not too often."""
+    """Sends what is being done: not too often, and not if nobody listens for long."""
 
     sends: Connection
     last: float = 0.0
 
     def tell(self, text: str) -> None:
         now = time.monotonic()
-        if now - self.last >= _TELL_S:
-            self.last = now
+        if now - self.last < _TELL_S:
+            return
+        self.last = now
+        _, there_is_room, _ = select([], [self.sends], [], 0)
+        if there_is_room:
             self.sends.send(text)
 
 

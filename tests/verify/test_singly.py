@@ -16,6 +16,7 @@ from koord.syntax.source import Source
 from koord.verify import engines, singly
 from koord.verify.claims import Claim, claims_of
 from koord.verify.ledger import Ledger, Reach, Subject, Works
+from koord.verify.live import bits
 from koord.verify.pool import DIED, Pool, can_fork
 from koord.verify.portfolio import Choice, verify
 from koord.verify.singly import ByRounds
@@ -93,6 +94,20 @@ def test_what_was_not_enough_is_followed_by_more(
     violated = {v.claim.name for v in told.verdicts if v.outcome is Outcome.VIOLATED}
     assert violated == {v.claim.name for v in whole.verdicts if v.outcome is Outcome.VIOLATED}
     assert [v.rounds for v in told.verdicts] == [v.rounds for v in whole.verdicts]
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_with_lemmas_and_without_at_the_same_time_is_one_after_the_other(
+    system: System, quick: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not quick:
+        monkeypatch.setattr(bits, "QUICKLY", ())
+    told = [
+        timeless(verify(system, Bounds(8), Choice.BITS, names=["Within", "Done"], jobs=jobs))
+        for jobs in (1, 2)
+    ]
+    assert told[0] == told[1]
+    assert [v.outcome for v in told[0].verdicts] == [Outcome.HOLDS, Outcome.HOLDS]
 
 
 # --- with an engine whose answers are known -------------------------------------------------------

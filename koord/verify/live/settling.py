@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import partial
 
 from koord.semantics.configurations import System
 from koord.semantics.search.limits import FEW_STATES, Limits
@@ -12,11 +13,11 @@ from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
 from koord.verify.claims import Claim, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
-from koord.verify.ledger import Ledger, Reach, Subject
+from koord.verify.ledger import Ledger, Reach, Said, Subject
 from koord.verify.live.bits import LiveByBits
 from koord.verify.live.lassos import replayed_lasso
 from koord.verify.live.search import FEW_EDGES, LiveBySearch
-from koord.verify.pool import Pool
+from koord.verify.pool import DIED, Pool, Progress
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Counterexample, Engine, Vacuity, Verdict
 
@@ -85,14 +86,9 @@ def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
     lemmas = tuple(lemma for lemma, claim in pairs if claim in known)
     asked = tuple(c for c, claim in originals.items() if claim in ledger.open())
     inner = Ledger(subject, ledger.bounds, ledger.deadline, asked, ledger.seed, ledger.progress)
-    # Lemmas make the circuit larger, and may not be needed.
-    quickly = LiveByBits(bits.pool, quick=True, empty=bits.empty)
+    bits.lemmas = lemmas
     try:
-        if lemmas:
-            quickly.work(inner)
-        if inner.open():
-            bits.lemmas = lemmas
-            bits.work(inner)
+        _without_lemmas_first(inner, bits)
     finally:
         for claim in asked:
             verdict = replace(inner.verdict(claim), claim=originals[claim])
@@ -101,6 +97,38 @@ def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
             else:
                 reach = Reach(Engine.BITS, None, verdict.reason, verdict.seconds)
                 ledger.leave([verdict.claim], reach)
+
+
+def _without_lemmas_first(ledger: Ledger, bits: LiveByBits) -> None:
+    """Lemmas make the circuit larger, and may not be needed: ask without, and then with them.
+
+    About a single claim that can be done at the same time: what is found without counts first.
+    """
+    quickly = LiveByBits(bits.pool, quick=True, empty=bits.empty)
+    (claim, *others), ahead = ledger.open(), None
+    if bits.lemmas and not others and bits.pool.jobs > 1:
+        ahead = bits.pool.hand_in("", partial(_asked, ledger, bits))
+    if bits.lemmas:
+        quickly.work(ledger)
+    if ahead is None:
+        if ledger.open():
+            bits.work(ledger)
+    elif not ledger.open():
+        bits.pool.drop(ahead)
+    elif (found := bits.pool.answer(ahead)) is not None:
+        said, empty = found
+        ledger.take(said)
+        bits.empty += empty
+    else:
+        ledger.leave([claim], Reach(Engine.BITS, None, DIED, 0.0))
+
+
+def _asked(ledger: Ledger, bits: LiveByBits, tell: Progress) -> tuple[Said, list[Vacuity]]:
+    """What is found in a process of its own."""
+    own, alone = ledger.of(ledger.open(), tell), replace(bits, pool=Pool(1), empty=[])
+    with own.stopping():
+        alone.work(own)
+    return own.said(ledger.open()), alone.empty
 
 
 def _plainly(system: System) -> Subject:
