@@ -51,7 +51,7 @@ def _value(value: Value[V], type_: Type) -> Value[V]:
         ) if isinstance(value, Seq) and not isinstance(value, Family):
             return Seq(value.length, tuple(_value(item, element) for item in value.items))
         case MapType(key=key, value=held) if isinstance(value, Table):
-            entries = value.entries[: _count(key)]
+            entries = value.entries[: how_many(key)]
             return Table(value.length, tuple((k, _value(v, held)) for k, v in entries))
         case _:
             return value
@@ -60,18 +60,18 @@ def _value(value: Value[V], type_: Type) -> Value[V]:
 @cache
 def _has_few_keys(type_: Type) -> bool:
     """Whether there is a map in a type of whose keys are few values."""
-    return any(isinstance(t, MapType) and _count(t.key) is not None for t in within(type_))
+    return any(isinstance(t, MapType) and how_many(t.key) is not None for t in within(type_))
 
 
-def _count(type_: Type) -> int | None:
-    """How many values a type has, if few."""
+def how_many(type_: Type) -> int | None:
+    """How many values a type has, where these can be counted."""
     match type_:
         case BoolType():
             return 2
         case EnumType(members=members):
             return len(members)
         case RecordType(fields=fields):
-            counts = [_count(field) for _, field in fields]
+            counts = [how_many(field) for _, field in fields]
             known = [count for count in counts if count is not None]
             return prod(known) if len(known) == len(counts) else None
         case _:

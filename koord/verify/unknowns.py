@@ -12,6 +12,7 @@ from koord.semantics.domain import conjunction
 from koord.semantics.expressions import statement
 from koord.semantics.machine import machine
 from koord.semantics.oracle import Key
+from koord.semantics.room import how_many
 from koord.semantics.storage import Cell, Storage, Tree, held
 from koord.semantics.values import Rec, Seq, Table, Value, equal, listed
 from koord.syntax import core
@@ -43,6 +44,9 @@ Symbolic: TypeAlias = "Value[Term]"
 
 #: How long an arbitrary list may be where nothing says it; a verdict tells when this cut anything.
 LIST_CAPACITY = 3
+
+#: An arbitrary map has room for all keys, if there are no more of them than that.
+KEYS = 6
 
 
 @dataclass(slots=True)
@@ -90,7 +94,7 @@ class Unknowns:
                 return self._list(name, element, length, made)
             case MapType(key=key, value=value):
                 entry = RecordType("entry", (("k", key), ("v", value)))
-                entries = self._list(name, entry, length, made)
+                entries = self._list(name, entry, length, made, how_many(key))
                 assert isinstance(entries, Seq)
                 pairs = tuple(
                     (item.fields[0], item.fields[1])
@@ -239,14 +243,24 @@ class Unknowns:
         ]
 
     def _list(
-        self, name: str, element: Type, length: int | None, made: Callable[[str, Type], Term]
+        self,
+        name: str,
+        element: Type,
+        length: int | None,
+        made: Callable[[str, Type], Term],
+        most: int | None = None,
     ) -> Symbolic:
+        """Any list of ``length`` items; else of ``most`` at most, if that is little, or of few."""
+
         def items(count: int) -> tuple[Symbolic, ...]:
             return tuple(self.value(f"{name}[{k}]", element, scalar=made) for k in range(count))
 
         if length is not None:
             return listed(self.d, items(length))
         size = made(f"{name}.length", INT)
+        if most is not None and most <= KEYS:
+            self._require_between(0, size, most)
+            return Seq(size, items(most))
         self._require_between(0, size, LIST_CAPACITY)
         limit = f"lists {_of_the_text(name)} of more than {LIST_CAPACITY} elements"
         if limit not in self.limits:

@@ -13,7 +13,7 @@ from koord.semantics.storage import Cell, Storage
 from koord.semantics.values import Table
 from koord.verify.bmc import Unrolling
 from koord.verify.terms import Term
-from tests.verify.asking import bounded, of_text
+from tests.verify.asking import bounded, inductive, of_text
 
 #: In each turn a robot goes through a map three times, and writes where it is.
 TURNING = """
@@ -66,3 +66,34 @@ def test_nothing_else_changes(key: str, some: str, first: str, second: str) -> N
     first_broken = {v.claim.name: v.rounds for v in found.violated}
     assert first_broken.keys() == {"Late"}
     assert bounded(of, rounds=5).rounds == first_broken
+
+
+def test_maps_of_few_keys_are_known_whole() -> None:
+    """Induction starts from any map that there is, so its proofs need no bound."""
+    text = """
+enum Colour: red, green, blue, white
+allwrite:
+  Map<Colour, int> m = {}
+local:
+  Colour c = red
+Paint:
+  pre: not contains(m, c)
+  eff:
+    atomic:
+      m[c] = 1
+      c = white
+Blot:
+  pre: contains(m, white)
+  eff:
+    atomic:
+      for k, v in m: m[k] = v
+      m[blue] = 1
+invariant One: (contains(m, blue) implies m[blue] == 1) and (contains(m, red) implies m[red] == 1)
+invariant Four: length(m) <= 4
+invariant Three: length(m) <= 3
+"""
+    of = of_text(text)
+    proved, _ = inductive(of)
+    assert {"One", "Four"} <= proved
+    found = survey(of, of.program.properties, Limits(rounds=8))
+    assert not {v.claim.name for v in found.violated} & proved
