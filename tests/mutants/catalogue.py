@@ -20,6 +20,7 @@ ROUNDS = "tests/verify/test_rounds.py"
 BMC = "tests/verify/test_bmc.py"
 INDUCTION = "tests/verify/test_induction.py"
 PORTFOLIO = "tests/verify/test_portfolio.py"
+SINGLY = "tests/verify/test_singly.py"
 WITNESS = "tests/verify/test_witness.py"
 FOOTPRINT = "tests/verify/test_footprint.py"
 ABSTRACTION = "tests/verify/test_abstraction.py"
@@ -433,6 +434,34 @@ VERIFY = (
         "return [c for c, v in settled if v.outcome is Outcome.HOLDS and v.rounds is None]",
         "return list(self.claims)",
         (PORTFOLIO,),
+    ),
+    Mutant(
+        "rounds that were looked at meanwhile count whatever was proved",
+        "verify/singly.py",
+        "if ledger.open() != open_:",
+        "if not open_:",
+        (SINGLY,),
+    ),
+    Mutant(
+        "others go on for ever where one is violated",
+        "verify/singly.py",
+        "if ledger.is_violated or not tired:",
+        "if not tired:",
+        (SINGLY,),
+    ),
+    Mutant(
+        "what takes longer than a slice is given up",
+        "verify/singly.py",
+        "return [*SLICES, AT_LAST] if wanting > 1 else [AT_LAST]",
+        "return [SLICES[0]]",
+        (SINGLY,),
+    ),
+    Mutant(
+        "a process that asks is asked as well",
+        "verify/pool.py",
+        "self._fill(self.jobs - 1)",
+        "self._fill(self.jobs)",
+        ("tests/verify/test_pool.py",),
     ),
     Mutant(
         "long lists are claimed to be covered",

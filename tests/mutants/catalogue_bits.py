@@ -188,8 +188,8 @@ BITS = (
     Mutant(
         "what is exported goes on behind an illegal step",
         "verify/bits/exporting.py",
-        "legal = g.choose(begun, g.both(valid, circuit.steps), circuit.opens)",
-        "legal = g.choose(begun, circuit.steps, circuit.opens)",
+        "legal = g.choose(begun, g.both(valid, steps), opens)",
+        "legal = g.choose(begun, steps, opens)",
         (EXPORTING,),
     ),
 )
