@@ -113,11 +113,20 @@ class ByInduction:
     unrolling: ByUnrolling
     effort: Effort = field(default_factory=lambda: Effort.of_seconds(PROOF_S))
     afterwards: Effort = field(default_factory=lambda: Effort.of_seconds(AFTERWARDS_S))
+    _done: int = 0
+    _shortest: dict[Claim, BrokenStep] = field(default_factory=dict)
 
     def work(self, ledger: Ledger) -> None:
+        self.over(MAX_DEPTH, ledger)
+
+    def over(self, rounds: int, ledger: Ledger) -> None:
+        """Go on from where it stopped, up to steps of so many rounds."""
         started = time.monotonic()
-        shortest: dict[Claim, BrokenStep] = {}
-        for depth in range(1, MAX_DEPTH + 1):
+        while self._done < rounds:
+            effort = self.afterwards if ledger.is_violated else self.effort
+            if not ledger.open() or ledger.deadline.passed() or effort.left <= 0:
+                return
+            self._done = depth = self._done + 1
             self.unrolling.through(ledger, depth - 1)
             bounded = self.unrolling.of(ledger)
             # What is not known to hold in those rounds is neither to be proved nor to be assumed.
@@ -139,11 +148,19 @@ class ByInduction:
             for claim, reason in result.reasons.items():
                 seconds = time.monotonic() - started
                 if claim in result.steps:
-                    shortest.setdefault(claim, result.steps[claim])
-                step = shortest.get(claim)
+                    self._shortest.setdefault(claim, result.steps[claim])
+                step = self._shortest.get(claim)
                 ledger.leave([claim], Reach(Engine.INDUCTION, None, reason, seconds, step))
-            if not ledger.open() or ledger.deadline.passed() or effort.left <= 0:
-                return
+
+
+@dataclass(frozen=True, slots=True)
+class ByStep:
+    """Inductive proofs over one round, which cost little; the others may follow."""
+
+    induction: ByInduction
+
+    def work(self, ledger: Ledger) -> None:
+        self.induction.over(1, ledger)
 
 
 @dataclass(frozen=True, slots=True)

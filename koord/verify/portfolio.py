@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, assert_never
 
 from koord.semantics.configurations import System
 from koord.semantics.patience import Patience
-from koord.semantics.search.limits import FEW_STATES, Limits
+from koord.semantics.search.limits import FEW_STATES, HANDFUL, Limits
 from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
 from koord.verify.claims import Claim, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
-from koord.verify.engines import ByGlance, ByInduction, BySearch, ByUnrolling
+from koord.verify.engines import ByGlance, ByInduction, BySearch, ByStep, ByUnrolling
 from koord.verify.every_n.engine import FEW, ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
 from koord.verify.ledger import Ledger, Subject, Works
@@ -166,7 +166,7 @@ class _Beside:
 
 
 #: They are asked first, and seldom take longer than a process does to start.
-_QUICK = (ByEveryN, ByInduction)
+_QUICK = (ByEveryN, ByStep)
 
 
 def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _Known:
@@ -268,14 +268,19 @@ def engines(choice: Choice, unrolling: ByUnrolling, pool: Pool) -> Iterator[Work
         case Choice.AUTO:
             # A proof for every number of robots is one for this number.
             yield ByEveryN(SPARING)
-            yield ByInduction(unrolling)
+            induction = ByInduction(unrolling)
+            yield ByStep(induction)
             yield ByInference(SPARING, FEW)
+            # Finitely many configurations are most often few, and looked at in no time.
+            yield BySearch(Limits(states=HANDFUL))
+            yield induction
             yield BySearch(Limits(states=FEW_STATES))
             yield _by_bits(sparing=True)
             yield ByGlance(unrolling)
-            spacer = _by_spacer(sparing=True)
+            hasty, patient = _spacers()
             # Of what holds, invariants for every number of robots say more than Spacer's.
-            yield ByRounds(unrolling, pool, (spacer, ByInference(SPARING), _kept_back(spacer)))
+            inference = (hasty, ByInference(SPARING), _kept_back(hasty))
+            yield ByRounds(unrolling, pool, (*inference, patient, _kept_back(patient)))
         case Choice.EVERY_N:
             yield ByEveryN()
             yield ByInference()
@@ -302,10 +307,17 @@ def _by_bits(*, sparing: bool = False, abc: bool = False) -> Works:
     return ByBits(sparing=sparing, abc=abc)
 
 
-def _by_spacer(*, sparing: bool = False) -> BySpacer:
-    from koord.verify.horn.engine import SPARING_S, BySpacer
+def _by_spacer() -> BySpacer:
+    from koord.verify.horn.engine import BySpacer
 
-    return BySpacer(SPARING_S, waits=True) if sparing else BySpacer()
+    return BySpacer()
+
+
+def _spacers() -> tuple[BySpacer, BySpacer]:
+    """One before others are asked, and one after."""
+    from koord.verify.horn.engine import HASTY_S, SPARING_S, BySpacer
+
+    return BySpacer(HASTY_S, waits=True), BySpacer(SPARING_S, waits=True)
 
 
 def _kept_back(spacer: BySpacer) -> Works:

@@ -52,7 +52,41 @@ from tests.verify.asking import ask, of_text
 @pytest.fixture(autouse=True)
 def _small_searches(monkeypatch: pytest.MonkeyPatch) -> None:
     """Programs here are small, or infinite: a short search tells them apart as well."""
+    monkeypatch.setattr(portfolio, "HANDFUL", 5)
     monkeypatch.setattr(portfolio, "FEW_STATES", 300)
+
+
+def test_a_handful_of_states_is_looked_at_before_long_steps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Three spots in a map: solvers take half a minute over steps of three rounds."""
+    monkeypatch.setattr(portfolio, "HANDFUL", 500)
+    told: list[str] = []
+    system = of_text(
+        """allwrite:
+    Map<int, int> owner = {}
+
+local:
+    int mine = -1
+
+Claim:
+    pre: mine == -1
+    eff:
+        atomic:
+            for k = 0, 3:
+                if mine == -1 and not contains(owner, k):
+                    owner[k] = pid
+                    mine = k
+
+invariant Apart: forall i, j: i != j and mine@i != -1 implies mine@i != mine@j
+""",
+        3,
+    )
+    report = verify(system, Bounds(), progress=told.append)
+    assert {(v.outcome, v.engine, v.rounds) for v in report.verdicts} == {
+        (Outcome.HOLDS, Engine.SEARCH, None)
+    }
+    assert not [text for text in told if "over 2 rounds" in text]
 
 
 def late(rounds: int, states: int = 6) -> core.Program:

@@ -19,6 +19,9 @@ OUT_OF_TIME = "out of time"
 TELL_EVERY_S = 0.1
 
 
+#: So many states are looked at in no time.
+HANDFUL = 2_000
+
 #: So many states are few: other ways to an answer get their turn after them.
 FEW_STATES = 20_000
 
