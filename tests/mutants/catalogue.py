@@ -396,7 +396,7 @@ VERIFY = (
     Mutant(
         "induction does not mind what it does not cover",
         "verify/induction.py",
-        "if step.limits:",
+        "if step.limits and not within_limits:",
         "if step.limits and not candidates:",
         (INDUCTION,),
     ),
