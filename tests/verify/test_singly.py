@@ -13,7 +13,7 @@ import pytest
 from koord.semantics.configurations import System, dealt
 from koord.syntax.load import load
 from koord.syntax.source import Source
-from koord.verify import engines, singly
+from koord.verify import engines, pool, singly
 from koord.verify.claims import Claim, claims_of
 from koord.verify.ledger import Ledger, Reach, Subject, Works
 from koord.verify.live import bits
@@ -96,6 +96,21 @@ def test_what_was_not_enough_is_followed_by_more(
     assert [v.rounds for v in told.verdicts] == [v.rounds for v in whole.verdicts]
 
 
+@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BMC, Choice.BITS])
+def test_where_nothing_can_be_forked_all_is_done_in_turn(
+    system: System, choice: Choice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    forked = asked(system, choice, 2, violations=2)
+    for module in (pool, singly):
+        monkeypatch.setattr(module, "can_fork", lambda: False)
+    monkeypatch.setattr("os.fork", lambda: pytest.fail("it forks"))
+    in_turn = asked(system, choice, 2, violations=2)
+    assert [(v.claim.name, v.outcome, v.rounds, v.engine) for v in in_turn.verdicts] == [
+        (v.claim.name, v.outcome, v.rounds, v.engine) for v in forked.verdicts
+    ]
+    assert in_turn.vacuities == forked.vacuities
+
+
 @pytest.mark.parametrize("quick", [True, False])
 def test_with_lemmas_and_without_at_the_same_time_is_one_after_the_other(
     system: System, quick: bool, monkeypatch: pytest.MonkeyPatch
@@ -159,8 +174,8 @@ def looked(
     subject = Subject(system, lambda *given: pytest.fail("nothing to replay"), system)
     ledger = Ledger(subject, Bounds(8), Deadline.after(None), claims_of(system))
     looks = Looks(says)
-    with Pool(jobs) as pool:
-        ByRounds(looks, pool, proofs).work(ledger)  # type: ignore[arg-type]
+    with Pool(jobs) as of:
+        ByRounds(looks, of, proofs).work(ledger)  # type: ignore[arg-type]
     return ledger, looks
 
 
