@@ -8,6 +8,7 @@ two flags do not go together.
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from argparse import ArgumentTypeError
 from collections.abc import Iterable, Mapping
@@ -102,6 +103,12 @@ def runs(text: str) -> int:
 
 def jobs(text: str) -> int:
     return _whole(text, "jobs", 1, MOST_JOBS)
+
+
+def cores() -> int:
+    """How many processes can work at the same time, where the system has only some cores for us."""
+    ours = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return min(ours or 1, MOST_JOBS)
 
 
 def seed(text: str) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Sequence
 from itertools import islice
@@ -16,6 +15,7 @@ from koord.cli.arguments import (
     add_settings,
     add_trace,
     check_files,
+    cores,
     jobs,
     seconds,
     violations,
@@ -65,7 +65,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--jobs",
         metavar="N",
         type=jobs,
-        default=os.cpu_count() or 1,
+        default=cores(),
         help="in how many processes what takes long is looked at: properties one by one, numbers "
         "of robots, programs (as many as there are cores)",
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -98,6 +99,7 @@ def test_the_defaults_are_those_of_the_documentation(
         requests.Engine.AUTO,
     )
     assert (request.properties, request.timeout_s, request.trace) == ((), None, None)
+    assert 1 <= request.jobs <= (os.cpu_count() or 1)
 
 
 def test_several_programs_end_with_the_gravest_code(
