@@ -17,7 +17,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from select import select
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Generic, TypeAlias, TypeVar
 
 from koord.syntax.diagnostics import Diagnostic, KoordError
@@ -123,11 +123,15 @@ class Pool:
         if not can_fork():
             self._waiting = [other for other in self._waiting if other is not job]
             return job.work(self.progress)
-        while not job.is_done:
-            if self._stopped_at is not None or self.interrupted():
-                self._stop(job)
-            self._fill(self.jobs)
-            self._listen(_WAIT_S)
+        try:
+            while not job.is_done:
+                if self._stopped_at is not None or self.interrupted():
+                    self._stop(job)
+                self._fill(self.jobs)
+                self._listen(_WAIT_S)
+        except KeyboardInterrupt:
+            self._stopped_at = self._stopped_at or time.monotonic()
+            raise
         if job.failure is not None:
             raise job.failure
         if job.found is None and self.interrupted():
@@ -253,6 +257,7 @@ def _worked(work: Callable[[Progress], T], sends: Connection, parent: int) -> No
     """Do work and send what it finds out. Nothing is left to do then: not even to flush."""
     try:
         _die_with(parent)
+        signal.signal(signal.SIGINT, _heard)
         try:
             found = pickle.dumps(_Found(work(_Teller(sends).tell)))
         except KoordError as error:
@@ -265,6 +270,12 @@ def _worked(work: Callable[[Progress], T], sends: Connection, parent: int) -> No
         sends.close()
     finally:
         _leave()
+
+
+def _heard(number: int, frame: FrameType | None) -> None:
+    """Ctrl-C, which may come twice, once from the terminal, ends the work but not what is sent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 def _raised(error: Exception) -> bytes:
