@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from koord.cli.exits import Exit
+from koord.cli.main import main
+from koord.cli.verdicts import MOST_SHOWN
 from koord.semantics.configurations import System
 from koord.semantics.search.engine import survey
 from koord.semantics.search.findings import Exhausted, Subject
@@ -335,3 +338,22 @@ def test_what_cannot_be_said_has_a_reason() -> None:
 def test_what_is_found_holds_and_makes_claims_inductive(text: str, kinds: tuple[int, ...]) -> None:
     found = proved(text, kinds)
     searched(text, kinds, found)
+
+
+def test_what_was_found_is_kept_and_taken_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program, found = tmp_path / "elect.krd", tmp_path / "found.krd"
+    program.write_text(alone("leader_elect.krd", "Agree"), encoding="utf-8")
+    ask = ["verify", str(program), "--robots", "3", "--engine"]
+    assert main([*ask, "induction"]) == Exit.UNKNOWN
+    capsys.readouterr()
+    assert main([*ask, "bits", "--save-invariants", str(found)]) == Exit.OK
+    kept = re.findall(r"^invariant Found\d+: (.*)$", found.read_text("utf-8"), re.MULTILINE)
+    assert len(kept) > MOST_SHOWN
+    said = capsys.readouterr().out
+    assert [text for text in kept if f"    {text}\n" in said] == kept[:MOST_SHOWN]
+    assert f"… {len(kept) - MOST_SHOWN} more" in said
+    assert "for 3 robots" in found.read_text("utf-8")
+    # What some of them suppose never comes true: that is told, and they hold all the same.
+    assert main([*ask, "induction", "--with", str(found)]) in (Exit.OK, Exit.VACUOUS)
