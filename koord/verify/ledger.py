@@ -111,6 +111,12 @@ class Ledger:
         """Whether some claim is violated: then the outcome of all together is known."""
         return any(verdict.outcome is Outcome.VIOLATED for verdict in self.verdicts.values())
 
+    @property
+    def is_of_all_rounds(self) -> bool:
+        """Whether nothing is open, and what holds does so in every round."""
+        held = [v for v in self.verdicts.values() if v.outcome is Outcome.HOLDS]
+        return not self.open() and all(verdict.rounds is None for verdict in held)
+
     def wanting(self) -> list[Claim]:
         """The open claims that no engine saw hold through as many rounds as asked for."""
         return [claim for claim in self.open() if self.verdict(claim).outcome is Outcome.UNKNOWN]

@@ -161,7 +161,7 @@ class _Beside:
             with own.stopping():
                 looked = look(own) if self.job is None else self.pool.answer(self.job)
                 if isinstance(looked, Looked):
-                    found = vacuities(own, looked)
+                    found = vacuities(own, looked, of_all_rounds=ledger.is_of_all_rounds)
         return _Hollow(found, own.interrupted)
 
 

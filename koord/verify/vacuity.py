@@ -22,9 +22,13 @@ from koord.verify.symbols import SymbolicInputs
 from koord.verify.verdicts import Emptiness, Outcome, Vacuity
 from koord.verify.wishes import Aim, Wish, supposes, wishes_of
 
-#: What the search for what can happen may cost, after random runs of so many seconds.
+#: What the search for what can happen may cost.
 WISHES_S = 10.0
-RUNS_S = 2.0
+
+#: How long the runs at random before it are, in turns of robots; and what they may cost, where
+#: turns take long.
+TURNS = 1_500
+RUNS_S = 4.0
 
 #: What it may cost to see that invariants hold of anything whatever, all of them and each.
 REGARDLESS_S = 2.0
@@ -54,21 +58,24 @@ def look(ledger: Ledger) -> Looked:
     ledger.progress("looking for what never happens")
     silent = tuple(_silent(ledger, deadline, effort))
     nevers = [wish.never for wish in wishes_of(system)]
-    # Making up positions and paths that meet assumptions can cost more than it spares.
-    runs_s = 0 if ledger.subject.is_abstract else RUNS_S
     rounds = ledger.bounds.rounds
-    never = unbroken(system, nevers, rounds, deadline, effort, seed=seed, runs_s=runs_s)
+    # Making up positions and paths that meet assumptions can cost more than it spares.
+    runs = 0 if ledger.subject.is_abstract else max(rounds, TURNS // system.robots)
+    never = unbroken(system, nevers, rounds, deadline, effort, seed=seed, runs=runs, runs_s=RUNS_S)
     return Looked(silent, never, effort)
 
 
-def vacuities(ledger: Ledger, looked: Looked) -> tuple[Vacuity, ...]:
-    """All that makes the verdicts of a ledger say less than they seem to."""
+def vacuities(ledger: Ledger, looked: Looked, *, of_all_rounds: bool) -> tuple[Vacuity, ...]:
+    """All that makes the verdicts of a ledger say less than they seem to.
+
+    Verdicts ``of_all_rounds`` say something if things happen late, too.
+    """
     if looked.never is None:
         return looked.empty
     ledger.progress("looking for what never happens")
     untouched = tuple(_untouched(ledger))
     told = {vacuity.subject for vacuity in untouched}
-    unmet = _unmet(ledger, looked.never, looked.effort)
+    unmet = _unmet(ledger, looked.never, looked.effort, of_all_rounds)
     return (*looked.empty, *unmet, *untouched, *_regardless(ledger, told))
 
 
@@ -94,7 +101,9 @@ def _start(system: System, seed: int, deadline: Deadline, effort: Effort) -> Vac
     return Vacuity(Emptiness.SUMMARIES, "", detail, certain=True)
 
 
-def _unmet(ledger: Ledger, left: Unbroken, effort: Effort) -> Iterator[Vacuity]:
+def _unmet(
+    ledger: Ledger, left: Unbroken, effort: Effort, of_all_rounds: bool
+) -> Iterator[Vacuity]:
     """Events that never run, and suppositions that are never true."""
     rounds, deadline = ledger.bounds.rounds, ledger.deadline
     wishes = {wish.never: wish for wish in wishes_of(ledger.system)}
@@ -102,8 +111,13 @@ def _unmet(ledger: Ledger, left: Unbroken, effort: Effort) -> Iterator[Vacuity]:
         detail = f"no run gets through round {left.stuck}"
         found = Vacuity(Emptiness.CONTRACTS, "", detail, certain=True)
         yield _within(found, left.limits)
-    elif left.known and left.claims:
-        unmet = [never for never in wishes if never in left.claims]
+        return
+    claims = left.claims if left.known else frozenset()
+    if left.later and not of_all_rounds:
+        sooner = unbroken(ledger.system, left.later, rounds, deadline, effort, seed=ledger.seed)
+        claims |= sooner.claims if sooner.known else frozenset()
+    if claims:
+        unmet = [never for never in wishes if never in claims]
         always = never_broken(ledger, unmet, deadline, effort)
         blocked = _blocked(ledger, unmet, deadline, effort)
         verdict = ledger.verdicts.get(NO_FAULT)

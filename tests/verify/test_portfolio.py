@@ -438,6 +438,17 @@ def test_events_that_never_run_are_told() -> None:
     assert not asked.report.is_vacuous
 
 
+def test_what_happens_late_says_something_of_all_rounds_only() -> None:
+    b = Build("counting")
+    n = b.local("n", INT, 0)
+    b.event("Count", n < 9, n.set(n + 1))
+    b.event("Late", n > 7, n.set(0))
+    b.invariant("Small", forall(I, n.at(I) <= 9))
+    assert ask(b.program(), robots=1, rounds=5).empty == []
+    bounded = ask(b.program(), robots=1, rounds=5, choice=Choice.BMC)
+    assert bounded.empty == ["event Late: cannot run within 5 rounds"]
+
+
 def test_what_takes_all_robots_can_happen() -> None:
     """Two robots of a kind are looked at first; where they are not enough, all are."""
     b = Build()
