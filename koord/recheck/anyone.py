@@ -81,8 +81,8 @@ class Replacing:
         match x:
             case Field():
                 return x
-            case AtKey(key=key, type=type_, adds=adds):
-                return AtKey(v.put(key, old, new), type_, v.t.put(adds, old, new))
+            case AtKey(key=key, type=type_):
+                return AtKey(v.put(key, old, new), type_)
             case _:
                 return v.t.put(x, old, new)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, assert_never
 
 from koord.recheck import crowds, maps
@@ -79,7 +78,7 @@ def located(body: Body, step: core.Step, type_: Type) -> Location:
             return body.condition(index)
         case core.KeyStep(key=key):
             assert isinstance(type_, MapType)
-            return AtKey(body.value(key), type_, body.t.truth(False))
+            return AtKey(body.value(key), type_)
     assert_never(step)
 
 
@@ -136,7 +135,7 @@ def assign(body: Body, place: core.Place, value: Value) -> None:
     before = storages[variable.slot]
     if before is None:
         before = body.s.unset(variable.type)
-    locations = check_place(body, place, before, locations)
+    check_place(body, place, before, locations)
     after = body.s.put(before, variable.type, locations, value, body.path)
     storages[variable.slot] = after
     if variable.home in (Home.ALLREAD, Home.ALLWRITE):
@@ -166,12 +165,9 @@ def held_in(body: Body, home: Home) -> list[Storage] | list[Storage | None]:
 
 def check_place(
     body: Body, place: core.Place, storage: Storage, locations: Sequence[Location]
-) -> tuple[Location, ...]:
-    """A place exists for writing, or the step that fails is a fault. [S-ASSIGN]
-
-    The locations, with which of them add entries to maps.
-    """
-    type_, value, checked = place.variable.type, None, list(locations)
+) -> None:
+    """A place exists for writing, or the step that fails is a fault. [S-ASSIGN]"""
+    type_, value = place.variable.type, None
     for k, (step, location) in enumerate(zip(place.steps, locations, strict=True)):
         if value is None and isinstance(storage, Cell):
             what = f"{place.variable.name} is written into while unset"
@@ -183,9 +179,8 @@ def check_place(
                 value = value[location.position]
             elif isinstance(location, AtKey):
                 assert isinstance(value, Term)
-                there = maps.has(body.v, value, location.key, location.type)
-                checked[k] = replace(location, adds=body.t.negation(there))
                 if k + 1 < len(locations):
+                    there = maps.has(body.v, value, location.key, location.type)
                     body.fault_unless(there, "no such key", step.span)
                 value = maps.at(body.v, value, location.key, location.type)
             else:
@@ -198,7 +193,6 @@ def check_place(
                 check_index(body, location, storage, step.span)
             storage = body.s.below(storage, location, type_)
         type_ = step.type
-    return tuple(checked)
 
 
 def entry_in(

@@ -40,11 +40,10 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class AtKey:
-    """A step to the entry of a map; ``adds``: a write makes an entry that was not there."""
+    """A step to the entry of a map."""
 
     key: Value
     type: MapType
-    adds: Term
 
 
 #: A step of a location: a field, the index of an element, or the key of an entry.

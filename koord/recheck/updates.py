@@ -47,9 +47,8 @@ def overlap(v: Values, a: Write, b: Write) -> Term:
         elif isinstance(x, AtKey) or isinstance(y, AtKey):
             assert isinstance(x, AtKey)
             assert isinstance(y, AtKey)
-            # Two that add entries decide about the order of keys.
-            alike = v.equal(x.key, y.key, x.type.key)
-            same.append(t.either(alike, t.both(x.adds, y.adds)))
+            # Two that add entries of different keys decide about their order, and lose nothing.
+            same.append(v.equal(x.key, y.key, x.type.key))
         else:
             same.append(t.equal(x, y))
     return t.conjunction(same)

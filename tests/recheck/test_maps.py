@@ -108,3 +108,24 @@ def test_the_order_of_keys_is_not_rechecked() -> None:
     assert found.outcome is Outcome.UNKNOWN
     assert found.reason.startswith("going through a map")
     assert found.span.line > 0
+
+
+def test_entries_under_different_keys_lose_nothing() -> None:
+    """Robots add them in one round, with values computed from the map. [LOST-UPDATE]"""
+    text = """
+allwrite:
+    Map<int, int> came = {}
+local:
+    bool here = false
+
+Come:
+    pre: not here
+    eff:
+        came[pid] = length(came)
+        here = true
+
+invariant Noted: forall i: here@i implies contains(came, i)
+"""
+    document = made(text, KINDS, Choice.AUTO)
+    assert "no lost update of came" in [c["name"] for c in document["claims"]]
+    assert rechecked(document).outcome is Outcome.CONFIRMED
