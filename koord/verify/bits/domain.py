@@ -60,6 +60,7 @@ class BitDomain:
     asked: dict[int, tuple[str, Range]] = field(default_factory=dict)
     _open: dict[tuple[Bits, Bits, bool], int] = field(default_factory=dict)
     _sides: dict[Number, tuple[int, Number, Number]] = field(default_factory=dict)
+    _elements: set[Number] = field(default_factory=set)
     _loose_names: dict[int, str] = field(default_factory=dict)
     _strings: dict[str, int] = field(default_factory=dict)
 
@@ -146,8 +147,19 @@ class BitDomain:
             return then
         made = numbers.chosen(g, when, a, b)
         if made.loose != FALSE:
-            self._sides[made] = (when, a, b)
+            self._remember(made, when, a, b)
         return numbers.settled(made)
+
+    def _remember(self, made: Number, when: int, then: Number, other: Number) -> None:
+        """What a choice is of: those that are chosen from were there before it.
+
+        The graph may find that a choice is a number which others were chosen from already. That one
+        stays what it was: else comparing it would lead back to it.
+        """
+        if made not in self._sides and made not in self._elements:
+            self._elements.update(side for side in (then, other) if side not in self._sides)
+            if made not in self._elements:
+                self._sides[made] = (when, then, other)
 
     # --- what is left open ----------------------------------------------------------------------
 
