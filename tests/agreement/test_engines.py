@@ -222,6 +222,11 @@ def test_all_engines_agree_with_the_search(name: str, seeds: range) -> None:
     assert name != "staged" or count["violated late"] >= 5, count
 
 
+def test_choices_lead_back_to_none_that_they_are_of() -> None:
+    """The graph finds a choice to be a number that others are chosen from: comparing it ends."""
+    assert compare(FAMILIES["finite"], 51_784)["systems"] == 1
+
+
 #: What is read is any member of an enumeration, what is chosen any number between two.
 RANGES = """
 enum Mode: {members}
