@@ -94,6 +94,18 @@ class Course:
     def _stopped_news(self) -> bool:
         return any(o.fault is not None or o.broken for o in self.all_outcomes(all_stop=True))
 
+    def may_be_last(self, *, all_stop: bool) -> bool:
+        """Whether the environment has no turn after some way to take this course."""
+        return self._stopped_may_be_last if all_stop else self._may_be_last
+
+    @cached_property
+    def _may_be_last(self) -> bool:
+        return _has_dead_end(self.outcomes)
+
+    @cached_property
+    def _stopped_may_be_last(self) -> bool:
+        return _has_dead_end(self.stopped)
+
     @cached_property
     def ends(self) -> tuple[int, ...]:
         """The robot's numbers after the environment's turn, each once."""
@@ -102,6 +114,10 @@ class Course:
     @cached_property
     def stopped_ends(self) -> tuple[int, ...]:
         return _ends(self.stopped)
+
+
+def _has_dead_end(outcomes: tuple[tuple[Outcome, ...], ...]) -> bool:
+    return not all(any(o.fault is None for o in each) for each in outcomes)
 
 
 def _ends(outcomes: tuple[tuple[Outcome, ...], ...]) -> tuple[int, ...]:
