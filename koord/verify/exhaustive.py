@@ -98,7 +98,8 @@ def _conclude(
                     said.verdicts[claim] = Verdict(claim, Outcome.HOLDS, Engine.SEARCH, seconds)
         case OutOfBounds(reason=reason, states=states, depth=depth):
             said.states, said.depth = states, depth
-            said.reason = f"search: {reason} through round {depth}"
+            where = "at the start" if depth is None else f"through round {depth}"
+            said.reason = f"search: {reason} {where}"
         case NotFinite(reason=reason, span=span):
             said.reason = f"search: {reason} ({span})"
 

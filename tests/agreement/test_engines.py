@@ -62,7 +62,7 @@ class Searched:
     seed: int
     system: System
     first: dict[str, int]
-    depth: int  #: through which round it saw everything
+    depth: int | None  #: through which round it saw everything; None: not even the start
     every: bool  #: whether that is all there is
 
 
@@ -83,6 +83,8 @@ def searched(seed: int, of: System) -> Searched | None:
 def bmc_agrees(case: Searched, rounds: int) -> Counter[str]:
     """It finds exactly what is there, each claim in the first round that breaks it."""
     if not case.every:
+        if case.depth is None:
+            return Counter(["search: too many ways to start"])
         rounds = min(rounds, case.depth)
     try:
         checked = bounded(case.system, rounds=rounds)
@@ -160,7 +162,7 @@ def assert_so(case: Searched, verdict: Verdict) -> None:
     breaks, where = case.first.get(verdict.claim.name), (case.seed, verdict)
     if verdict.outcome is Outcome.VIOLATED:
         assert verdict.counterexample is not None
-        if verdict.counterexample.round <= case.depth or case.every:
+        if case.every or (case.depth is not None and verdict.counterexample.round <= case.depth):
             assert breaks == verdict.counterexample.round, where
     elif verdict.outcome is Outcome.HOLDS and verdict.rounds is None:
         assert breaks is None, where
@@ -225,6 +227,15 @@ def test_all_engines_agree_with_the_search(name: str, seeds: range) -> None:
 def test_choices_lead_back_to_none_that_they_are_of() -> None:
     """The graph finds a choice to be a number that others are chosen from: comparing it ends."""
     assert compare(FAMILIES["finite"], 51_784)["systems"] == 1
+
+
+def test_what_no_round_with_it_can_end_is_looked_at() -> None:
+    """An event breaks a promise about an actuator, which nothing mends: invariants see it."""
+    assert compare(FAMILIES["symmetric"], 51_791)["violated"] == 1
+
+
+def test_a_start_that_was_not_looked_at_whole_is_no_round() -> None:
+    assert compare(FAMILIES["symmetric"], 50_138)["search: too many ways to start"] == 1
 
 
 #: What is read is any member of an enumeration, what is chosen any number between two.

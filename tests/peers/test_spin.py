@@ -45,8 +45,10 @@ def searched(made: System, rounds: int = ROUNDS) -> dict[str, int] | str:
     )
     if isinstance(found.end, NotFinite):
         return "search: not finite"
-    if isinstance(found.end, OutOfBounds) and found.end.depth < rounds:
-        return f"search: {found.end.reason}"
+    if isinstance(found.end, OutOfBounds):
+        depth = found.end.depth
+        if depth is None or depth < rounds:
+            return f"search: {found.end.reason}"
     return {_name(violated.claim): violated.rounds for violated in found.violated}
 
 

@@ -194,12 +194,13 @@ class Search:
         self._seen: dict[State, State | None] = {}
         self._settled: set[Claim] = set()
         self._depth = 0
+        self._through: int | None = None  #: the last round that was looked at whole
         self._end: Exhausted | OutOfBounds | NotFinite | None = None
 
     @property
     def end(self) -> Exhausted | OutOfBounds | NotFinite:
         """How it ended."""
-        return self._end or OutOfBounds("interrupted", len(self._seen), self._depth)
+        return self._end or OutOfBounds("interrupted", len(self._seen), self._through)
 
     def violations(self) -> Iterator[Violated]:
         """Every violation, each claim once, by rounds."""
@@ -211,12 +212,12 @@ class Search:
                     if self._has_all():
                         raise _LimitError(NOTHING_LEFT)
         except _LimitError as limit:
-            self._end = OutOfBounds(str(limit), len(self._seen), self._depth)
+            self._end = OutOfBounds(str(limit), len(self._seen), self._through)
         except OutOfPatienceError:
-            self._end = OutOfBounds(OUT_OF_TIME, len(self._seen), self._depth)
+            self._end = OutOfBounds(OUT_OF_TIME, len(self._seen), self._through)
         except TooLargeError:
             reached = f"more than {MOST_SCALARS} values in one variable"
-            self._end = OutOfBounds(reached, len(self._seen), self._depth)
+            self._end = OutOfBounds(reached, len(self._seen), self._through)
         except UnboundedError as reason:
             self._end = NotFinite(str(reason), NOWHERE)
         else:
@@ -236,6 +237,7 @@ class Search:
     def _found(self) -> Iterator[_Found]:
         frontier: list[State] = []
         yield from self._begin(frontier)
+        self._through = 0
         while frontier:
             if self._depth == self._meter.limits.rounds:
                 raise _LimitError(f"more than {self._depth} rounds")
@@ -245,7 +247,7 @@ class Search:
                 yield from self._expanded(state, waiting)
             frontier = waiting
             if frontier:
-                self._depth += 1
+                self._depth = self._through = self._depth + 1
 
     def _begin(self, frontier: list[State]) -> Iterator[_Found]:
         count = self._system.robots
@@ -386,10 +388,8 @@ def _stopped_robots(course: Course) -> tuple[int, ...]:
 
 
 def _is_last(joint: Joint) -> bool:
-    """Whether the environment has no turn after some course: then nothing is looked at later."""
-    return not all(
-        course.stopped_ends if joint.all_stop else course.ends for course in joint.courses
-    )
+    """Whether the environment may have no turn: what is so before it is not looked at after it."""
+    return any(course.may_be_last(all_stop=joint.all_stop) for course in joint.courses)
 
 
 def _holds(each: Check, joint: Joint, numbers: Callable[[Course], tuple[int, ...]]) -> bool:

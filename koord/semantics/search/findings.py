@@ -40,11 +40,14 @@ class Exhausted:
 
 @dataclass(frozen=True, slots=True)
 class OutOfBounds:
-    """A limit was reached; everything up to ``depth`` rounds has been looked at."""
+    """A limit was reached; everything up to ``depth`` rounds has been looked at.
+
+    None: not even all ways to start have been.
+    """
 
     reason: str
     states: int
-    depth: int
+    depth: int | None
 
 
 @dataclass(frozen=True, slots=True)
