@@ -61,6 +61,7 @@ class BitDomain:
     _open: dict[tuple[Bits, Bits, bool], int] = field(default_factory=dict)
     _sides: dict[Number, tuple[int, Number, Number]] = field(default_factory=dict)
     _elements: set[Number] = field(default_factory=set)
+    _deep: int = 0  #: so many choices, one in the other, are being compared
     _loose_names: dict[int, str] = field(default_factory=dict)
     _strings: dict[str, int] = field(default_factory=dict)
 
@@ -391,12 +392,14 @@ class BitDomain:
         """A comparison that nobody asked for before. Of a choice it is a choice of comparisons."""
         g = self.graph
         for number, is_left in ((a, True), (b, False)):
-            if number in self._sides:
+            if number in self._sides and self._deep < MOST_CHOICES:
                 when, then, other = self._sides[number]
                 one, two = ((then, b), (other, b)) if is_left else ((a, then), (a, other))
-                if order:
-                    return g.choose(when, self._at_most(*one), self._at_most(*two))
-                return g.choose(when, self._equal(*one), self._equal(*two))
+                compare = self._at_most if order else self._equal
+                self._deep += 1
+                chosen = g.choose(when, compare(*one), compare(*two))
+                self._deep -= 1
+                return chosen
         verdict = g.input("comparison")
         if loose != TRUE:
             self._note(a, b, verdict, order=order)
@@ -456,3 +459,7 @@ def literal(value: Bits) -> int:
         return value.literal
     assert isinstance(value, bool), value
     return TRUE if value else FALSE
+
+
+#: Of more choices, one in the other, a comparison is left open.
+MOST_CHOICES = 100

@@ -219,7 +219,7 @@ class Primes:
         for value in place.values:
             if d.graph.values([place.is_value(d, value)], given)[0]:
                 return value
-        raise AssertionError("a place holds none of its values")
+        raise UnsaidError("a variable may be beyond its values in it")
 
     def _prime(self, values: Values) -> Values:
         """A prime cube that has all states of a cube: with as few places as is easily seen."""
