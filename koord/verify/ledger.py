@@ -111,11 +111,11 @@ class Ledger:
         """Whether some claim is violated: then the outcome of all together is known."""
         return any(verdict.outcome is Outcome.VIOLATED for verdict in self.verdicts.values())
 
-    @property
-    def is_of_all_rounds(self) -> bool:
-        """Whether nothing is open, and what holds does so in every round."""
-        held = [v for v in self.verdicts.values() if v.outcome is Outcome.HOLDS]
-        return not self.open() and all(verdict.rounds is None for verdict in held)
+    def is_of_all_rounds(self, names: Collection[str]) -> bool:
+        """Whether what is named is settled, and holds in every round (no name: all is asked)."""
+        asked = [claim for claim in self.claims if not names or claim.name in names]
+        held = [v for c in asked if (v := self.verdicts.get(c)) and v.outcome is Outcome.HOLDS]
+        return all(c in self.verdicts for c in asked) and all(v.rounds is None for v in held)
 
     def wanting(self) -> list[Claim]:
         """The open claims that no engine saw hold through as many rounds as asked for."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
@@ -77,7 +77,10 @@ def verify(
     system = replace(system, patience=Patience(is_over))
     with Pool(jobs, progress, interrupted) as pool:
         beside = _Beside(pool, wanted=not known)
-        ask = partial(_ask, deadline=deadline, bounds=bounds, choice=choice, seed=seed, pool=pool)
+        own = frozenset(names) if _are_all_of_states(system, names) else frozenset()
+        ask = partial(
+            _ask, deadline=deadline, bounds=bounds, choice=choice, seed=seed, pool=pool, names=own
+        )
         subject = _abstract_subject(system) or _plain_subject(system)
         found, ledger = ask(subject, _before(system, known, names) if known else None, beside)
         last = ledger
@@ -97,14 +100,14 @@ def verify(
         if of_runs := [c for c in liveness_of(system) if not names or c.name in names]:
             beside.begin(ledger)
         if beside.job is None:
-            hollow = beside.end(ledger)
+            hollow = beside.end(ledger, names)
             cut = cut or hollow.interrupted
         if of_runs:
             asked = None if cut else choice
             live = _of_whole_runs(system, bounds, asked, deadline, names, held, seed, pool)
             verdicts, empty, cut = verdicts + live.verdicts, live.vacuities, cut or live.interrupted
         if beside.job is not None and not cut:
-            hollow = beside.end(ledger)
+            hollow = beside.end(ledger, names)
     seconds = time.monotonic() - started
     cut = cut or hollow.interrupted
     every_n = choice is Choice.EVERY_N
@@ -153,7 +156,7 @@ class _Beside:
 
             self.job = self.pool.hand_in("", looked)
 
-    def end(self, ledger: Ledger) -> _Hollow:
+    def end(self, ledger: Ledger, names: Collection[str]) -> _Hollow:
         """What makes the verdicts of a ledger say less than they seem to."""
         found: tuple[Vacuity, ...] = ()
         own = ledger.of((), ledger.report)
@@ -161,7 +164,7 @@ class _Beside:
             with own.stopping():
                 looked = look(own) if self.job is None else self.pool.answer(self.job)
                 if isinstance(looked, Looked):
-                    found = vacuities(own, looked, of_all_rounds=ledger.is_of_all_rounds)
+                    found = vacuities(own, looked, of_all_rounds=ledger.is_of_all_rounds(names))
         return _Hollow(found, own.interrupted)
 
 
@@ -212,8 +215,9 @@ def _ask(
     choice: Choice,
     seed: int,
     pool: Pool,
+    names: Collection[str],
 ) -> tuple[_Known, Ledger]:
-    """Verdicts on the claims about a subject.
+    """Verdicts on the claims about a subject; if there are ``names``, until those are settled.
 
     Of ``known`` ones only the unknown are asked, suspected rounds first.
     """
@@ -232,14 +236,23 @@ def _ask(
             suspected = min(known.suspected, bounds.rounds)
             ByUnrolling(relying=False).through(ledger, suspected)
             unrolling.through(ledger, suspected)
-        in_turn = engines(choice, unrolling, pool)
-        while ledger.open() and (engine := next(in_turn, None)) is not None:
+        in_turn = engines(choice, unrolling, pool, names)
+        while _wanted(ledger, names) and (engine := next(in_turn, None)) is not None:
             if not isinstance(engine, _QUICK):
                 beside.begin(ledger)
             engine.work(ledger)
         _find_others(ledger, asked, pool)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
     return _Known(verdicts, unrolling.suspected, left), ledger
+
+
+def _wanted(ledger: Ledger, names: Collection[str]) -> bool:
+    return any(not names or claim.name in names for claim in ledger.open())
+
+
+def _are_all_of_states(system: System, names: Sequence[str]) -> bool:
+    """Whether none of the names is of a claim about runs: those rest on all the other claims."""
+    return {claim.name for claim in claims_of(system)}.issuperset(names)
 
 
 def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool) -> None:
@@ -259,8 +272,10 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool) -> None:
         ledger.settle({claim: replace(ledger.verdicts[claim], others=found or ())})
 
 
-def engines(choice: Choice, unrolling: ByUnrolling, pool: Pool) -> Iterator[Works]:
-    """The engines that a choice asks, in turn, cheapest first.
+def engines(
+    choice: Choice, unrolling: ByUnrolling, pool: Pool, names: Collection[str] = ()
+) -> Iterator[Works]:
+    """The engines that a choice asks, in turn, cheapest first; about all claims, or named ones.
 
     Each is loaded when its turn comes: most questions are answered before.
     """
@@ -288,10 +303,11 @@ def engines(choice: Choice, unrolling: ByUnrolling, pool: Pool) -> Iterator[Work
             yield ByInduction(unrolling)
         case Choice.SEARCH:
             yield BySearch(Limits())
-        case Choice.BITS:
-            yield _by_bits()
-        case Choice.ABC:
-            yield _by_bits(abc=True)
+        case Choice.BITS | Choice.ABC:
+            if names:
+                # Alone they often make a much smaller circuit, and need no lemmas.
+                yield _by_bits(sparing=True, abc=choice is Choice.ABC, names=names)
+            yield _by_bits(abc=choice is Choice.ABC)
         case Choice.SPACER:
             yield _by_spacer()
         case Choice.BMC:
@@ -301,10 +317,10 @@ def engines(choice: Choice, unrolling: ByUnrolling, pool: Pool) -> Iterator[Work
             assert_never(choice)
 
 
-def _by_bits(*, sparing: bool = False, abc: bool = False) -> Works:
+def _by_bits(*, sparing: bool = False, abc: bool = False, names: Collection[str] = ()) -> Works:
     from koord.verify.bits.engine import ByBits
 
-    return ByBits(sparing=sparing, abc=abc)
+    return ByBits(sparing, abc, names)
 
 
 def _by_spacer() -> BySpacer:

@@ -63,7 +63,7 @@ class Unbroken:
     """Claims that no run breaks within some rounds; ``stuck`` is a round that no run gets through.
 
     ``known`` is False if the solver did not get so far. ``limits`` are runs that were left out.
-    Of ``later`` it is known only that runs break them in rounds after those.
+    ``later`` are those of the claims that are known to be broken in rounds after those.
     """
 
     claims: frozenset[Claim]
@@ -86,10 +86,39 @@ def unbroken(
 ) -> Unbroken:
     """The claims that hold in all runs of so many rounds, asked round by round.
 
-    One round is looked at even if there is nothing to ask, to see whether it can end. Where robots
-    are many, runs in which most of them only skip break most claims already; a few runs at random,
-    of ``runs`` rounds and for at most ``runs_s`` seconds, may break more.
+    One round is looked at even if there is nothing to ask, to see whether it can end. With ``runs``
+    a few runs at random are made first, for at most ``runs_s`` seconds: they break most claims.
+    Longer ones, of so many rounds, show which of the others are broken later; and break some where
+    the solver takes long.
     """
+    if runs == 0:
+        return _asked(system, nevers, rounds, deadline, effort, seed)
+    met = seen(system, nevers, min(rounds, runs), deadline.sooner(runs_s), seed)
+    pending = [claim for claim in nevers if claim not in met]
+    if not pending and any(round_ > 0 for round_ in met.values()):
+        return Unbroken(frozenset())
+    hasty = Effort(effort.left // 8)
+    effort.left -= hasty.left
+    left = _asked(system, pending, rounds, deadline, hasty, seed)
+    effort.left += hasty.left
+    if deadline.passed() or not left.claims:
+        return left
+    met = seen(system, left.claims, runs, deadline.sooner(runs_s), seed)
+    if not left.known:
+        pending = [claim for claim in pending if claim in left.claims and claim not in met]
+        left = _asked(system, pending, rounds, deadline, effort, seed)
+    return replace(left, later=left.claims & met.keys())
+
+
+def _asked(
+    system: System,
+    nevers: Collection[Claim],
+    rounds: int,
+    deadline: Deadline,
+    effort: Effort,
+    seed: int,
+) -> Unbroken:
+    """What a solver says: where robots are many, first of runs in which most of them only skip."""
     pending = list(nevers)
     movers = _some_of_each_kind(system)
     if len(movers) < system.robots:
@@ -101,12 +130,7 @@ def unbroken(
         if left.known and not left.claims and left.stuck is None:
             return left
         pending = [claim for claim in pending if claim in left.claims]
-    met: dict[Claim, int] = {}
-    if runs > 0:
-        met = seen(system, pending, runs, deadline.sooner(runs_s), seed)
-        pending = [claim for claim in pending if claim not in met]
-    left = _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
-    return replace(left, later=frozenset(c for c, round_ in met.items() if round_ > rounds))
+    return _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
 
 
 def _some_of_each_kind(system: System) -> frozenset[int]:

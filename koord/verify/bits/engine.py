@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from koord.semantics.machine import NotFiniteError
@@ -37,15 +37,16 @@ FEW_QUESTIONS = 30_000
 class ByBits:
     """Verdicts from a circuit. ``sparing``: only where it promises to be quick.
 
-    ``abc``: its PDR is asked in the place of IC3.
+    ``abc``: its PDR is asked in the place of IC3. With ``names`` those claims alone are asked.
     """
 
     sparing: bool = False
     abc: bool = False
+    names: Collection[str] = ()
 
     def work(self, ledger: Ledger) -> None:
         started = time.monotonic()
-        claims = ledger.open()
+        claims = [c for c in ledger.open() if not self.names or c.name in self.names]
         if self.sparing and _has_floats(ledger):
             return
         for level in range(len(LEVELS)):
