@@ -124,7 +124,7 @@ class ByInduction:
         started = time.monotonic()
         while self._done < rounds:
             effort = self.afterwards if ledger.is_violated else self.effort
-            if not ledger.open() or ledger.deadline.passed() or effort.left <= 0:
+            if self._done > 0 and (ledger.deadline.passed() or effort.left <= 0):
                 return
             self._done = depth = self._done + 1
             self.unrolling.through(ledger, depth - 1)
