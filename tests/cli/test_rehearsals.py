@@ -16,7 +16,7 @@ BROKEN = Path(__file__).parents[2] / "specs" / "examples" / "broken"
 @pytest.mark.parametrize(
     ("name", "robots", "claims"),
     [
-        ("task_no_lock", 2, {"Exclusive", "Clearance"}),
+        ("task_no_lock", 2, {"Exclusive"}),
         ("delivery_no_lock", 2, {"Once"}),
         ("lineform_1d_overshoot", 3, {"Fence"}),
         ("waypoints_early", 2, {"InOrder"}),
