@@ -91,46 +91,49 @@ def unbroken(
     Longer ones, of so many rounds, show which of the others are broken later; and break some where
     the solver takes long.
     """
+    hasty = effort if runs == 0 else Effort(effort.left // 8)
+    few = _of_few(system, nevers, rounds, deadline, hasty, seed)
+    if few is not None and few.known and not few.claims and few.stuck is None:
+        return few
+    pending = [claim for claim in nevers if few is None or claim in few.claims]
     if runs == 0:
-        return _asked(system, nevers, rounds, deadline, effort, seed)
-    met = seen(system, nevers, min(rounds, runs), deadline.sooner(runs_s), seed)
-    pending = [claim for claim in nevers if claim not in met]
+        return _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
+    met = seen(system, pending, min(rounds, runs), deadline.sooner(runs_s), seed)
+    pending = [claim for claim in pending if claim not in met]
     if not pending and any(round_ > 0 for round_ in met.values()):
         return Unbroken(frozenset())
-    hasty = Effort(effort.left // 8)
-    effort.left -= hasty.left
-    left = _asked(system, pending, rounds, deadline, hasty, seed)
-    effort.left += hasty.left
+    left = _unbroken(Unrolling(system, seed), pending, rounds, deadline, hasty)
     if deadline.passed() or not left.claims:
         return left
     met = seen(system, left.claims, runs, deadline.sooner(runs_s), seed)
     if not left.known:
         pending = [claim for claim in pending if claim in left.claims and claim not in met]
-        left = _asked(system, pending, rounds, deadline, effort, seed)
+        few = _of_few(system, pending, rounds, deadline, effort, seed)
+        pending = [claim for claim in pending if few is None or claim in few.claims]
+        left = _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
     return replace(left, later=left.claims & met.keys())
 
 
-def _asked(
+def _of_few(
     system: System,
     nevers: Collection[Claim],
     rounds: int,
     deadline: Deadline,
     effort: Effort,
     seed: int,
-) -> Unbroken:
-    """What a solver says: where robots are many, first of runs in which most of them only skip."""
-    pending = list(nevers)
+) -> Unbroken | None:
+    """What runs in which most robots only skip leave unbroken, for half the effort.
+
+    None if robots are few.
+    """
     movers = _some_of_each_kind(system)
-    if len(movers) < system.robots:
-        half = Effort(effort.left // 2)
-        effort.left -= half.left
-        few = Unrolling(system, seed, movers)
-        left = _unbroken(few, pending, rounds, deadline, half)
-        effort.left += half.left
-        if left.known and not left.claims and left.stuck is None:
-            return left
-        pending = [claim for claim in pending if claim in left.claims]
-    return _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
+    if len(movers) == system.robots:
+        return None
+    half = Effort(effort.left // 2)
+    effort.left -= half.left
+    left = _unbroken(Unrolling(system, seed, movers), list(nevers), rounds, deadline, half)
+    effort.left += half.left
+    return left
 
 
 def _some_of_each_kind(system: System) -> frozenset[int]:

@@ -48,7 +48,7 @@ GENEROUS = Thrift(
 
 #: Where others are asked afterwards.
 SPARING = Thrift(
-    generations=3, instances=12_000, seconds=3.0, question=1_500_000, with_products=220_000
+    generations=3, instances=12_000, seconds=3.0, question=1_500_000, with_products=120_000
 )
 
 
