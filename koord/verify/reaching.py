@@ -93,9 +93,9 @@ def unbroken(
     """
     hasty = effort if runs == 0 else Effort(effort.left // 8)
     few = _of_few(system, nevers, rounds, deadline, hasty, seed)
-    if few is not None and few.known and not few.claims and few.stuck is None:
+    if few.known and not few.claims and few.stuck is None:
         return few
-    pending = [claim for claim in nevers if few is None or claim in few.claims]
+    pending = [claim for claim in nevers if claim in few.claims]
     if runs == 0:
         return _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
     met = seen(system, pending, min(rounds, runs), deadline.sooner(runs_s), seed)
@@ -109,7 +109,7 @@ def unbroken(
     if not left.known:
         pending = [claim for claim in pending if claim in left.claims and claim not in met]
         few = _of_few(system, pending, rounds, deadline, effort, seed)
-        pending = [claim for claim in pending if few is None or claim in few.claims]
+        pending = [claim for claim in pending if claim in few.claims]
         left = _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
     return replace(left, later=left.claims & met.keys())
 
@@ -121,14 +121,14 @@ def _of_few(
     deadline: Deadline,
     effort: Effort,
     seed: int,
-) -> Unbroken | None:
+) -> Unbroken:
     """What runs in which most robots only skip leave unbroken, for half the effort.
 
-    None if robots are few.
+    Where robots are few there are no such runs, and nothing is known.
     """
     movers = _some_of_each_kind(system)
     if len(movers) == system.robots:
-        return None
+        return Unbroken(frozenset(nevers), known=False)
     half = Effort(effort.left // 2)
     effort.left -= half.left
     left = _unbroken(Unrolling(system, seed, movers), list(nevers), rounds, deadline, half)

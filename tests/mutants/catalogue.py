@@ -613,8 +613,8 @@ VERIFY = (
     Mutant(
         "what some robots cannot do nobody can",
         "verify/reaching.py",
-        "        pending = [claim for claim in pending if claim in left.claims]\n",
-        "        return left\n",
+        "    pending = [claim for claim in nevers if claim in few.claims]\n",
+        "    return few\n",
         (PORTFOLIO,),
     ),
     Mutant(
