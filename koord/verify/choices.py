@@ -76,14 +76,11 @@ def order_of(d: Terms, robots: int, label: str) -> Before:
 
     So whatever the places are, they are an order of all robots, and nothing is required of them.
     """
-    places = [d.fresh(f"place@{i}#{label}", _places(robots)) for i in range(robots)]
+    # As many values as there are robots: domains with a number of bits for each need no more.
+    place = EnumType("place", tuple(map(str, range(robots))))
+    places = [d.fresh(f"place@{i}#{label}", place) for i in range(robots)]
     pairs = combinations(range(robots), 2)
     return {(i, j): d.binary(BinaryOp.LT, places[i], places[j]) for i, j in pairs}
-
-
-def _places(robots: int) -> EnumType:
-    """As many values as there are robots: domains with a number of bits for each need no more."""
-    return EnumType("place", tuple(str(place) for place in range(robots)))
 
 
 def obligations(

@@ -123,8 +123,7 @@ class ByInduction:
         """Go on from where it stopped, up to steps of so many rounds."""
         started = time.monotonic()
         while self._done < rounds:
-            effort = self.afterwards if ledger.is_violated else self.effort
-            if self._done > 0 and (ledger.deadline.passed() or effort.left <= 0):
+            if self._done > 0 and (ledger.deadline.passed() or self._effort(ledger).left <= 0):
                 return
             self._done = depth = self._done + 1
             self.unrolling.through(ledger, depth - 1)
@@ -133,14 +132,13 @@ class ByInduction:
             claims = [c for c in ledger.open() if c not in bounded.unreplayed]
             if not claims or bounded.completed is None or bounded.completed < depth - 1:
                 return
-            effort = self.afterwards if ledger.is_violated else self.effort
             ledger.progress(f"induction over {depth} round{'s' if depth > 1 else ''}")
             result = prove(
                 ledger.system,
                 claims,
                 ledger.proved(),
                 ledger.deadline,
-                effort,
+                self._effort(ledger),
                 depth=depth,
                 seed=ledger.seed,
             )
@@ -151,6 +149,9 @@ class ByInduction:
                     self._shortest.setdefault(claim, result.steps[claim])
                 step = self._shortest.get(claim)
                 ledger.leave([claim], Reach(Engine.INDUCTION, None, reason, seconds, step))
+
+    def _effort(self, ledger: Ledger) -> Effort:
+        return self.afterwards if ledger.is_violated else self.effort
 
 
 @dataclass(frozen=True, slots=True)

@@ -113,9 +113,8 @@ class Ledger:
 
     def is_of_all_rounds(self, names: Collection[str]) -> bool:
         """Whether what is named is settled, and holds in every round (no name: all is asked)."""
-        asked = [claim for claim in self.claims if not names or claim.name in names]
-        held = [v for c in asked if (v := self.verdicts.get(c)) and v.outcome is Outcome.HOLDS]
-        return all(c in self.verdicts for c in asked) and all(v.rounds is None for v in held)
+        asked = [self.verdicts.get(c) for c in self.claims if not names or c.name in names]
+        return all(v and (v.outcome is not Outcome.HOLDS or v.rounds is None) for v in asked)
 
     def wanting(self) -> list[Claim]:
         """The open claims that no engine saw hold through as many rounds as asked for."""

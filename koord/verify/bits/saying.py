@@ -164,15 +164,6 @@ class _Words:
 
     def __post_init__(self) -> None:
         program = self.system.program
-        self._taken = (
-            frozenset(
-                node.name
-                for node in nodes(program)
-                if isinstance(node, core.Variable | core.External)
-            )
-            | {name for name, _ in program.parameters}
-            | {f.name for f in program.functions}
-        )
         self._taken = frozenset(_called(program))
         # The first robots of a round that has urgent events do not make a round by themselves.
         self._hurried = any(event.urgent for agent in program.agents for event in agent.events)
