@@ -7,7 +7,8 @@ from itertools import groupby
 
 from koord.cli.inputs import LoadedProgram
 from koord.cli.terminal import Paint, Style
-from koord.verify.resting import Premise, PremiseKind, Resting
+from koord.verify.premises import Premise, PremiseKind
+from koord.verify.resting import Resting
 
 
 def lines(loaded: LoadedProgram, found: Resting, style: Style) -> Iterator[str]:

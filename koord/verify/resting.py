@@ -1,22 +1,18 @@
 """What proofs rest on: the least that has to be assumed for them to go through.
 
-A premise is something that a program says and nobody proves: an assumption about the start, a
-contract of a module without a model, a promise of a summary. Each is left out in turn, and what was
-proved is asked again by the engines that proved it; if it still holds, the premise was not needed.
-So what stays is a least set, though there may be others.
+Each premise is left out in turn, and what was proved is asked again by the engines that proved it;
+if it still holds, the premise was not needed. So what stays is a least set, though there may be
+others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from functools import partial
 
 from koord.semantics.configurations import System
 from koord.semantics.search.limits import Limits
-from koord.syntax import core
-from koord.syntax.source import Span
 from koord.verify.abstraction import abstracted
 from koord.verify.bits.engine import ByBits
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
@@ -24,32 +20,10 @@ from koord.verify.engines import ByInduction, BySearch, ByUnrolling
 from koord.verify.every_n.engine import ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
 from koord.verify.ledger import Ledger, Subject, Works
+from koord.verify.premises import Premise, premises, without
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
-
-
-class PremiseKind(Enum):
-    """What a premise is about."""
-
-    ASSUMPTION = "assumption"  #: the start
-    CONTRACT = "contract"  #: sensors
-    SUMMARY = "summary"  #: an external function
-
-
-@dataclass(frozen=True, slots=True)
-class Premise:
-    """Something that proofs may use without proof.
-
-    ``name`` is that of the assumption, of the contract with its module, or of the function;
-    ``promise`` counts what a contract or summary ensures from 1, out of ``promises``.
-    """
-
-    kind: PremiseKind
-    name: str
-    span: Span
-    promise: int = 1
-    promises: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,51 +34,6 @@ class Resting:
     needed: tuple[Premise, ...]
     spare: tuple[Premise, ...]
     untried: tuple[Premise, ...] = ()
-
-
-def premises(program: core.Program) -> tuple[Premise, ...]:
-    """All premises of a program, in the order of its parts."""
-    found = [Premise(PremiseKind.ASSUMPTION, a.name, a.span) for a in program.assumptions]
-    for module, contract in _contracts(program):
-        name, count = f"{module.name}.{contract.name}", len(contract.ensures)
-        found += [
-            Premise(PremiseKind.CONTRACT, name, contract.span, k + 1, count) for k in range(count)
-        ]
-    for external in program.externals:
-        count = len(external.ensures)
-        found += [
-            Premise(PremiseKind.SUMMARY, external.name, external.span, k + 1, count)
-            for k in range(count)
-        ]
-    return tuple(dict.fromkeys(found))
-
-
-def without(program: core.Program, left_out: Sequence[Premise]) -> core.Program:
-    """The program without some of its premises: more may happen in it."""
-
-    def ensured(kind: PremiseKind, name: str, span: Span, all_: tuple[core.Expr, ...]) -> _Exprs:
-        gone = {p.promise for p in left_out if (p.kind, p.name, p.span) == (kind, name, span)}
-        return tuple(e for k, e in enumerate(all_, start=1) if k not in gone)
-
-    def module(of: core.Module) -> core.Module:
-        if of.environment is not None:
-            return of
-        contracts = tuple(
-            replace(c, ensures=ensured(_CONTRACT, f"{of.name}.{c.name}", c.span, c.ensures))
-            for c in of.contracts
-        )
-        return replace(of, contracts=contracts)
-
-    gone = {(p.name, p.span) for p in left_out if p.kind is PremiseKind.ASSUMPTION}
-    return replace(
-        program,
-        assumptions=tuple(a for a in program.assumptions if (a.name, a.span) not in gone),
-        agents=tuple(replace(a, modules=tuple(map(module, a.modules))) for a in program.agents),
-        externals=tuple(
-            replace(e, ensures=ensured(PremiseKind.SUMMARY, e.name, e.span, e.ensures))
-            for e in program.externals
-        ),
-    )
 
 
 def resting(
@@ -140,17 +69,6 @@ def resting(
             spare.append(premise)
     needed = tuple(p for p in asked if p not in spare)
     return Resting(names, needed, tuple(spare))
-
-
-_Exprs = tuple[core.Expr, ...]
-_CONTRACT = PremiseKind.CONTRACT
-
-
-def _contracts(program: core.Program) -> Iterator[tuple[core.Module, core.Contract]]:
-    for agent in program.agents:
-        for module in agent.modules:
-            if module.environment is None:
-                yield from ((module, contract) for contract in module.contracts)
 
 
 def _still_proved(

@@ -8,7 +8,8 @@ from koord.semantics.configurations import System, dealt
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.verify.portfolio import Choice, verify
-from koord.verify.resting import Premise, PremiseKind, Resting, premises, resting, without
+from koord.verify.premises import Premise, PremiseKind, premises, without
+from koord.verify.resting import Resting, resting
 from koord.verify.verdicts import Bounds, Outcome
 
 ROVER = """
