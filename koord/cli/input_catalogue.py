@@ -208,7 +208,8 @@ INPUT_CATALOGUE = dict(
             "a certificate is refused",
             "The file has the form of a certificate, and contradicts itself or the program: its "
             "text is not the one that was certified, it claims what the program does not state, "
-            "an obligation is missing, or it does not say what the proof rests on.\n\n"
+            "an obligation is missing, or a script in it is not SMT-LIB 2 that asks one question, or "
+            "it does not say what the proof rests on.\n\n"
             "Nothing is said then of the claims: write the certificate anew with "
             "`koord verify --certificate`.",
         ),

@@ -13,7 +13,7 @@ from koord.cli.exits import Exit
 from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_program
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.recheck.certificate import Certificate, read
+from koord.recheck.certificate import REWRITE, Certificate, read
 from koord.recheck.checking import Outcome, Part, Rechecked, recheck
 from koord.recheck.settling import Settled
 from koord.recheck.solving import Answer, MissingSolverError, version
@@ -56,7 +56,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", metavar="N", type=int, default=0, help="of the solver (0)")
     add_json(parser, "the verdict")
     parser.epilog = (
-        "exit codes: 0 confirmed, 1 refuted, 2 a damaged certificate or no solver, 3 unknown"
+        "exit codes: 0 confirmed, 1 refuted, 2 a damaged certificate or no solver, 3 unknown "
+        "(no answer in time, a construct that is not rechecked, or the solver crashed)"
     )
 
 
@@ -108,7 +109,7 @@ def _check_program(request: Request, certificate: Certificate, program: InputFil
             "K941",
             request.name,
             f"the certificate is about another text than {program.source.name}",
-            "write the certificate anew with `koord verify --certificate`",
+            REWRITE,
         )
 
 
@@ -130,11 +131,7 @@ def _lines(certificate: Certificate, found: Rechecked, solver: str, style: Style
     if found.here is not None:
         where = f" for {_team(certificate)}" if found.everyone is not None else ""
         lines += _part_lines(found.here, where)
-    same = sum(opinion.answer is Answer.UNSAT for opinion in found.opinions)
-    lines += [
-        f"  {same} of {len(certificate.given)} scripts in the certificate are agreed with",
-        "",
-    ]
+    lines += [*_opinion_lines(found), ""]
     for names, scope in _confirmed(certificate, found):
         if names:
             lines += [f"{scope}, in every round: {visible(', '.join(names))}"]
@@ -167,6 +164,17 @@ def _part_lines(part: Part, where: str) -> list[str]:
         if one.answer is Answer.SAT:
             lines += ["    from a configuration in which the invariant holds, such as"]
             lines += [f"      {visible(text)}" for text in one.state]
+    return lines
+
+
+def _opinion_lines(found: Rechecked) -> list[str]:
+    other = [opinion for opinion in found.opinions if opinion.answer is not Answer.UNSAT]
+    same, of = len(found.opinions) - len(other), len(found.opinions)
+    lines = [f"  {same} of {of} scripts in the certificate are agreed with"]
+    for opinion in other:
+        sat = opinion.answer is Answer.SAT
+        what = "it can be satisfied" if sat else f"not settled: {opinion.reason}"
+        lines += [f"  {visible(opinion.name)}: {visible(what)}"]
     return lines
 
 
@@ -213,7 +221,8 @@ def _as_json(certificate: Certificate, found: Rechecked, solver: str) -> dict[st
         "scripts": [
             {
                 "name": opinion.name,
-                "answer": "unreadable" if opinion.answer is None else _MET[opinion.answer],
+                "answer": _MET[opinion.answer],
+                "reason": opinion.reason,
             }
             for opinion in found.opinions
         ],

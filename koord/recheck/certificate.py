@@ -22,7 +22,10 @@ from koord.syntax.parser import parse
 from koord.syntax.source import Source
 
 FORMAT = "koord certificate"
-VERSION = 2
+VERSION = 3
+
+#: The cure for all that is wrong with a certificate.
+REWRITE = "write the certificate anew with `koord verify --certificate`"
 
 #: More robots than this no certificate is about: obligations grow with their number.
 MOST_ROBOTS = 1000
@@ -190,10 +193,7 @@ def read(raw: bytes, name: str) -> Certificate:
             part: top.field("rests_on").field(part).names()
             for part in ("assumptions", "contracts", "summaries")
         },
-        tuple(
-            Given(part.field("name").text(), part.field("smt2").text())
-            for part in top.field("obligations").items()
-        ),
+        _scripts(top.field("obligations")),
         tuple(
             (part.field("name").text(), part.field("reason").text())
             for part in top.field("not_covered").items()
@@ -202,16 +202,32 @@ def read(raw: bytes, name: str) -> Certificate:
 
 
 def _source(reader: _Reader) -> Source:
-    text = reader.field("text").text()
+    return Source(reader.field("name").text(), _certified(reader, "text"))
+
+
+def _certified(reader: _Reader, part: str) -> str:
+    """A text that its digest is of."""
+    text = reader.field(part).text()
     found = sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()
     if found != reader.field("sha256").text():
+        what = f"{reader.path}.{part}"
         raise refusal(
             "K941",
             reader.file,
-            f"{reader.path}.text is not the text that was certified: its SHA-256 differs",
-            "write the certificate anew with `koord verify --certificate`",
+            f"{what} is not the text that was certified: its SHA-256 differs",
+            REWRITE,
         )
-    return Source(reader.field("name").text(), text)
+    return text
+
+
+def _scripts(reader: _Reader) -> tuple[Given, ...]:
+    given: dict[str, Given] = {}
+    for part in reader.items():
+        name = part.field("name").text()
+        if name in given:
+            raise refusal("K941", reader.file, f"there are two obligations {name!r}", REWRITE)
+        given[name] = Given(name, _certified(part, "smt2"))
+    return tuple(given.values())
 
 
 def _parameters(reader: _Reader) -> dict[str, ParamValue]:

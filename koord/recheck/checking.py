@@ -8,16 +8,17 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from koord.recheck import instances
-from koord.recheck.certificate import Argument, Certificate, Given, opened
+from koord.recheck.certificate import REWRITE, Argument, Certificate, Opened, opened
 from koord.recheck.claims import Obligation
-from koord.recheck.commands import NotACommandError, harmless
+from koord.recheck.commands import Harmless, NotACommandError, harmless
 from koord.recheck.every_number import EveryNumber
 from koord.recheck.obligations import Obligations
 from koord.recheck.settling import Settled, Settling
-from koord.recheck.solving import Answer, Session, TextError, answer_of
+from koord.recheck.solving import Answer, Session, SolverEndedError, TextError, answer_of, read
 from koord.recheck.terms import Terms
 from koord.recheck.values import NotRecheckedError, Values
 from koord.recheck.world import World
+from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
 from koord.syntax.source import NOWHERE, Span
 
 #: What one question may take, in seconds.
@@ -37,10 +38,11 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Opinion:
-    """What the solver says of a script that came with the certificate; None: it cannot be read."""
+    """What the solver says of a script that came with the certificate, and why it says no more."""
 
     name: str
-    answer: Answer | None
+    answer: Answer
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,22 +101,36 @@ def recheck(
     """
     started = time.monotonic()
     clock = _Clock(None if timeout_s is None else started + timeout_s)
-    everyone = here = None
+    everyone: Part | None = None
+    here: Part | None = None
     try:
         it = opened(certificate)
     except NotRecheckedError as error:
         here = Part(Outcome.UNKNOWN, (), error.reason, error.span)
+        scripts = _read(certificate, progress)
     else:
-        if it.everyone is not None:
-            everyone = _part(_for_everyone(it.everyone, seed, clock, progress))
-        certain = everyone is not None and everyone.outcome is Outcome.CONFIRMED
-        if not certain or not all(claimed.everyone for claimed in certificate.claims):
-            session = Session.start(seed)
-            here = _part(_Pass(it.here, session, clock, progress).settled())
-    opinions = tuple(
-        _opinion(given, clock, progress) for given in certificate.given if clock.left(1.0) > 0
-    )
+        scripts = _read(certificate, progress)
+        everyone, here = _argued(certificate, it, seed, clock, progress)
+    opinions = tuple(_opinion(name, script, clock, progress) for name, script in scripts)
     return _joined(everyone, here, opinions, time.monotonic() - started)
+
+
+def _argued(
+    certificate: Certificate,
+    it: Opened,
+    seed: int,
+    clock: _Clock,
+    progress: Callable[[str], None],
+) -> tuple[Part | None, Part | None]:
+    """What becomes of the claims for every number of robots, and of those for these robots."""
+    everyone = here = None
+    if it.everyone is not None:
+        everyone = _part(_for_everyone(it.everyone, seed, clock, progress))
+    certain = everyone is not None and everyone.outcome is Outcome.CONFIRMED
+    if not certain or not all(claimed.everyone for claimed in certificate.claims):
+        with Session.start(seed) as session:
+            here = _part(_Pass(it.here, session, clock, progress).settled())
+    return everyone, here
 
 
 def _part(settling: Iterator[Settled]) -> Part:
@@ -128,6 +144,9 @@ def _part(settling: Iterator[Settled]) -> Part:
                 return Part(Outcome.REFUTED, tuple(settled), reason)
     except NotRecheckedError as error:
         return Part(Outcome.UNKNOWN, tuple(settled), error.reason, error.span)
+    except SolverEndedError as error:
+        reason = f"the obligation after {len(settled)} that are settled: {error} on it"
+        return Part(Outcome.UNKNOWN, tuple(settled), reason)
     for one in settled:
         if one.answer is Answer.UNKNOWN:
             reason = f"{one.name}: {one.claim or 'not settled'} (no answer in time)"
@@ -140,15 +159,16 @@ def _for_everyone(
 ) -> Iterator[Settled]:
     """The obligations for every number of robots."""
     values = Values(Terms(), None, it.world.sealed)
-    settling = Settling(values, Session.start(seed), lambda: clock.left(QUESTION_S), progress)
     looked = False
-    for obligation in EveryNumber(it.world, it.claims, values, it.consequences):
-        progress(f"any number of robots: {obligation.name}")
-        one = instances.settled(settling, obligation)
-        if one.answer is not Answer.UNSAT and not looked:
-            looked = True
-            yield from _refuted_by_few(it, seed, clock, progress)
-        yield one
+    with Session.start(seed) as session:
+        settling = Settling(values, session, lambda: clock.left(QUESTION_S), progress)
+        for obligation in EveryNumber(it.world, it.claims, values, it.consequences):
+            progress(f"any number of robots: {obligation.name}")
+            one = instances.settled(settling, obligation)
+            if one.answer is not Answer.UNSAT and not looked:
+                looked = True
+                yield from _refuted_by_few(it, seed, clock, progress)
+            yield one
 
 
 #: With so few robots a claim about every number of them is looked at that is not shown at once.
@@ -164,7 +184,8 @@ def _refuted_by_few(
     for robots in _FEW:
         world = World(it.world.program, (0,) * robots, it.world.delta_s)
         few = Argument(world, it.claims, it.consequences)
-        found = _part(_Pass(few, Session.start(seed), clock, progress).settled())
+        with Session.start(seed) as session:
+            found = _part(_Pass(few, session, clock, progress).settled())
         if found.outcome is Outcome.REFUTED:
             last = found.settled[-1]
             yield replace(
@@ -188,6 +209,10 @@ def _joined(
             return Rechecked(
                 Outcome.UNKNOWN, everyone, here, opinions, seconds, part.reason, part.span
             )
+    for opinion in opinions:
+        if opinion.answer is Answer.UNKNOWN:
+            reason = f"the script {opinion.name!r} in the certificate: {opinion.reason}"
+            return Rechecked(Outcome.UNKNOWN, everyone, here, opinions, seconds, reason)
     return Rechecked(Outcome.CONFIRMED, everyone, here, opinions, seconds)
 
 
@@ -234,10 +259,36 @@ class _Pass:
         return False
 
 
-def _opinion(given: Given, clock: _Clock, progress: Callable[[str], None]) -> Opinion:
-    progress(f"enclosed: {given.name}")
+def _read(certificate: Certificate, progress: Callable[[str], None]) -> list[tuple[str, Harmless]]:
+    """The scripts of a certificate. Raises KoordError (K941) that names each that is none."""
+    scripts: list[tuple[str, Harmless]] = []
+    problems: list[Diagnostic] = []
+    for given in certificate.given:
+        progress(f"reading: {given.name}")
+        try:
+            script = harmless(given.smt2)
+            read(script)
+        except SolverEndedError:
+            pass  # which is told when it is asked
+        except (TextError, NotACommandError) as error:
+            message = f"the script {given.name!r} cannot be read: {error}"
+            problems += refusal("K941", certificate.name, message, REWRITE).diagnostics
+            continue
+        scripts.append((given.name, script))
+    if problems:
+        raise KoordError(tuple(problems))
+    return scripts
+
+
+def _opinion(
+    name: str, script: Harmless, clock: _Clock, progress: Callable[[str], None]
+) -> Opinion:
+    progress(f"enclosed: {name}")
+    left = clock.left(SECOND_OPINION_S)
+    if left <= 0:
+        return Opinion(name, Answer.UNKNOWN, "there was no time left to ask")
     try:
-        answer = answer_of(harmless(given.smt2), clock.left(SECOND_OPINION_S))
-    except (TextError, NotACommandError):
-        return Opinion(given.name, None)
-    return Opinion(given.name, answer)
+        answer = answer_of(script, left)
+    except SolverEndedError as error:
+        return Opinion(name, Answer.UNKNOWN, str(error))
+    return Opinion(name, answer, "no answer in time" if answer is Answer.UNKNOWN else "")

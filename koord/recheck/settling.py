@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from koord.recheck.claims import Attempt, Goal, Obligation, Shown
 from koord.recheck.script import Script
-from koord.recheck.solving import Answer, Session
+from koord.recheck.solving import Answer, Session, SolverEndedError
 from koord.recheck.terms import Term, Terms
 from koord.recheck.values import Values
 from koord.syntax.types import EnumType
@@ -138,7 +138,8 @@ class Settling:
         try:
             yield
         finally:
-            self.session.tell(["(pop 1)"])
+            if not self.session.is_over:
+                self.session.tell(["(pop 1)"])
 
     def tell(self, facts: Sequence[Term]) -> None:
         """Assert something until what was pushed last is taken back."""
@@ -169,9 +170,13 @@ class Settling:
             definitions, text = self._script.text(one.term)
             news = self.values.declarations[self._declared :]
             self._declared = len(self.values.declarations)
-            if news or definitions:
-                self.session.tell([*news, *definitions])
-            value = self.session.values([text])[0]
+            try:
+                if news or definitions:
+                    self.session.tell([*news, *definitions])
+                value = self.session.values([text])[0]
+            except SolverEndedError as error:  # what it found stands
+                yield f"{one.what} is not known, nor what comes after it: {error} when it was asked"
+                return
             if isinstance(one.type, EnumType) and value.isdigit():
                 number = int(value)
                 if number < len(one.type.members):

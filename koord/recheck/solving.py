@@ -1,16 +1,26 @@
-"""The other solver: the only file that knows cvc5. It is given text, as anyone could give it."""
+"""The other solver: the only file that knows cvc5. It is given text, as anyone could give it.
+
+It runs in a process of its own: whatever it does, be it to crash, the one that asks goes on.
+"""
 
 from __future__ import annotations
 
+import faulthandler
+import multiprocessing
+import os
 import re
+import signal
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from types import ModuleType
-from typing import Any
+from types import ModuleType, TracebackType
+from typing import TYPE_CHECKING, Any
 
-#: About what cvc5 does in a second, in its own units: a limit in them is the same on any machine.
-PER_SECOND = 100_000
+from koord.recheck.commands import Harmless
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from multiprocessing.process import BaseProcess
 
 
 class Answer(Enum):
@@ -27,6 +37,10 @@ class MissingSolverError(Exception):
 
 class TextError(Exception):
     """A text that cvc5 cannot read."""
+
+
+class SolverEndedError(Exception):
+    """cvc5 ended in the middle of a question, as if it crashed: nothing more is known of it."""
 
 
 def _cvc5() -> ModuleType:
@@ -51,59 +65,100 @@ _OPTIONS = {
     "arrays-exp": "true",
 }
 
+#: All theories, with quantifiers.
+_ALL = "(set-logic ALL)"
+
+#: How much longer than it may a solver can take to say so, and to read a script, in seconds.
+_GRACE_S = 20.0
+
 
 @dataclass(slots=True)
 class Session:
-    """One run of cvc5, fed with commands."""
+    """One run of cvc5, fed with commands. Inside a ``with``, at whose end it is over."""
 
-    _solver: Any
-    _parser: Any
-    _symbols: Any
-    _language: Any
+    _process: BaseProcess
+    _line: Connection
+    _is_over: bool = False
+    _question_s: float | None = None
 
     @staticmethod
-    def start(seed: int = 0) -> Session:
-        """Raises MissingSolverError."""
-        cvc5 = _cvc5()
-        manager = cvc5.TermManager()
-        solver = cvc5.Solver(manager)
-        options = {**_OPTIONS, "seed": str(seed)}
-        for name, value in options.items():
-            solver.setOption(name, value)
-        symbols = cvc5.SymbolManager(manager)
-        parser = cvc5.InputParser(solver, symbols)
-        session = Session(solver, parser, symbols, cvc5.InputLanguage.SMT_LIB_2_6)
-        session.tell(["(set-logic ALL)"])
+    def start(seed: int = 0, logic: str = _ALL) -> Session:
+        """Raises MissingSolverError, and TextError if there is no such logic."""
+        _cvc5()  # whoever is forked from this process has it then
+        can_fork = "fork" in multiprocessing.get_all_start_methods()
+        context = multiprocessing.get_context("fork" if can_fork else "spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(  # type: ignore[attr-defined]
+            target=_serve, args=(theirs, ours if can_fork else None, seed), daemon=True
+        )
+        process.start()
+        theirs.close()
+        session = Session(process, ours)
+        try:
+            session.tell([logic])
+        except TextError:
+            session.close()
+            raise
         return session
 
-    def tell(self, commands: Iterable[str]) -> str:
-        """Run commands; what they print. Raises TextError."""
-        said = []
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the process, whatever it is doing."""
+        if not self._is_over:
+            self._is_over = True
+            self._process.kill()
+            self._process.join()
+            self._line.close()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing can be asked any more."""
+        return self._is_over
+
+    def tell(self, commands: Iterable[str], within_s: float | None = None) -> str:
+        """Run commands; what they print. Raises TextError, and SolverEndedError."""
+        if self._is_over:
+            raise SolverEndedError("cvc5 has ended")
         try:
-            self._parser.setStringInput(self._language, "\n".join(commands), "obligations")
-            while not (command := self._parser.nextCommand()).isNull():
-                said.append(str(command.invoke(self._solver, self._symbols)))
-        except RuntimeError as error:  # of the parser
-            raise TextError(" ".join(str(error).split())[:300]) from error
-        answer = "".join(said)
-        if "(error" in answer:
-            raise TextError(" ".join(answer.split())[:300])
-        return answer
+            self._line.send("\n".join(commands))
+            if not self._line.poll(within_s):
+                self.close()
+                raise SolverEndedError("cvc5 did not end in time")
+            said, problem = self._line.recv()
+        except (EOFError, OSError) as error:
+            self._process.join()
+            code = self._process.exitcode or 0
+            self.close()
+            raise SolverEndedError(f"cvc5 {_end(code)}") from error
+        if problem:
+            raise TextError(problem)
+        return str(said)
 
     def allow(self, seconds: float) -> None:
         """How long a question may take from here on."""
         self.tell([f"(set-option :tlimit-per {max(1, int(seconds * 1000))})"])
+        self._question_s = seconds + _GRACE_S
 
     def check(self) -> Answer:
         """Whether what is asserted can hold."""
-        said = self.tell(["(check-sat)"]).split()
+        said = self.tell(["(check-sat)"], self._question_s).split()
         return Answer(said[-1]) if said and said[-1] in ("sat", "unsat") else Answer.UNKNOWN
 
     def values(self, terms: Sequence[str]) -> list[str]:
         """What the model says of terms, after ``sat``."""
         found = []
         for term in terms:
-            said = self.tell([f"(get-value ({term}))"]).strip()
+            said = self.tell([f"(get-value ({term}))"], _GRACE_S).strip()
             found.append(_value(said))
         return found
 
@@ -136,9 +191,80 @@ def _fraction(match: re.Match[str]) -> str:
     return f"{sign}{match.group(2)}/{match.group(3)}"
 
 
-def answer_of(text: str, seconds: float) -> Answer:
-    """What cvc5 says of a whole script that someone else wrote. Raises TextError."""
-    session = Session.start()
-    session.allow(seconds)
-    said = session.tell([line for line in text.splitlines() if "(set-logic" not in line]).split()
-    return Answer(said[-1]) if said and said[-1] in ("sat", "unsat") else Answer.UNKNOWN
+def read(script: Harmless) -> None:
+    """Have cvc5 read a script that someone else wrote. Raises TextError, and SolverEndedError."""
+    with Session.start(logic=script.logic or _ALL) as session:
+        session.tell(script.commands, _GRACE_S)
+
+
+def answer_of(script: Harmless, seconds: float) -> Answer:
+    """What cvc5 says of such a script. Raises what :func:`read` raises."""
+    with Session.start(logic=script.logic or _ALL) as session:
+        session.tell(script.commands, _GRACE_S)
+        session.allow(seconds)
+        return session.check()
+
+
+# --- inside the process ---------------------------------------------------------------------------
+
+
+def _serve(line: Connection, others: Connection | None, seed: int) -> None:
+    """Run commands and say what they print, until nobody asks any more."""
+    if others is not None:
+        others.close()  # or the end of the one that asks would not be noticed
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one that asks
+    faulthandler.disable()
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # last words of a solver that crashes
+    solver = _Solver.start(seed)
+    while True:
+        try:
+            text = line.recv()
+        except (EOFError, OSError):
+            return
+        line.send(solver.told(text))
+
+
+@dataclass(slots=True)
+class _Solver:
+    """cvc5, with a parser for its commands."""
+
+    _solver: Any
+    _parser: Any
+    _symbols: Any
+    _language: Any
+
+    @staticmethod
+    def start(seed: int) -> _Solver:
+        cvc5 = _cvc5()
+        manager = cvc5.TermManager()
+        solver = cvc5.Solver(manager)
+        options = {**_OPTIONS, "seed": str(seed)}
+        for name, value in options.items():
+            solver.setOption(name, value)
+        symbols = cvc5.SymbolManager(manager)
+        parser = cvc5.InputParser(solver, symbols)
+        return _Solver(solver, parser, symbols, cvc5.InputLanguage.SMT_LIB_2_6)
+
+    def told(self, text: str) -> tuple[str, str]:
+        """What commands print, and what is wrong with them."""
+        said = []
+        try:
+            self._parser.setStringInput(self._language, text, "obligations")
+            while not (command := self._parser.nextCommand()).isNull():
+                said.append(str(command.invoke(self._solver, self._symbols)))
+        except RuntimeError as error:  # of the parser
+            return "", _brief(str(error)) or "cvc5 cannot read it"
+        answer = "".join(said)
+        return answer, _brief(answer) if "(error" in answer else ""
+
+
+def _brief(text: str) -> str:
+    return " ".join(text.split())[:300]
+
+
+def _end(code: int) -> str:
+    """How a process ended."""
+    if code < 0:
+        name = signal.Signals(-code).name if -code in set(signal.Signals) else str(-code)
+        return f"crashed ({name})"
+    return f"ended by itself (exit code {code})"

@@ -30,7 +30,7 @@ from koord.verify.solving import Deadline, Effort
 from koord.verify.verdicts import Engine, Outcome, Report, as_invariant
 
 FORMAT = "koord certificate"
-VERSION = 2
+VERSION = 3
 
 #: What the configurations are called that a step looks at.
 _MOMENTS = {
@@ -153,7 +153,8 @@ def certificate(
         "rests_on": rests_on(system.program),
         "not_covered": [{"name": name, "reason": why} for name, why in not_covered.items()],
         "obligations": [
-            {"name": name, "smt2": text} for name, text in _obligations(subject, depths)
+            {"name": name, "smt2": text, "sha256": digest(text)}
+            for name, text in _obligations(subject, depths)
         ],
     }
     return Certificate(document, not_covered)

@@ -12,6 +12,8 @@ import pytest
 
 from koord.cli.exits import Exit
 from koord.cli.main import main
+from koord.recheck import checking
+from koord.verify.certificates import digest
 from tests.recheck.certificates import document_of
 
 pytest.importorskip("cvc5")
@@ -109,6 +111,38 @@ def test_a_construct_that_is_not_rechecked_is_named(
     capsys.readouterr()
     assert main(["recheck", str(path)]) == Exit.UNKNOWN
     assert "unknown: going through a map" in capsys.readouterr().out
+
+
+def test_scripts_that_cannot_be_read_are_named(
+    certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = json.loads(certificate.read_text())
+    document["obligations"][1] |= {"smt2": "garbage", "sha256": digest("garbage")}
+    certificate.write_text(json.dumps(document))
+    assert main(["recheck", str(certificate)]) == Exit.BAD_INPUT
+    said = capsys.readouterr()
+    name = "consecution of the program turns"
+    story = f"error K941: the script '{name}' cannot be read: it has text that is in no command"
+    assert story in said.err
+    assert "confirmed" not in said.out + said.err
+
+
+def test_scripts_that_are_not_settled_are_named(
+    certificate: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checking, "SECOND_OPINION_S", 0.0)
+    assert main(["recheck", str(certificate)]) == Exit.UNKNOWN
+    said = capsys.readouterr().out
+    assert "0 of 3 scripts in the certificate are agreed with" in said
+    assert "  initiation: not settled: there was no time left to ask" in said
+    assert "unknown: the script 'initiation' in the certificate: there was no time left" in said
+    assert main(["recheck", str(certificate), "--json"]) == Exit.UNKNOWN
+    found = json.loads(capsys.readouterr().out)
+    assert found["scripts"][0] == {
+        "name": "initiation",
+        "answer": "unknown",
+        "reason": "there was no time left to ask",
+    }
 
 
 def test_without_cvc5_the_cure_is_told(

@@ -35,9 +35,10 @@ def world_of(system: System) -> World:
 def settled(world: World, claims: Sequence[Claim]) -> Iterator[Settled]:
     """Every obligation of some claims, settled."""
     values = Values(Terms(), world.robots, world.sealed)
-    settling = Settling(values, Session.start(), lambda: SECONDS)
-    for obligation in Obligations(world, claims, values):
-        yield settling.settled(obligation)
+    with Session.start() as session:
+        settling = Settling(values, session, lambda: SECONDS)
+        for obligation in Obligations(world, claims, values):
+            yield settling.settled(obligation)
 
 
 #: How the obligations of some claims are settled.
@@ -48,9 +49,10 @@ def settled_for_everyone(world: World, claims: Sequence[Claim]) -> Iterator[Sett
     """Every obligation of some claims for any number of robots, settled."""
     anyone = World(world.program, (), world.delta_s)
     values = Values(Terms(), None, anyone.sealed)
-    settling = Settling(values, Session.start(), lambda: SECONDS)
-    for obligation in EveryNumber(anyone, claims, values):
-        yield instances.settled(settling, obligation)
+    with Session.start() as session:
+        settling = Settling(values, session, lambda: SECONDS)
+        for obligation in EveryNumber(anyone, claims, values):
+            yield instances.settled(settling, obligation)
 
 
 def confirmed(

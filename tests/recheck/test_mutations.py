@@ -9,6 +9,7 @@ import pytest
 
 from koord.recheck.checking import Outcome
 from koord.syntax.diagnostics import KoordError
+from koord.verify.certificates import digest
 from tests.recheck.certificates import Document, conjunct, document_of, rechecked, with_text
 
 pytest.importorskip("cvc5")
@@ -38,7 +39,7 @@ def _without(name: str) -> Change:
 
 def _script(position: int, text: str) -> Change:
     def change(document: Document) -> None:
-        document["obligations"][position]["smt2"] = text
+        document["obligations"][position] |= {"smt2": text, "sha256": digest(text)}
 
     return change
 

@@ -23,13 +23,13 @@ PAIR = RecordType("Pair", (("a", INTEGER), ("b", INTEGER)))
 
 def follows(values: Values, facts: list[Term], goal: Term) -> bool:
     """Whether the solver shows a goal from facts."""
-    session, script = Session.start(), Script()
-    commands = []
+    script, commands = Script(), list[str]()
     for term in [*facts, values.t.negation(goal)]:
         definitions, text = script.text(term)
         commands += [*definitions, f"(assert {text})"]
-    session.tell([*values.declarations, *commands])
-    return session.check() is Answer.UNSAT
+    with Session.start() as session:
+        session.tell([*values.declarations, *commands])
+        return session.check() is Answer.UNSAT
 
 
 @pytest.mark.parametrize("divisor", [-3, -2, -1, 1, 2, 3])
