@@ -201,7 +201,7 @@ INPUT_CATALOGUE = dict(
             "A certificate is one JSON document, written by `koord verify --certificate`. This "
             "file is another kind of document, it is cut off, or a part of it is missing or of "
             "another type than it should be; the message names the part. "
-            "`specs/certificates/certificate.schema.json` describes the format.",
+            "`koord schema certificate` prints the format, as a JSON Schema.",
         ),
         _entry(
             "K941",

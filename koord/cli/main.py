@@ -71,7 +71,7 @@ COMMANDS = (
     Entry("compile", "compile a program to Python that robots run"),
     Entry("deploy", "run a program on robots, or as processes on this machine"),
     Entry("config", "check configuration files of runs"),
-    Entry("schema", "print the JSON Schema of configuration files"),
+    Entry("schema", "print the JSON Schema of what koord reads and writes"),
     Entry("check-refinement", "check that compiled programs do what the rules allow"),
 )
 

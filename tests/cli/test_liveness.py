@@ -13,7 +13,7 @@ from koord.cli import main as frame
 from koord.cli.exits import Exit
 from tests.semantics.endless import GATE, SERVED
 
-TRACES = Path(__file__).parents[2] / "specs/semantics/trace.schema.json"
+TRACES = Path(frame.__file__).parent / "schemas" / "trace.schema.json"
 VERDICTS = Path(frame.__file__).parent / "schemas" / "verdicts.schema.json"
 
 

@@ -1,6 +1,6 @@
 """The one codec of traces: JSON, versioned, exact in both directions. [TRACE]
 
-``specs/semantics/trace.schema.json`` describes the documents. Whatever is read is checked: decoding
+``koord schema trace`` describes the documents. Whatever is read is checked: decoding
 raises KoordError, with the JSON path of what is wrong, and nothing else.
 """
 

@@ -1,0 +1,149 @@
+"""What ``koord schema`` prints describes what the commands print, whatever comes of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from koord.cli.exits import Exit
+from koord.cli.main import main
+from koord.cli.progress import LiveLine
+from koord.cli.schema import DOCUMENTS
+
+COUNTER = """
+local:
+  int x
+Step:
+  pre: x < 9
+  eff: x = x + 1
+assume: forall i: x@i == 0
+"""
+
+UNENDING = """
+allwrite:
+  int total = 0
+local:
+  int x = 1
+Step:
+  eff:
+    atomic:
+      x = x * x + total
+      total = total + x
+"""
+
+PROGRAMS = {
+    "holds": COUNTER + "invariant Low: forall i: x@i >= 0\n",
+    "violated": COUNTER + "invariant Small: forall i: x@i < 2\ninvariant Few: forall i: x@i < 3\n",
+    "vacuous": COUNTER + "Never:\n  pre: x < 0\n  eff: x = 7\ninvariant Low: forall i: x@i >= 0\n",
+    "unknown": UNENDING + "invariant Odd: total != 91\n",
+    "live": COUNTER + "eventually Nine: forall i: x@i == 9\neventually Ten: exists i: x@i == 10\n",
+    "wrong": COUNTER + "invariant Low: y > 0\n",
+}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, text in PROGRAMS.items():
+        Path(f"{name}.krd").write_text(text, encoding="utf-8")
+
+
+def printed(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
+    capsys.readouterr()
+    main(list(words))
+    return json.loads(capsys.readouterr().out)
+
+
+def valid(capsys: pytest.CaptureFixture[str], document: str, told: object) -> None:
+    schema = printed(capsys, "schema", document)
+    Draft202012Validator(schema).validate(told)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_each_is_a_schema(capsys: pytest.CaptureFixture[str], document: str) -> None:
+    schema = printed(capsys, "schema", document)
+    Draft202012Validator.check_schema(schema)
+    assert not Draft202012Validator(schema).is_valid({"surely": "nothing of koord"})
+
+
+def test_that_of_configurations_needs_no_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert printed(capsys, "schema") == printed(capsys, "schema", "configuration")
+
+
+def test_others_are_refused_with_those_that_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema", "verdict"]) == Exit.BAD_INPUT
+    assert "'configuration', 'verdicts', 'diagnostics'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "outcomes"),
+    [
+        (["holds.krd"], Exit.OK, ["holds"]),
+        (["violated.krd", "--trace", "t.json"], Exit.VIOLATED, ["violated"]),
+        (["violated.krd", "--max-violations", "3"], Exit.VIOLATED, ["violated"]),
+        (["vacuous.krd"], Exit.VACUOUS, ["holds"]),
+        (["unknown.krd", "--engine", "induction"], Exit.UNKNOWN, ["unknown"]),
+        (["live.krd"], Exit.VIOLATED, ["violated"]),
+        (["holds.krd", "violated.krd"], Exit.VIOLATED, ["holds", "violated"]),
+        (["holds.krd", "--robots", "1..3"], Exit.OK, ["holds"] * 3),
+        (["holds.krd", "--robots", "any"], Exit.OK, ["holds"]),
+        (["holds.krd", "--rests-on"], Exit.OK, ["holds"]),
+        (["violated.krd", "--instants"], Exit.VIOLATED, ["violated"]),
+    ],
+    ids=lambda value: " ".join(map(str, value)) if isinstance(value, list) else value.name,
+)
+def test_verdicts_are_as_described(
+    capsys: pytest.CaptureFixture[str], words: list[str], code: Exit, outcomes: list[str]
+) -> None:
+    told = ["--rounds", "4", "--jobs", "1", "--json"]
+    assert main(["verify", *words, *told]) == code
+    found = json.loads(capsys.readouterr().out)
+    assert [report["outcome"] for report in found["reports"]] == outcomes
+    valid(capsys, "verdicts", found)
+
+
+def test_verdicts_of_a_run_that_was_interrupted_are_as_described(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def press(line: LiveLine, text: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(LiveLine, "show", press)
+    words = ["verify", "violated.krd", "--rounds", "4", "--json"]
+    assert main(words) == Exit.INTERRUPTED
+    found = json.loads(capsys.readouterr().out)
+    assert found["reports"][0]["interrupted"] is True
+    valid(capsys, "verdicts", found)
+
+
+def test_diagnostics_are_as_described(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["check", "wrong.krd"], ["verify", "wrong.krd"], ["recheck", "wrong.krd"]):
+        assert main([*words, "--json"]) == Exit.BAD_INPUT
+        found = json.loads(capsys.readouterr().out)
+        assert found["errors"] == 1
+        valid(capsys, "diagnostics", found)
+
+
+def test_traces_are_as_described(capsys: pytest.CaptureFixture[str]) -> None:
+    valid(capsys, "trace", printed(capsys, "run", "holds.krd", "--rounds", "2", "--json"))
+
+
+def test_certificates_and_verdicts_on_them_are_as_described(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pytest.importorskip("cvc5")
+    assert main(["verify", "holds.krd", "--certificate", "c.json"]) == Exit.OK
+    document = json.loads(Path("c.json").read_text(encoding="utf-8"))
+    valid(capsys, "certificate", document)
+    found = printed(capsys, "recheck", "c.json", "--json")
+    assert found["verdict"] == "confirmed"
+    valid(capsys, "recheck", found)
+    document["invariant"] = []
+    Path("c.json").write_text(json.dumps(document), encoding="utf-8")
+    found = printed(capsys, "recheck", "c.json", "--json")
+    assert found["verdict"] == "refuted"
+    valid(capsys, "recheck", found)
