@@ -127,7 +127,7 @@ def delta(text: str) -> Fraction:
     """The length of a round, exactly: ``0.1`` is a tenth."""
     amount = number(text)
     if amount <= 0:
-        raise ArgumentTypeError(f"{text!r} is not more than 0 seconds")
+        raise ArgumentTypeError(f"δ must be positive: {text!r} is not more than 0 seconds")
     return amount
 
 

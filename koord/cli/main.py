@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import errno
 import os
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -76,6 +77,11 @@ COMMANDS = (
 )
 
 
+#: Numbers that argparse takes for flags, and flags that such a number may stand behind.
+_NEGATIVE = re.compile(r"-([0-9.].*|inf(inity)?|nan)", re.ASCII | re.IGNORECASE)
+_FLAG = re.compile(r"--[a-z][a-z-]*")
+
+
 class Parser(argparse.ArgumentParser):
     """argparse with the project's layout: no abbreviated flags, line ends kept as written."""
 
@@ -87,6 +93,16 @@ class Parser(argparse.ArgumentParser):
             formatter_class=argparse.RawDescriptionHelpFormatter,
             allow_abbrev=False,
         )
+
+    def parse_known_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """As argparse's own, but that ``--delta -1/2`` is a flag with a number, as is ``-0.5``."""
+        words = list(sys.argv[1:] if args is None else args)
+        for at in range(len(words) - 1, 0, -1):
+            if _NEGATIVE.fullmatch(words[at]) and _FLAG.fullmatch(words[at - 1]):
+                words[at - 1 : at + 1] = [f"{words[at - 1]}={words[at]}"]
+        return super().parse_known_args(words, namespace)
 
     def _print_message(self, message: str, file: SupportsWrite[str] | None = None) -> None:
         """Write a message; unlike argparse's own, failures are not kept quiet."""

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from koord.cli import arguments
 from koord.cli.arguments import Fleet, check_files, delta, fleet, number, seconds, setting, settings
+from koord.cli.exits import Exit
+from koord.cli.main import main
 
 
 def test_a_fleet() -> None:
@@ -65,6 +67,21 @@ def test_a_wrong_value_is_refused_with_the_reason(
     with pytest.raises(ArgumentTypeError, match=r"\S") as error:
         convert(text)
     assert reason in str(error.value)
+
+
+@pytest.mark.parametrize("words", [["--delta", "-1/2"], ["--delta", "-5e-1"], ["--delta=-1/2"]])
+def test_a_negative_number_is_told_from_a_flag(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["verify", "app.krd", *words]) == Exit.BAD_INPUT
+    assert "argument --delta: δ must be positive: '-" in capsys.readouterr().err
+    assert main(["verify", "app.krd", "--timeout", "-1/2"]) == Exit.BAD_INPUT
+    assert "'-1/2' is not more than 0 seconds" in capsys.readouterr().err
+
+
+def test_a_flag_is_no_number(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", "app.krd", "--delta", "--json"]) == Exit.BAD_INPUT
+    assert "--delta: expected one argument" in capsys.readouterr().err
 
 
 def test_numbers_are_exact() -> None:
