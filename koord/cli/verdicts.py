@@ -17,6 +17,7 @@ from koord.verify.verdicts import (
     Report,
     Vacuity,
     Verdict,
+    Ways,
     as_invariant,
 )
 
@@ -41,6 +42,8 @@ def lines(name: str, system: System, report: Report, style: Style) -> Iterator[s
             yield f"      {verdict.reason}"
         if verdict.fairness:
             yield f"      {_fairly(verdict.fairness)}"
+        if verdict.ways is not None and (verdict.ways.complete or verdict.ways.reason):
+            yield f"      {_ways(1 + len(verdict.others), verdict.ways)}"
     if report.found:
         yield ""
         yield "  invariants that were found for it:"
@@ -61,6 +64,14 @@ def _fairly(fairness: tuple[str, ...]) -> str:
     said = [f"fairness {' and '.join(kinds)}"] if kinds else []
     said += [f"what is expected: {', '.join(expected)}"] if expected else []
     return f"it rests on {'; '.join(said)}"
+
+
+def _ways(count: int, ways: Ways) -> str:
+    """How many ways there are to break a claim, where fewer were found than were asked for."""
+    found = f"{count} way{'' if count == 1 else 's'} to break it"
+    if ways.complete:
+        return f"{found}: there is no other within the bound"
+    return f"{found}; there may be more: {ways.reason}"
 
 
 def _empty(vacuity: Vacuity, style: Style) -> str:
@@ -211,7 +222,12 @@ def _verdict_json(verdict: Verdict) -> dict[str, object]:
         "fairness": list(verdict.fairness),
         "violated": None if found is None else _violation_json(found),
         "others": [_violation_json(other) for other in verdict.others],
+        "ways": None if verdict.ways is None else _ways_json(1 + len(verdict.others), verdict.ways),
     }
+
+
+def _ways_json(count: int, ways: Ways) -> dict[str, object]:
+    return {"found": count, "complete": ways.complete, "reason": ways.reason or None}
 
 
 def _violation_json(found: Counterexample) -> dict[str, object]:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
-from itertools import islice
 from typing import TYPE_CHECKING, assert_never
 
 from koord.semantics.configurations import System
@@ -21,12 +20,12 @@ from koord.verify.engines import ByGlance, ByInduction, BySearch, ByStep, ByUnro
 from koord.verify.every_n.engine import FEW, ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
 from koord.verify.ledger import Ledger, Subject, Works
-from koord.verify.pool import Job, Pool, Progress
+from koord.verify.pool import DIED, Job, Pool, Progress
 from koord.verify.singly import ByRounds
 from koord.verify.solving import Deadline
 from koord.verify.vacuity import Looked, look, vacuities
 from koord.verify.varieties import others
-from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Vacuity, Verdict
+from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Vacuity, Verdict, Ways
 from koord.verify.witness import replayed, simplified
 
 if TYPE_CHECKING:
@@ -105,7 +104,13 @@ def verify(
         if of_runs:
             asked = None if cut else choice
             live = _of_whole_runs(system, bounds, asked, deadline, names, held, seed, pool)
-            verdicts, empty, cut = verdicts + live.verdicts, live.vacuities, cut or live.interrupted
+            one = Ways(complete=False, reason="of runs without end one is looked for")
+            several = bounds.violations > 1
+            verdicts += tuple(
+                replace(v, ways=one) if several and v.counterexample is not None else v
+                for v in live.verdicts
+            )
+            empty, cut = live.vacuities, cut or live.interrupted
         if beside.job is not None and not cut:
             hollow = beside.end(ledger, names)
     seconds = time.monotonic() - started
@@ -259,17 +264,22 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool) -> None:
     """As many different counterexamples to each claim as were asked for."""
     wanted = ledger.bounds.violations - 1
 
-    def find(claim: Claim, shown: Counterexample, tell: Progress) -> tuple[Counterexample, ...]:
+    def find(
+        claim: Claim, shown: Counterexample, tell: Progress
+    ) -> tuple[tuple[Counterexample, ...], Ways]:
         tell("other ways to break it")
-        return tuple(islice(others(ledger, claim, shown), wanted))
+        return others(ledger, claim, shown, wanted)
 
     jobs = {
         claim: pool.hand_in(claim.name, partial(find, claim, verdict.counterexample))
         for claim, verdict in ledger.verdicts.items()
         if claim in asked and wanted > 0 and verdict.counterexample is not None
     }
-    for claim, found in pool.answers(jobs):
-        ledger.settle({claim: replace(ledger.verdicts[claim], others=found or ())})
+    for claim in jobs:  # until there is an answer
+        ledger.settle({claim: replace(ledger.verdicts[claim], ways=Ways(False, "interrupted"))})
+    for claim, answer in pool.answers(jobs):
+        found, ways = answer or ((), Ways(complete=False, reason=DIED))
+        ledger.settle({claim: replace(ledger.verdicts[claim], others=found, ways=ways)})
 
 
 def engines(

@@ -11,16 +11,17 @@ from itertools import islice, permutations, product
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import conjunction
+from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.search.symmetry import Symmetry, symmetry_of
 from koord.semantics.traces.recording import Recording
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.verify.bmc import Unrolling, violations
-from koord.verify.claims import Claim
+from koord.verify.claims import Claim, Phase
 from koord.verify.ledger import Ledger
 from koord.verify.moments import Moment, SymbolicRound
 from koord.verify.solving import Answer, Effort
 from koord.verify.terms import Term
-from koord.verify.verdicts import Counterexample
+from koord.verify.verdicts import Counterexample, Ways
 from koord.verify.witness import NotReplayedError, Reader, recording_of
 
 #: What may be spent on the search for other ways, when one is known: about so many seconds.
@@ -33,15 +34,39 @@ _MOST_NAMINGS = 120
 Naming = dict[int, int]
 
 
-def others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Counterexample]:
+def others(
+    ledger: Ledger, claim: Claim, first: Counterexample, most: int
+) -> tuple[tuple[Counterexample, ...], Ways]:
     """Counterexamples that are no variant of ``first`` or of one another, the shortest first.
 
     Each leaves out some event that the others all need: robots that run more besides, other values
-    and other orders make no difference. Ends where there is none within the bound or in time.
+    and other orders make no difference. There are ``most`` of them, or the ways say why not.
     """
+    found: list[Counterexample] = []
+    try:
+        for one in _others(ledger, claim, first):
+            found.append(one)
+            if len(found) == most:
+                return tuple(found), Ways(complete=False)
+    except _OpenError as error:
+        return tuple(found), Ways(complete=False, reason=str(error))
+    except OutOfPatienceError:
+        return tuple(found), Ways(complete=False, reason=_LATE)
+    return tuple(found), Ways(complete=True)
+
+
+class _OpenError(Exception):
+    """There may be more, with the reason why that is not known."""
+
+
+_LATE = "the time was up"
+
+
+def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Counterexample]:
+    """All of them within the bound. Raises _OpenError, and OutOfPatienceError."""
     unrolling = Unrolling(ledger.system, ledger.seed)
     solver, effort = unrolling.solver, Effort.of_seconds(_SECONDS)
-    known = [first.recording]
+    known, open_ = [first.recording], list[str]()
     groups = _interchangeable(ledger.system, claim)
     for moment in unrolling.moments():
         asked = violations(ledger.system, unrolling.encoder.d, moment, [claim])
@@ -50,21 +75,27 @@ def others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Coun
             while True:
                 different = [_different(unrolling, run, groups) for run in known]
                 question = [violated, *different]
-                if solver.check(question, ledger.deadline, effort) is not Answer.SAT:
+                answer = solver.check(question, ledger.deadline, effort)
+                if answer is Answer.UNSAT:
+                    break
+                if answer is Answer.UNKNOWN:
+                    open_.append("the solver gave up")
                     break
                 found = _read(ledger, claim, unrolling, moment)
                 if found is None:
+                    open_.append("one that the solver suggests did not replay")
                     break
                 known.append(found.recording)
                 yield found
             # A run that went on from here would be a longer way to what was found.
             solver.add([unrolling.encoder.d.unary(UnaryOp.NOT, violated)])
-        if (
-            ledger.deadline.passed()
-            or effort.left <= 0
-            or moment.configuration.round > ledger.bounds.rounds
-        ):
-            return
+        is_end = moment.phase in (Phase.INIT, Phase.END)
+        if is_end and moment.configuration.round >= ledger.bounds.rounds:
+            break
+        if ledger.deadline.passed() or effort.left <= 0:
+            raise _OpenError(_LATE)
+    if open_ or unrolling.unknowns.limits:
+        raise _OpenError((open_ or sorted(set(unrolling.unknowns.limits)))[0])
 
 
 def _read(

@@ -87,6 +87,18 @@ class BrokenStep:
 
 
 @dataclass(frozen=True, slots=True)
+class Ways:
+    """What became of the search for different ways to break a claim.
+
+    ``complete``: there are no more within the bound. If neither that nor a ``reason`` is said,
+    there were as many as were asked for.
+    """
+
+    complete: bool
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """The answer to one claim.
 
@@ -104,6 +116,7 @@ class Verdict:
     reason: str = ""
     depth: int = 1  #: of an inductive proof
     others: tuple[Counterexample, ...] = ()  #: different ones, if more were asked for
+    ways: Ways | None = None  #: whether there are still more, if more were asked for
     step: BrokenStep | None = None  #: why a claim that is *unknown* is not inductive
     lemmas: tuple[str, ...] = ()  #: invariants that were found for the proof, as Koord
     unsaid: str = ""  #: why the invariant of a proof is not among the lemmas

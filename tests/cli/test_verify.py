@@ -309,6 +309,54 @@ def test_sweeps_that_cannot_be(
     assert told in capsys.readouterr().err
 
 
+TWICE = """
+local:
+  int x
+  int y
+Break:
+  pre: y == 0
+  eff: x = 1
+Wait:
+  pre: y < 2
+  eff: y = y + 1
+Ruin:
+  pre: y == 2
+  eff: x = 2
+assume: forall i: x@i == 0 and y@i == 0
+invariant Whole: forall i: x@i == 0
+eventually Never: forall i: x@i == 7
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "told", "ways"),
+    [
+        (["5", "--rounds", "2"], "1 way to break it: there is no other within the bound", 1),
+        (["5", "--rounds", "3"], "2 ways to break it: there is no other within the bound", 2),
+        (["2", "--rounds", "3"], "2 of 2 ways", 2),
+    ],
+)
+def test_how_many_ways_there_are_is_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: list[str], told: str, ways: int
+) -> None:
+    path = tmp_path / "twice.krd"
+    path.write_text(TWICE, encoding="utf-8")
+    asked = ["verify", str(path), "--robots", "1", "--max-violations", *words]
+    assert frame.main(asked) == Exit.VIOLATED
+    out = capsys.readouterr().out
+    assert told in out
+    assert ("there is no other" in out) == ("there is no other" in told)
+    assert "1 way to break it; there may be more: of runs without end one is looked for" in out
+    assert frame.main([*asked, "--json"]) == Exit.VIOLATED
+    (report,) = valid(capsys.readouterr().out)
+    claims: Any = report["claims"]
+    found = {claim["name"]: claim["ways"] for claim in claims}
+    complete = "there is no other" in told
+    assert found["Whole"] == {"found": ways, "complete": complete, "reason": None}
+    assert found["no fault"] is None
+    assert found["Never"]["complete"] is False
+
+
 # --- watching -------------------------------------------------------------------------------------
 
 

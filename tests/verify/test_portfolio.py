@@ -14,7 +14,7 @@ from koord.semantics.execution import execute
 from koord.semantics.traces.recording import Recording
 from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT, ListType
-from koord.verify import portfolio
+from koord.verify import portfolio, varieties
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
 from koord.verify.ledger import Ledger, Subject
 from koord.verify.portfolio import Choice, verify
@@ -29,6 +29,7 @@ from koord.verify.verdicts import (
     Report,
     Vacuity,
     Verdict,
+    Ways,
 )
 from tests.semantics import programs
 from tests.semantics.building import (
@@ -201,6 +202,48 @@ def test_different_violations_differ_in_what_they_need() -> None:
         for found in shown:
             last = list(execute(EXACT, system, found.recording))[-1].configuration
             assert last.round <= 2
+
+
+def early_and_late() -> core.Program:
+    """A variable is broken in the first round, or by another event in the third."""
+    b = Build("twice")
+    x, y = b.local("x", INT, 0), b.local("y", INT, 0)
+    b.event("Break", y.eq(0), x.set(1))
+    b.event("Wait", y < 2, y.set(y + 1))
+    b.event("Ruin", y.eq(2), x.set(2))
+    b.invariant("Whole", forall(I, x.at(I).eq(0)))
+    return b.program()
+
+
+@pytest.mark.parametrize(
+    ("rounds", "most", "found", "ways"),
+    [
+        (2, 5, 1, Ways(complete=True)),
+        (3, 5, 2, Ways(complete=True)),
+        (3, 2, 2, Ways(complete=False)),
+    ],
+)
+def test_it_is_told_whether_there_are_more_ways(
+    rounds: int, most: int, found: int, ways: Ways
+) -> None:
+    """Within the bound, that is; and none beyond the bound is found."""
+    report = verify(dealt(early_and_late(), 1), Bounds(rounds, violations=most), Choice.BMC)
+    verdict = report.verdicts[0]
+    assert 1 + len(verdict.others) == found
+    assert verdict.ways == ways
+
+
+def test_ways_that_were_not_looked_for_to_the_end_are_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(varieties, "_SECONDS", 0.0)
+    report = verify(dealt(early_and_late(), 1), Bounds(3, violations=5), Choice.BMC)
+    verdict = report.verdicts[0]
+    assert verdict.counterexample is not None
+    assert verdict.ways is not None
+    assert verdict.ways.reason
+    assert not verdict.ways.complete
+    assert verify(dealt(early_and_late(), 1), Bounds(3), Choice.BMC).verdicts[0].ways is None
 
 
 def needs(recording: Recording) -> frozenset[tuple[int, int]]:
