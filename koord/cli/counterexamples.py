@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from koord.cli import departures
 from koord.cli.excerpt import place
 from koord.cli.inputs import LoadedProgram
 from koord.cli.tables import Shown, Table, repeats
 from koord.cli.terminal import Paint, Style
 from koord.cli.traces import sources_of
+from koord.refinement.rerunning import Departure, rerun
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant
 from koord.semantics.execution import execute
@@ -53,6 +55,7 @@ def _lines(
     yield f"  {found.detail} [{rule_of(verdict.claim)}]"
     if found.span is not None:
         yield from place(loaded.sources, found.span, style)
+    yield from departures.lines(rerun_of(loaded, system, found))
 
 
 def _headline(found: Counterexample) -> str:
@@ -86,6 +89,11 @@ def _rounds(system: System, found: Counterexample, table: Table) -> Iterator[str
     yield from table.idle()
     if found.recording.loop is not None:
         yield table.goes_on(found.recording)
+
+
+def rerun_of(loaded: LoadedProgram, system: System, found: Counterexample) -> Departure | None:
+    """Where the compiled program departs from the run, if it does."""
+    return rerun(trace_of_run(loaded, system, found.recording))
 
 
 def trace_of(loaded: LoadedProgram, system: System, verdict: Verdict) -> Trace:

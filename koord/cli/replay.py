@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import assert_never
 
+from koord.cli import departures
 from koord.cli.arguments import add_json, check_files, number
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
@@ -17,10 +18,10 @@ from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_progra
 from koord.cli.tables import Rounds, Table, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import read_trace
+from koord.refinement.rerunning import rerun
 from koord.semantics.execution import Step
 from koord.semantics.replay import Refused, Replayed, replay
 from koord.semantics.runs.policies import Taken
-from koord.semantics.traces.json_reader import shortened
 from koord.semantics.traces.names import Names
 from koord.semantics.traces.trace import BEFORE_ROUNDS, Trace, Violation, ViolationKind
 from koord.syntax.diagnostics import KoordError
@@ -39,6 +40,7 @@ class Request:
     as_json: bool
     show: bool = False
     slack: Fraction | None = None  #: None: what the trace says
+    compiled: bool = False  #: whether the compiled program is to do the same
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -56,8 +58,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="let floats be off by so much in assumptions and contracts (as the trace says: traces "
         "of vehicles say how far these may be off); 0 takes them at their word",
     )
+    parser.add_argument(
+        "--compiled",
+        action="store_true",
+        help="have the compiled program run it, too, and compare state for state (floats up to "
+        "rounding if the trace has exact numbers)",
+    )
     add_json(parser, "the answer")
-    parser.epilog = "exit codes: 0 every step is legal, 1 a step is not, 2 errors in the input"
+    parser.epilog = (
+        "exit codes: 0 every step is legal, 1 a step is not or the compiled program does something "
+        "else, 2 errors in the input"
+    )
 
 
 def _slack(text: str) -> Fraction:
@@ -78,6 +89,7 @@ def main(arguments: argparse.Namespace) -> int:
             as_json=arguments.json,
             show=arguments.show,
             slack=arguments.slack,
+            compiled=arguments.compiled,
         )
     )
 
@@ -96,13 +108,20 @@ def _replay(request: Request) -> Exit:
     found = replay(_loosened(trace), shown.step if shown is not None else _unseen)
     if shown is not None:
         shown.close()
+    compared = request.compiled and found.refused is None
+    departure = rerun(trace) if compared else None
     if request.as_json:
-        json.dump(as_json(trace, found), sys.stdout, indent=2)
+        told = as_json(trace, found)
+        told["compiled"] = departures.as_json(departure, first=0) if compared else None
+        json.dump(told, sys.stdout, indent=2)
         print()
     else:
         for line in verdict(request.name, trace, found, style_of(sys.stdout)):
             print(line)
-    return Exit.OK if found.refused is None else Exit.VIOLATED
+        if compared:
+            for line in departures.lines(departure):
+                print(line)
+    return Exit.OK if found.refused is None and departure is None else Exit.VIOLATED
 
 
 def _loosened(trace: Trace) -> Trace:
@@ -148,7 +167,7 @@ def verdict(name: str, trace: Trace, found: Replayed, style: Style) -> Iterator[
         bad = style.paint(f"not legal by {refused.rule}", Paint.ERROR)
         yield f"{visible(name)}: {_where(refused)}: {bad}"
         yield f"  {visible(refused.reason)}"
-        yield from _told_apart(refused)
+        yield from departures.told_apart(refused.differences, "by the rules", "recorded")
     if trace.slack:
         how = f"{float(trace.slack):g}"
         yield f"  with a slack of {how} in assumptions and contracts, as vehicles keep them"
@@ -190,18 +209,6 @@ def _where(refused: Refused) -> str:
     if step.robot is None:
         return f"{where}, the environment's turn"
     return f"{where}, robot {step.robot}, " + (f"event {step.event}" if step.event else "a skip")
-
-
-def _told_apart(refused: Refused) -> Iterator[str]:
-    """The locations that differ, as a table."""
-    rows = [("", "by the rules", "recorded")] if refused.differences else []
-    for change in refused.differences:
-        whose = "" if change.robot is None else f" of robot {change.robot}"
-        rows.append((f"{change.name}{whose}", change.old, change.new))
-    cut = [tuple(shortened(visible(cell), 40) for cell in row) for row in rows]
-    widths = [max((len(row[k]) for row in cut), default=0) for k in range(3)]
-    for row in cut:
-        yield "  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
 
 
 def as_json(trace: Trace, found: Replayed) -> dict[str, object]:

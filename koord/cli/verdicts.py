@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import assert_never
+from collections.abc import Callable, Iterator
+from typing import TypeAlias, assert_never
 
+from koord.cli import departures
 from koord.cli.terminal import Paint, Style
+from koord.refinement.rerunning import Departure
 from koord.semantics.configurations import System
 from koord.verify.claims import ClaimKind
 from koord.verify.verdicts import (
@@ -179,7 +181,13 @@ def _robots(system: System, report: Report) -> str:
     return system.fleet
 
 
-def as_json(name: str, system: System, bounds: Bounds, report: Report) -> dict[str, object]:
+#: What the compiled program did of a counterexample.
+Departed: TypeAlias = Callable[[Verdict, Counterexample], Departure | None]
+
+
+def as_json(
+    name: str, system: System, bounds: Bounds, report: Report, departed: Departed
+) -> dict[str, object]:
     """The report as the object that ``--json`` prints."""
     return {
         "program": name,
@@ -189,7 +197,7 @@ def as_json(name: str, system: System, bounds: Bounds, report: Report) -> dict[s
         "outcome": report.outcome.value,
         "seconds": round(report.seconds, 3),
         "interrupted": report.interrupted,
-        "claims": [_verdict_json(verdict) for verdict in report.verdicts],
+        "claims": [_verdict_json(verdict, departed) for verdict in report.verdicts],
         "found_invariants": list(report.found),
         "vacuous": report.is_vacuous,
         "vacuities": [_vacuity_json(vacuity) for vacuity in report.vacuities],
@@ -207,8 +215,12 @@ def _vacuity_json(vacuity: Vacuity) -> dict[str, object]:
     }
 
 
-def _verdict_json(verdict: Verdict) -> dict[str, object]:
+def _verdict_json(verdict: Verdict, departed: Departed) -> dict[str, object]:
     found = verdict.counterexample
+
+    def violation(shown: Counterexample) -> dict[str, object]:
+        return _violation_json(shown, departed(verdict, shown))
+
     return {
         "name": verdict.claim.name,
         "kind": verdict.claim.kind.value,
@@ -220,8 +232,8 @@ def _verdict_json(verdict: Verdict) -> dict[str, object]:
         "seconds": round(verdict.seconds, 3),
         "reason": verdict.reason or None,
         "fairness": list(verdict.fairness),
-        "violated": None if found is None else _violation_json(found),
-        "others": [_violation_json(other) for other in verdict.others],
+        "violated": None if found is None else violation(found),
+        "others": [violation(other) for other in verdict.others],
         "ways": None if verdict.ways is None else _ways_json(1 + len(verdict.others), verdict.ways),
     }
 
@@ -230,7 +242,7 @@ def _ways_json(count: int, ways: Ways) -> dict[str, object]:
     return {"found": count, "complete": ways.complete, "reason": ways.reason or None}
 
 
-def _violation_json(found: Counterexample) -> dict[str, object]:
+def _violation_json(found: Counterexample, departure: Departure | None) -> dict[str, object]:
     return {
         "round": found.round,
         "phase": found.phase.value,
@@ -238,4 +250,5 @@ def _violation_json(found: Counterexample) -> dict[str, object]:
         "detail": found.detail,
         "place": None if found.span is None else str(found.span),
         "loop": None if found.recording.loop is None else found.recording.loop + 1,
+        "compiled": departures.as_json(departure, first=1),
     }

@@ -15,8 +15,9 @@ from koord.cli.terminal import style_of
 from koord.semantics.configurations import System
 
 if TYPE_CHECKING:
+    from koord.refinement.rerunning import Departure
+    from koord.verify.verdicts import Counterexample, Verdict
     from koord.verify.verdicts import Report as Verification
-    from koord.verify.verdicts import Verdict
 
 
 def tell(
@@ -32,7 +33,7 @@ def tell(
         print(f"koord verify: {why}", file=sys.stderr)
     found = resting(system, bounds, asked.at_ends, request) if request.rests_on else None
     if request.as_json:
-        told.append(verdicts.as_json(program.source.name, system, bounds, report))
+        told.append(_as_json(program, asked))
         if found is not None:
             from koord.cli import premises
 
@@ -82,7 +83,7 @@ def tell_sweep(
     told: list[dict[str, object]],
 ) -> Exit:
     """One number of robots after the other; Ctrl-C ends it with those that are done."""
-    from koord.cli import sweeps, verdicts
+    from koord.cli import sweeps
 
     style = style_of(sys.stdout)
     name = program.source.name
@@ -90,9 +91,9 @@ def tell_sweep(
     if not request.as_json:
         print("\n".join(sweeps.heading(name, style)))
     for asked in answers:
-        system, bounds, report = asked.system, asked.bounds, asked.report
+        system, report = asked.system, asked.report
         points.append(sweeps.Point(system, report))
-        told.append(verdicts.as_json(name, system, bounds, report))
+        told.append(_as_json(program, asked))
         if not request.as_json:
             print(sweeps.row(points[-1], style), flush=True)
         if report.interrupted:
@@ -102,6 +103,16 @@ def tell_sweep(
     if len(points) < len(request.fleets):
         return Exit.INTERRUPTED
     return gravest(_exit(point.report) for point in points)
+
+
+def _as_json(program: LoadedProgram, asked: Asked) -> dict[str, object]:
+    from koord.cli import counterexamples, verdicts
+
+    def departed(verdict: Verdict, found: Counterexample) -> Departure | None:
+        return counterexamples.rerun_of(program, asked.system_of(verdict), found)
+
+    name = program.source.name
+    return verdicts.as_json(name, asked.system, asked.bounds, asked.report, departed)
 
 
 def _exit(report: Verification) -> Exit:

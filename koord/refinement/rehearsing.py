@@ -140,9 +140,9 @@ class Rehearsed:
     open: int = field(default=0)
 
     def order(self, round_: int, robots: int) -> tuple[int, ...]:
+        """Those who had no turn any more in a round that was cut have none."""
         self.open = round_
-        told = self.first if round_ < 0 else self.rounds[round_].order
-        return (*told, *(robot for robot in range(robots) if robot not in told))
+        return self.first if round_ < 0 else self.rounds[round_].order
 
     def events(self, robot: Robot) -> Iterable[int] | None:
         event = self._event(robot.pid)

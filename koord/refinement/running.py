@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from random import Random
 
@@ -36,6 +36,13 @@ class Compiled:
     classes: tuple[type[Robot], ...]
     #: The places of the program's text by the way that compiled programs name them.
     places: dict[str, core.Output]
+
+    def emitted(self, shown: Iterable[Shown]) -> Iterator[Emitted]:
+        """What a fleet wrote to streams, as traces have it."""
+        for one in shown:
+            robot = None if one.round == INIT_ROUND else one.robot
+            for written in one.written:
+                yield Emitted(one.round, robot, to_written(written, self.places[written.place]))
 
 
 def ready(program: core.Program) -> Compiled:
@@ -99,13 +106,6 @@ class _Recorder:
         order, events = schedule_of(decision, self.system.robots)
         readings = () if cut else self.inputs.recorded_readings()
         return Round(order, events, readings, self.inputs.recorded_answers(), cut)
-
-    def outputs(self, shown: Sequence[Shown]) -> Iterator[Emitted]:
-        for one in shown:
-            robot = None if one.round == INIT_ROUND else one.robot
-            for written in one.written:
-                statement = self.made.places[written.place]
-                yield Emitted(one.round, robot, to_written(written, statement))
 
 
 def run(
@@ -201,7 +201,7 @@ def _ran(fleet: Fleet, recorder: _Recorder, sources: Sources, gave_up: KoordErro
         Numbers.DOUBLE,
         Recording(recorder.opening, tuple(recorder.rounds)),
         tuple(configurations),
-        tuple(recorder.outputs(shown)),
+        tuple(recorder.made.emitted(shown)),
     )
     return Ran(trace, None if ended is None else ended.fault.place, gave_up)
 

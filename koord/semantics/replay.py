@@ -217,8 +217,8 @@ class _Replay:
         for made in emitted(step):
             recorded = next(self.outputs, None)
             if recorded is None or not same_output(made, recorded):
-                shown = "nothing" if recorded is None else _quoted(recorded)
-                reason = f"the output should be {_quoted(made)}; recorded is {shown}"
+                shown = "nothing" if recorded is None else quoted(recorded)
+                reason = f"the output should be {quoted(made)}; recorded is {shown}"
                 raise self.refusal("OUTPUT", plan, reason)
         if not closes:
             return
@@ -236,7 +236,7 @@ class _Replay:
         plan = self.plan[-1]
         left = next(self.outputs, None)
         if left is not None:
-            reason = f"the output {_quoted(left)} is recorded, and nothing more was written"
+            reason = f"the output {quoted(left)} is recorded, and nothing more was written"
             raise self.refusal("OUTPUT", plan, reason)
         for number in range(last.round + 1, len(self.trace.recording.rounds)):
             recorded = self.trace.configurations[number + 1]
@@ -342,7 +342,8 @@ def same_output(made: Emitted, recorded: Emitted) -> bool:
     )
 
 
-def _quoted(emitted_: Emitted) -> str:
+def quoted(emitted_: Emitted) -> str:
+    """An output as messages have it."""
     written: Written[Constant] = emitted_.written
     text = show_output(written.values, written.types)
     whose = "" if emitted_.robot is None else f" of robot {emitted_.robot}"

@@ -17,18 +17,22 @@ import pytest
 
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
+from koord.refinement.rerunning import rerun
+from koord.refinement.running import ready
 from koord.semantics.configurations import System
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import Exhausted, Subject
+from koord.semantics.search.findings import Exhausted, Subject, Violated
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
+from koord.semantics.traces.trace import Numbers, traced
 from koord.verify.claims import ClaimKind, claims_of
 from koord.verify.every_n.proving import SPARING, prove
 from koord.verify.portfolio import Choice
 from koord.verify.solving import Deadline, Effort
 from koord.verify.verdicts import Engine, Outcome, Verdict
 from tests.generators.staged import staged
+from tests.semantics.driving import NO_TEXT
 from tests.verify.asking import ask, bounded, inductive, of_text
 from tests.verify.bits.asking import on_bits
 
@@ -61,6 +65,7 @@ class Searched:
 
     seed: int
     system: System
+    violated: tuple[Violated, ...]
     first: dict[str, int]
     depth: int | None  #: through which round it saw everything; None: not even the start
     every: bool  #: whether that is all there is
@@ -74,10 +79,21 @@ def searched(seed: int, of: System) -> Searched | None:
         return None
     first = {NAMES[v.claim.subject].format(v.claim.name): v.rounds for v in found.violated}
     assert set(first) <= {claim.name for claim in claims_of(of)}, seed
-    return Searched(seed, of, first, found.end.depth, isinstance(found.end, Exhausted))
+    return Searched(
+        seed, of, found.violated, first, found.end.depth, isinstance(found.end, Exhausted)
+    )
 
 
 # --- each engine ----------------------------------------------------------------------------------
+
+
+def compiled_agrees(case: Searched) -> Counter[str]:
+    """The compiled program does the same in every run that breaks something."""
+    made = ready(case.system.program)
+    for violated in case.violated:
+        run = traced(NO_TEXT, case.system, Numbers.EXACT, violated.recording)
+        assert rerun(run, made) is None, (case.seed, violated.claim)
+    return Counter({"compiled: counterexamples": len(case.violated)})
 
 
 def bmc_agrees(case: Searched, rounds: int) -> Counter[str]:
@@ -183,6 +199,7 @@ def compare(family: Family, seed: int) -> Counter[str]:
     count["violated"] += bool(case.first)
     count["violated late"] += any(n > 2 for n in case.first.values())
     count["exhausted"] += case.every
+    count += compiled_agrees(case)
     count += bmc_agrees(case, family.rounds)
     count += bits_agree(case, family.rounds)
     if seed % 2 == 0:
@@ -218,6 +235,7 @@ def test_all_engines_agree_with_the_search(name: str, seeds: range) -> None:
     assert count["systems"] >= 44, count
     assert count["bmc"] >= 40, count
     assert count["violated"] >= 15, count
+    assert count["compiled: counterexamples"] >= count["violated"], count
     assert count["bits: unknown"] <= count.total() // 40, count
     assert count["bits: proved, and all runs seen"] >= 15, count
     assert count["induction: proved, and all runs seen"] >= 5, count

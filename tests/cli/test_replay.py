@@ -98,7 +98,7 @@ def test_the_answer_as_json(trace: Any, capsys: pytest.CaptureFixture[str]) -> N
     assert (code, json.loads(out)) == (
         Exit.OK,
         {"version": 1, "legal": True, "steps": 13, "rounds": 3, "refused": None}
-        | {"slack": 0.0, "trusted": []},
+        | {"slack": 0.0, "trusted": [], "compiled": None},
     )
     trace["run"]["rounds"][1]["after"]["robots"][1]["locals"]["done"] = False
     code, out, _ = replayed(capsys, trace, "--json")
@@ -113,6 +113,54 @@ def test_the_answer_as_json(trace: Any, capsys: pytest.CaptureFixture[str]) -> N
         "reason": "the configuration recorded is another",
         "differences": [{"robot": 1, "location": "done", "expected": "true", "recorded": "false"}],
     }
+
+
+def test_the_compiled_program_runs_it_too(trace: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """[RERUN]"""
+    code, out, _ = replayed(capsys, trace, "--compiled")
+    assert code == Exit.OK
+    assert out.endswith("\n  the compiled program does the same, state for state\n")
+    code, out, _ = replayed(capsys, trace, "--compiled", "--json")
+    assert (code, json.loads(out)["compiled"]) == (Exit.OK, {"agrees": True, "departs": None})
+    trace["run"]["rounds"][2]["after"]["store"]["allwrite"]["total"] = 7
+    code, out, _ = replayed(capsys, trace, "--compiled", "--json")
+    assert (code, json.loads(out)["compiled"]) == (Exit.VIOLATED, None)  # it is no run at all
+
+
+def test_where_the_compiled_program_departs_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """[RERUN]: 0.1 + 0.1 + 0.1 is 0.3 in exact numbers alone."""
+    monkeypatch.chdir(tmp_path)
+    text = "local:\n  float x = 0.0\n  bool is_three = false\n"
+    text += "Add:\n  eff:\n    x = x + 0.1\n    is_three = x == 0.3\n"
+    text += "invariant Never: not is_three\n"
+    Path("x.krd").write_text(text, encoding="utf-8")
+    flags = ["--robots", "1", "--trace", "t.json"]
+    assert frame.main(["verify", "x.krd", *flags, "--json"]) == Exit.VIOLATED
+    (claim,) = (
+        c for c in json.loads(capsys.readouterr().out)["reports"][0]["claims"] if c["violated"]
+    )
+    reason = "it comes to another configuration; it computes with doubles, "
+    reason += "and the recording is of exact numbers"
+    told = {
+        "round": 3,
+        "reason": reason,
+        "differences": [
+            {"robot": 0, "location": "is_three", "recorded": "true", "compiled": "false"}
+        ],
+    }
+    assert claim["violated"]["compiled"] == {"agrees": False, "departs": told}
+    assert frame.main(["replay", "t.json", "--compiled"]) == Exit.VIOLATED
+    assert capsys.readouterr().out == (
+        "t.json: legal: 6 steps, 3 rounds, 1 robot, exact numbers\n"
+        "  it breaks Never, as it says\n"
+        f"  the compiled program departs at round 3: {reason}\n"
+        "                       recorded  compiled\n"
+        "  is_three of robot 0  true      false\n"
+    )
+    assert frame.main(["replay", "t.json", "--compiled", "--json"]) == Exit.VIOLATED
+    assert json.loads(capsys.readouterr().out)["compiled"]["departs"] == told | {"round": 2}
 
 
 def test_the_rounds_are_shown_on_demand(trace: Any, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,55 @@
+"""What a compiled program did of a recorded run, as text and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from koord.cli.terminal import visible
+from koord.refinement.rerunning import Departure
+from koord.semantics.traces.changes import Change
+from koord.semantics.traces.json_reader import shortened
+from koord.semantics.traces.trace import BEFORE_ROUNDS
+
+_WIDEST = 40
+
+
+def lines(departure: Departure | None) -> Iterator[str]:
+    """Whether the compiled program does the same, and where it does not."""
+    if departure is None:
+        yield "  the compiled program does the same, state for state"
+        return
+    where = f"round {departure.round + 1}" if departure.round != BEFORE_ROUNDS else "the start"
+    yield f"  the compiled program departs at {where}: {visible(departure.reason)}"
+    yield from told_apart(departure.changes, "recorded", "compiled")
+
+
+def told_apart(changes: Iterable[Change], old: str, new: str) -> Iterator[str]:
+    """The locations that differ, as a table with these headings; nothing if there are none."""
+    rows = [(_location(change), change.old, change.new) for change in changes]
+    if not rows:
+        return
+    cut = [
+        tuple(shortened(visible(cell), _WIDEST) for cell in row) for row in [("", old, new), *rows]
+    ]
+    widths = [max(len(row[k]) for row in cut) for k in range(3)]
+    for row in cut:
+        yield "  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
+
+
+def _location(change: Change) -> str:
+    return change.name if change.robot is None else f"{change.name} of robot {change.robot}"
+
+
+def as_json(departure: Departure | None, first: int) -> dict[str, object]:
+    """The same as an object; rounds count from ``first``, and the one before is the start."""
+    departs = None
+    if departure is not None:
+        departs = {
+            "round": departure.round + first,
+            "reason": departure.reason,
+            "differences": [
+                {"robot": c.robot, "location": c.name, "recorded": c.old, "compiled": c.new}
+                for c in departure.changes
+            ],
+        }
+    return {"agrees": departure is None, "departs": departs}

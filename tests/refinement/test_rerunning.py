@@ -1,0 +1,172 @@
+"""Compiled programs are given recorded runs: they do the same, or are found out. [RERUN]"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from koord.refinement.rerunning import Departure, rerun
+from koord.refinement.running import ready
+from koord.semantics.configurations import dealt
+from koord.semantics.traces.trace import BEFORE_ROUNDS, Numbers, Trace, traced
+from tests.refinement.running import program, sources
+from tests.verify.asking import ask
+
+BROKEN = Path(__file__).resolve().parents[2] / "specs/examples/broken"
+
+EXAMPLES = """
+    allstop_alone cars_and_drones_low delivery_no_lock follow_path_takeoff follow_points_ahead
+    leader_elect_early leader_elect_restless lineform_ends mapping_blind mapping_race
+    sats2_out_of_turn sum_of_ids_no_lock task_no_lock traffic_no_lock waypoints_early
+"""
+
+#: Broken in round 3, by the second robot.
+ADDING = """\
+allwrite:
+  int total = 0
+local:
+  int mine = 0
+init:
+  mine = 0
+Add:
+  pre: mine < 2
+  eff:
+    mine = mine + 1
+    atomic: total = total + pid + 1
+    stdout << "total " << total
+Double:
+  pre: mine == 2
+  eff: atomic: total = 2 * total
+invariant Small: total < 7
+"""
+
+#: Exact numbers reach it, doubles do not: 0.1 + 0.1 + 0.1 is more than 0.3.
+ROUNDING = """\
+local:
+  float total = 0.0
+Add:
+  pre: total < 0.3
+  eff: total = total + 0.1
+Exactly:
+  pre: total == 0.3
+  eff: total = 9.0
+invariant Less: total < 1.0
+"""
+
+
+def counterexamples(
+    text: str, robots: int = 2, rounds: int = 5, name: str = "app.krd"
+) -> list[Trace]:
+    """The runs that break what a program claims."""
+    system = dealt(program(text, name), robots)
+    return [
+        traced(sources(text, name), system, Numbers.EXACT, verdict.counterexample.recording)
+        for verdict in ask(system, rounds=rounds)
+        if verdict.counterexample is not None
+    ]
+
+
+def departed(trace: Trace, wrong: str = "", right: str = "") -> Departure:
+    """Where a program departs that is compiled wrongly."""
+    text = trace.sources.program.text
+    assert wrong in text
+    found = rerun(trace, ready(program(text.replace(wrong, right, 1))))
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("name", EXAMPLES.split())
+def test_counterexamples_of_examples_are_runs_of_the_compiled_program(name: str) -> None:
+    text = (BROKEN / f"{name}.krd").read_text("utf-8")
+    traces = counterexamples(text, name=f"{name}.krd")
+    assert traces
+    for trace in traces:
+        assert rerun(trace) is None
+
+
+def test_a_run_that_ends_inside_a_round() -> None:
+    (trace,) = counterexamples(ADDING)
+    assert trace.recording.rounds[-1].cut
+    assert rerun(trace) is None
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right", "round_", "reason"),
+    [
+        ("int total = 0", "int total = 1", BEFORE_ROUNDS, "it comes to another configuration"),
+        ("mine = mine + 1", "mine = mine + 2", 0, "it comes to another configuration"),
+        ("total + pid + 1", "total + pid", 0, "it comes to another configuration"),
+        ("pre: mine < 2", "pre: mine < 1", 1, "robot 1 runs Add in the recording, and cannot here"),
+        ('"total "', '"sum "', 0, "it writes 'sum 2' of robot 1 on stdout; recorded"),
+        ('    stdout << "total " << total\n', "", 0, "it writes nothing; recorded is 'total 2'"),
+        (
+            "  mine = 0\n",
+            "  mine = choose(0, 1)\n",
+            BEFORE_ROUNDS,
+            "it asks for a choice from 0 to 1",
+        ),
+        ("2 * total", "total / 0", 2, "it comes to another configuration"),
+        ("2 * total", "2 * total + 1", 2, "it comes to another configuration"),
+    ],
+)
+def test_what_is_compiled_wrongly_departs(wrong: str, right: str, round_: int, reason: str) -> None:
+    (trace,) = counterexamples(ADDING)
+    found = departed(trace, wrong, right)
+    assert found.round == round_
+    assert found.reason.startswith(reason)
+
+
+def test_what_differs_is_told() -> None:
+    (trace,) = counterexamples(ADDING)
+    found = departed(trace, "mine = mine + 1", "mine = mine + 2")
+    assert [(c.robot, c.name, c.old, c.new) for c in found.changes] == [(1, "mine", "1", "2")]
+
+
+def test_a_fault_is_the_same_fault() -> None:
+    text = ADDING.replace("2 * total", "total / (mine - 2)")
+    trace = next(t for t in counterexamples(text) if t.configurations[-1].fault is not None)
+    assert rerun(trace) is None
+    found = departed(trace, "total / (mine - 2)", "total / (mine - 1)")
+    assert ("the fault", "division by zero of robot 0", "none") in [
+        (c.name, c.old, c.new) for c in found.changes
+    ]
+
+
+def test_who_does_not_run_an_urgent_event_may_ask_what_nobody_recorded() -> None:
+    """A robot tries the events that oblige it, and runs another that does as well."""
+    text = """\
+def fun go(int n) -> int: extern
+local:
+  int n = 0
+urgent Hurry:
+  pre: n == 0
+  eff:
+    n = go(n)
+urgent Haste:
+  pre: n == 0
+  eff: n = 3
+invariant NotThree: n != 3
+"""
+    (trace,) = counterexamples(text, robots=1)
+    assert not any(round_.answers for round_ in trace.recording.rounds)
+    assert rerun(trace) is None
+
+
+def test_a_program_that_rounds_may_depart() -> None:
+    """The verdict is one of exact numbers: that the road is another one is told."""
+    (trace,) = counterexamples(ROUNDING, robots=1)
+    found = departed(trace)
+    assert found.round == 3
+    assert found.reason == (
+        "robot 0 runs Exactly in the recording, and cannot here; "
+        "it computes with doubles, and the recording is of exact numbers"
+    )
+
+
+def test_floats_are_the_same_up_to_rounding() -> None:
+    text = ROUNDING.replace("total == 0.3", "total > 0.25")
+    (trace,) = counterexamples(text, robots=1)
+    assert rerun(trace) is None
+    found = departed(trace, "total + 0.1", "total + 0.1000001")
+    assert [c.name for c in found.changes] == ["total"]
