@@ -36,6 +36,10 @@ from koord.syntax.types import (
 V = TypeVar("V")
 
 
+#: Lists and maps whose length a domain does not know have room for so many elements at most.
+MOST_ROOM = 500
+
+
 @dataclass(frozen=True, slots=True)
 class Rec(Generic[V]):
     """A record: its fields in the order of its type."""
@@ -278,11 +282,17 @@ def insert(d: Domain[V], entries: Table[V], key: Value[V], value: Value[V]) -> T
 def put_at(
     d: Domain[V], position: V, items: Sequence[Value[V]], value: Value[V]
 ) -> tuple[Value[V], ...]:
-    """The items with ``value`` at a position from 0 to ``len(items)``, growing by one at most."""
+    """The items with ``value`` at a position from 0 to ``len(items)``, growing by one at most.
+
+    Raises NotFiniteError where nobody knows the position, and it may be one of too many: a loop
+    that appends for each element of the same list doubles what there is room for on every trip.
+    """
     known = d.known(position)
     if known is not None:
         assert isinstance(known, int)
         return (*items[:known], value, *items[known + 1 :])
+    if len(items) >= MOST_ROOM:
+        raise NotFiniteError(NOWHERE, f"a list or map may have more than {MOST_ROOM:,} elements")
     placed = []
     for k in range(len(items)):
         here = d.binary(BinaryOp.EQ, position, d.const(k, INT))

@@ -129,9 +129,12 @@ class Ledger:
         self.verdicts.update(verdicts)
 
     def leave(self, claims: Iterable[Claim], reach: Reach) -> None:
-        """Note how far an engine came with claims, in place of what it said of them before."""
+        """Note how far an engine came with claims, unless it came farther before."""
         for claim in claims:
-            self._reaches.setdefault(claim, {})[reach.engine] = reach
+            of_engines = self._reaches.setdefault(claim, {})
+            before = of_engines.get(reach.engine)
+            if before is None or _rounds(before) <= _rounds(reach):
+                of_engines[reach.engine] = reach
 
     # --- ledgers of some claims -----------------------------------------------------------------
 
@@ -185,6 +188,11 @@ class Ledger:
             reason=reason,
             step=next(steps, None),
         )
+
+
+def reach_of(verdict: Verdict) -> Reach:
+    """What an unknown verdict says of how far a claim was seen to hold."""
+    return Reach(verdict.engine, verdict.rounds, verdict.reason, verdict.seconds)
 
 
 def _rounds(reach: Reach) -> int:

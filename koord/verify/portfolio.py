@@ -19,7 +19,7 @@ from koord.verify.concretion import Concretion
 from koord.verify.engines import ByGlance, ByInduction, BySearch, ByStep, ByUnrolling
 from koord.verify.every_n.engine import FEW, ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
-from koord.verify.ledger import Ledger, Subject, Works
+from koord.verify.ledger import Ledger, Subject, Works, reach_of
 from koord.verify.pool import DIED, Job, Pool, Progress
 from koord.verify.singly import ByRounds
 from koord.verify.solving import Deadline
@@ -224,7 +224,8 @@ def _ask(
 ) -> tuple[_Known, Ledger]:
     """Verdicts on the claims about a subject; if there are ``names``, until those are settled.
 
-    Of ``known`` ones only the unknown are asked, suspected rounds first.
+    Of ``known`` ones only the unknown are asked, suspected rounds first; how far those were seen to
+    hold counts even if the time is up.
     """
     claims = claims_of(subject.system)
     ledger = Ledger(subject, bounds, deadline, claims, seed, pool.progress)
@@ -232,6 +233,8 @@ def _ask(
     for n, verdict in enumerate(known.verdicts if known is not None else ()):
         if verdict.outcome is not Outcome.UNKNOWN or n in left:
             ledger.settle({claims[n]: replace(verdict, claim=claims[n])})
+        else:
+            ledger.leave([claims[n]], reach_of(verdict))
     asked = ledger.open()
     unrolling = ByUnrolling()
     with ledger.stopping():

@@ -16,7 +16,7 @@ from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT, ListType
 from koord.verify import portfolio, varieties
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
-from koord.verify.ledger import Ledger, Subject
+from koord.verify.ledger import Ledger, Reach, Subject, reach_of
 from koord.verify.portfolio import Choice, verify
 from koord.verify.solving import Deadline
 from koord.verify.unknowns import LIST_CAPACITY
@@ -367,6 +367,20 @@ def test_what_holds_for_some_rounds_is_no_lemma() -> None:
     ledger.settle({every: Verdict(every, Outcome.HOLDS, Engine.INDUCTION, 0.0, rounds=None)})
     assert ledger.proved() == [every]
     assert ledger.open() == []
+
+
+def test_how_far_an_engine_came_is_not_forgotten() -> None:
+    """A later try of it may have less time; and what came farther counts for all of them."""
+    system = dealt(growing().program(), 1)
+    first, *_ = claims = claims_of(system)
+    ledger = Ledger(Subject(system, _judge, system), Bounds(9), Deadline.after(None), claims)
+    known = Verdict(first, Outcome.UNKNOWN, Engine.SEARCH, 0.5, rounds=7, reason="too many states")
+    ledger.leave([first], reach_of(known))
+    ledger.leave([first], Reach(Engine.SEARCH, 2, "timeout", 0.1))
+    ledger.leave([first], Reach(Engine.BMC, 0, "timeout", 0.0))
+    assert ledger.verdict(first) == known
+    ledger.leave([first], Reach(Engine.SEARCH, 7, "out of memory", 0.5))
+    assert ledger.verdict(first).reason == "out of memory"
 
 
 def _judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:

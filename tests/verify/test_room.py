@@ -10,10 +10,12 @@ from koord.semantics.search.engine import survey
 from koord.semantics.search.findings import Exhausted
 from koord.semantics.search.limits import Limits
 from koord.semantics.storage import Cell, Storage
-from koord.semantics.values import Table
+from koord.semantics.values import MOST_ROOM, Table
 from koord.verify.bmc import Unrolling
+from koord.verify.portfolio import Choice
 from koord.verify.terms import Term
-from tests.verify.asking import bounded, inductive, of_text
+from koord.verify.verdicts import Outcome
+from tests.verify.asking import ask, bounded, inductive, of_text
 
 #: In each turn a robot goes through a map three times, and writes where it is.
 TURNING = """
@@ -97,3 +99,29 @@ invariant Three: length(m) <= 3
     assert {"One", "Four"} <= proved
     found = survey(of, of.program.properties, Limits(rounds=8))
     assert not {v.claim.name for v in found.violated} & proved
+
+
+#: In each trip of the outer loop the list may become twice as long.
+DOUBLING = """
+local:
+  bool[] xs = [true]
+Grow:
+  eff:
+    for x in xs:
+      for k = 0, length(xs):
+        if x:
+          append(xs, false)
+invariant Some: length(xs) > 0
+"""
+
+
+def test_lists_that_double_are_given_up() -> None:
+    """Without a limit the circuit of one round would take all memory."""
+    system = of_text(DOUBLING, robots=1)
+    for verdict in ask(system, rounds=12, choice=Choice.BITS):
+        assert (verdict.outcome, verdict.rounds) == (Outcome.UNKNOWN, None)
+        assert "lists grow beyond what is followed" in verdict.reason
+    some = ask(system, rounds=12, choice=Choice.BMC)["Some"]
+    assert some.outcome is Outcome.UNKNOWN
+    assert f"more than {MOST_ROOM} elements" in some.reason
+    assert some.rounds == 8
