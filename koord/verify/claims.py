@@ -104,7 +104,7 @@ def claims_of(system: System) -> tuple[Claim, ...]:
     """
     program = system.program
     claims = [
-        Claim(p.name, ClaimKind.PROPERTY, p, reads_ports=_reads_ports(program, p.condition))
+        Claim(p.name, ClaimKind.PROPERTY, p, reads_ports=reads_ports(program, p.condition))
         for p in program.properties
         if p.kind in (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
     ]
@@ -124,7 +124,7 @@ def claims_of(system: System) -> tuple[Claim, ...]:
     return tuple(dict.fromkeys(claims))
 
 
-def _reads_ports(program: core.Program, condition: core.Expr) -> bool:
+def reads_ports(program: core.Program, condition: core.Expr) -> bool:
     """Whether a statement may read a port, by itself or in a function."""
     bodies = tuple(function.body for function in program.functions)
     return any(

@@ -164,7 +164,7 @@ class _Beside:
     def end(self, ledger: Ledger, names: Collection[str]) -> _Hollow:
         """What makes the verdicts of a ledger say less than they seem to."""
         found: tuple[Vacuity, ...] = ()
-        own = ledger.of((), ledger.report)
+        own = ledger.of(ledger.open(), ledger.report)
         if self.wanted:
             with own.stopping():
                 looked = look(own) if self.job is None else self.pool.answer(self.job)

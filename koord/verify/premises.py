@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -36,11 +36,9 @@ class Premise:
 def premises(program: core.Program) -> tuple[Premise, ...]:
     """All premises of a program, in the order of its parts."""
     found = [Premise(PremiseKind.ASSUMPTION, a.name, a.span) for a in program.assumptions]
-    for module, contract in _contracts(program):
-        name, count = f"{module.name}.{contract.name}", len(contract.ensures)
-        found += [
-            Premise(PremiseKind.CONTRACT, name, contract.span, k + 1, count) for k in range(count)
-        ]
+    for agent in program.agents:
+        for module in agent.modules:
+            found += [p for contract in module.contracts for p in promises_of(module, contract)]
     for external in program.externals:
         count = len(external.ensures)
         found += [
@@ -48,6 +46,14 @@ def premises(program: core.Program) -> tuple[Premise, ...]:
             for k in range(count)
         ]
     return tuple(dict.fromkeys(found))
+
+
+def promises_of(module: core.Module, contract: core.Contract) -> tuple[Premise, ...]:
+    """The premises that a contract is: none if a model has to keep it."""
+    if module.environment is not None:
+        return ()
+    name, count = f"{module.name}.{contract.name}", len(contract.ensures)
+    return tuple(Premise(_CONTRACT, name, contract.span, k + 1, count) for k in range(count))
 
 
 def without(program: core.Program, left_out: Sequence[Premise]) -> core.Program:
@@ -80,10 +86,3 @@ def without(program: core.Program, left_out: Sequence[Premise]) -> core.Program:
 
 _Exprs = tuple[core.Expr, ...]
 _CONTRACT = PremiseKind.CONTRACT
-
-
-def _contracts(program: core.Program) -> Iterator[tuple[core.Module, core.Contract]]:
-    for agent in program.agents:
-        for module in agent.modules:
-            if module.environment is None:
-                yield from ((module, contract) for contract in module.contracts)

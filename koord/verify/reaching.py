@@ -8,10 +8,12 @@ from random import Random
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
+from koord.semantics.execution import Step
 from koord.semantics.runs.policies import AtRandom, First, Play, Policy
 from koord.semantics.runs.running import new_run
 from koord.semantics.runs.watching import Watch
 from koord.semantics.search.limits import FEW_STATES, Limits
+from koord.semantics.traces.recording import Recording
 from koord.semantics.traces.trace import Numbers
 from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import KoordError
@@ -21,11 +23,20 @@ from koord.verify.induction import prove
 from koord.verify.ledger import Ledger
 from koord.verify.moments import Moment
 from koord.verify.solving import Answer, Deadline, Effort
-from koord.verify.verdicts import Outcome
+from koord.verify.terms import Term
+from koord.verify.verdicts import Counterexample, Outcome
+from koord.verify.witness import NotReplayedError
 
 #: How often robots skip though they need not, in runs by chance. (Besides them there is the run
 #: that the runtime would make.) Deadlines are met only where robots seldom act of themselves.
 SKIPS_PERCENT = (15, 15, 95)
+
+
+class _Onlooker(Watch):
+    """Looks at runs, and lets them go on whatever they break."""
+
+    def after(self, step: Step) -> None:
+        return None
 
 
 def seen(
@@ -42,13 +53,15 @@ def seen(
         rng = Random(seed + number)
         policy: Policy = First() if skips is None else AtRandom(rng, skips)
         run = new_run(system, Numbers.EXACT, rng)
-        watch = Watch(run.d, system, run.inputs)
+        watch = _Onlooker(run.d, system, run.inputs)
         try:
             for taken in Play(run, policy, rounds, watch).steps():
                 configuration = taken.step.configuration
                 if taken.step.rule not in ("INIT", "ENV-TRANS") or configuration.fault is not None:
                     continue
-                hit = {c for c in pending if c.stated and not watch.holds(c.stated, configuration)}
+                unkept = {contract.name for _, contract in taken.step.stepped.promises}
+                hit = {c for c in pending if c.subject in unkept}
+                hit |= {c for c in pending if c.stated and not watch.holds(c.stated, configuration)}
                 broken |= dict.fromkeys(hit, configuration.round)
                 pending -= hit
                 if not pending or deadline.passed():
@@ -150,10 +163,16 @@ def _unbroken(
     rounds: int,
     deadline: Deadline,
     effort: Effort,
+    *,
+    ending: bool = False,
 ) -> Unbroken:
+    """With ``ending`` what is broken after program turns counts only if the round can end."""
     pending = list(claims)
     for moment in unrolling.moments():
-        answer = _strike(unrolling, moment, pending, deadline, effort)
+        after = []
+        if ending and moment.phase is Phase.MIDDLE:
+            after = unrolling.rounds[-1].end.constraints
+        answer = _strike(unrolling, moment, pending, deadline, effort, after)
         if (
             answer is not Answer.UNKNOWN
             and moment.phase is Phase.END
@@ -183,15 +202,19 @@ def _strike(
     pending: list[Claim],
     deadline: Deadline,
     effort: Effort,
+    after: Sequence[Term] = (),
 ) -> Answer:
-    """Take the claims that this configuration can break off the list. SAT: all that were asked."""
+    """Take the claims that this configuration can break off the list. SAT: all that were asked.
+
+    It counts only if what has to hold ``after`` it can hold.
+    """
     d, solver = unrolling.encoder.d, unrolling.solver
     asked = violations(unrolling.system, d, moment, pending)
     for _, needed in asked.values():
         solver.add(needed)
     while asked:
         question = disjunction(d, [violated for violated, _ in asked.values()])
-        answer = solver.check([question], deadline, effort)
+        answer = solver.check([*after, question], deadline, effort)
         if answer is not Answer.SAT:
             return answer
         model = solver.model()
@@ -213,24 +236,47 @@ def _stuck(unrolling: Unrolling, round_: int, deadline: Deadline) -> int | None:
 
 
 def inside_rounds(never: Claim) -> Claim:
-    """The same claim about every configuration, also those of rounds that nobody can end."""
+    """The same claim about every observed configuration, not about the ends of rounds alone."""
     assert never.stated is not None
     return replace(never, stated=replace(never.stated, kind=PropertyKind.INVARIANT))
 
 
+def broken_between(
+    system: System,
+    nevers: Collection[Claim],
+    rounds: int,
+    deadline: Deadline,
+    effort: Effort,
+    *,
+    seed: int,
+    ending: bool,
+) -> tuple[set[Claim], bool]:
+    """Those of some claims about ends of rounds that break in between; and whether that is all.
+
+    With ``ending`` they break only in rounds that can end.
+    """
+    asked = {inside_rounds(never): never for never in nevers}
+    if not asked:
+        return set(), True
+    unrolling = Unrolling(system, seed)
+    left = _unbroken(unrolling, list(asked), rounds, deadline, effort, ending=ending)
+    return {never for claim, never in asked.items() if claim not in left.claims}, left.known
+
+
 def never_broken(
-    ledger: Ledger, nevers: Iterable[Claim], deadline: Deadline, effort: Effort
+    ledger: Ledger, system: System, nevers: Iterable[Claim], deadline: Deadline, effort: Effort
 ) -> set[Claim]:
     """Those of the claims that hold in all rounds, as far as a short attempt can tell.
 
-    They must be known to hold through the first round.
+    They must be known to hold through the first round. ``system`` is that of the ledger, but for
+    what the claims are stated with.
     """
     pending = list(nevers)
     found: set[Claim] = set()
     for depth in (1, 2):
         if pending:
             result = prove(
-                ledger.system,
+                system,
                 pending,
                 ledger.proved(),
                 deadline,
@@ -243,8 +289,12 @@ def never_broken(
     if pending and not ledger.subject.is_abstract:
         from koord.verify.exhaustive import exhaust  # seldom needed, and takes a while to load
 
-        judge = ledger.subject.judge
         few = Limits(states=FEW_STATES)
-        searched = exhaust(ledger.system, pending, few, deadline, judge, lambda text: None)
+        searched = exhaust(system, pending, few, deadline, _unshown, lambda text: None)
         found |= {c for c, v in searched.verdicts.items() if v.outcome is Outcome.HOLDS}
     return found
+
+
+def _unshown(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    """Nobody wants to see the run on which something comes true."""
+    raise NotReplayedError("it is not shown")

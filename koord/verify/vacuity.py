@@ -14,13 +14,14 @@ from koord.verify.claims import NO_FAULT, Claim, Findings, Phase
 from koord.verify.footprint import footprint
 from koord.verify.ledger import Ledger
 from koord.verify.moments import Moment
-from koord.verify.reaching import Unbroken, inside_rounds, never_broken, unbroken
+from koord.verify.reaching import Unbroken, unbroken
 from koord.verify.representatives import representatives
 from koord.verify.solving import Answer, Deadline, Effort
 from koord.verify.summaries import unanswerable
 from koord.verify.symbols import SymbolicInputs
+from koord.verify.unmet import unmet
 from koord.verify.verdicts import Emptiness, Outcome, Vacuity
-from koord.verify.wishes import Aim, Wish, supposes, wishes_of
+from koord.verify.wishes import supposes, wishes_of
 
 #: What the search for what can happen may cost.
 WISHES_S = 10.0
@@ -57,11 +58,14 @@ def look(ledger: Ledger) -> Looked:
         return Looked((start,), None, effort)
     ledger.progress("looking for what never happens")
     silent = tuple(_silent(ledger, deadline, effort))
-    nevers = [wish.never for wish in wishes_of(system)]
+    wished = wishes_of(system)
+    nevers = [wish.never for wish in wished.all]
     rounds = ledger.bounds.rounds
     # Making up positions and paths that meet assumptions can cost more than it spares.
     runs = 0 if ledger.subject.is_abstract else max(rounds, TURNS // system.robots)
-    never = unbroken(system, nevers, rounds, deadline, effort, seed=seed, runs=runs, runs_s=RUNS_S)
+    never = unbroken(
+        wished.system, nevers, rounds, deadline, effort, seed=seed, runs=runs, runs_s=RUNS_S
+    )
     return Looked(silent, never, effort)
 
 
@@ -74,9 +78,9 @@ def vacuities(ledger: Ledger, looked: Looked, *, of_all_rounds: bool) -> tuple[V
         return looked.empty
     ledger.progress("looking for what never happens")
     untouched = tuple(_untouched(ledger))
-    told = {vacuity.subject for vacuity in untouched}
-    unmet = _unmet(ledger, looked.never, looked.effort, of_all_rounds)
-    return (*looked.empty, *unmet, *untouched, *_regardless(ledger, told))
+    missing = tuple(_missing(ledger, looked.never, looked.effort, of_all_rounds))
+    told = {vacuity.subject for vacuity in (*untouched, *missing) if vacuity.certain}
+    return (*looked.empty, *missing, *untouched, *_regardless(ledger, told))
 
 
 def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:
@@ -101,29 +105,24 @@ def _start(system: System, seed: int, deadline: Deadline, effort: Effort) -> Vac
     return Vacuity(Emptiness.SUMMARIES, "", detail, certain=True)
 
 
-def _unmet(
+def _missing(
     ledger: Ledger, left: Unbroken, effort: Effort, of_all_rounds: bool
 ) -> Iterator[Vacuity]:
     """Events that never run, and suppositions that are never true."""
-    rounds, deadline = ledger.bounds.rounds, ledger.deadline
-    wishes = {wish.never: wish for wish in wishes_of(ledger.system)}
     if left.stuck is not None:
         detail = f"no run gets through round {left.stuck}"
         found = Vacuity(Emptiness.CONTRACTS, "", detail, certain=True)
         yield _within(found, left.limits)
         return
     claims = left.claims - left.later if of_all_rounds else left.claims
-    if left.known and claims:
-        unmet = [never for never in wishes if never in claims]
-        always = never_broken(ledger, unmet, deadline, effort)
-        blocked = _blocked(ledger, unmet, deadline, effort)
-        verdict = ledger.verdicts.get(NO_FAULT)
-        faults = verdict is not None and verdict.outcome is Outcome.VIOLATED
-        for never in unmet:
-            told = _told(wishes[never], rounds, never in always, never in blocked)
-            # An event that faults ends the run, and so was not seen to run.
-            told = replace(told, detail=f"{told.detail} without a fault") if faults else told
-            yield told if never in always else _within(told, left.limits)
+    if not left.known or not claims:
+        return
+    verdict = ledger.verdicts.get(NO_FAULT)
+    faults = verdict is not None and verdict.outcome is Outcome.VIOLATED
+    for told in unmet(ledger, claims, effort):
+        # An event that faults ends the run, and so was not seen to run.
+        full = replace(told, detail=f"{told.detail} without a fault") if faults else told
+        yield full if told.certain else _within(full, left.limits)
 
 
 def _within(vacuity: Vacuity, limits: Sequence[str]) -> Vacuity:
@@ -134,53 +133,34 @@ def _within(vacuity: Vacuity, limits: Sequence[str]) -> Vacuity:
     return replace(vacuity, detail=detail, certain=False)
 
 
-def _blocked(
-    ledger: Ledger, unmet: Sequence[Claim], deadline: Deadline, effort: Effort
-) -> set[Claim]:
-    """Those that come true inside rounds, of which none can end."""
-    agents = ledger.system.program.agents
-    if not any(module.contracts for agent in agents for module in agent.modules):
-        return set()
-    inside = {inside_rounds(never): never for never in unmet}
-    if not inside:
-        return set()
-    rounds = ledger.bounds.rounds
-    left = unbroken(ledger.system, inside, rounds, deadline, effort, seed=ledger.seed)
-    if not left.known:
-        return set()
-    return {never for claim, never in inside.items() if claim not in left.claims}
-
-
-def _told(wish: Wish, rounds: int, always: bool, blocked: bool) -> Vacuity:
-    what = Emptiness.EVENT if wish.aim is Aim.EVENT else Emptiness.SUPPOSITION
-    verb = "run" if wish.aim is Aim.EVENT else "come true"
-    if blocked:
-        detail = f"can {verb}, but no round in which it does can end: contracts rule it out"
-    elif always:
-        detail = f"can never {verb}"
-    else:
-        detail = f"cannot {verb} within {rounds} rounds"
-    return Vacuity(what, wish.subject, detail, certain=always, span=wish.span)
+def _held(ledger: Ledger) -> Iterator[tuple[Claim, core.Property]]:
+    """The properties that hold as far as is known, be it for some rounds only."""
+    for claim in ledger.claims:
+        verdict = ledger.verdict(claim)
+        is_seen = verdict.outcome is Outcome.HOLDS or verdict.rounds is not None
+        if claim.stated is not None and is_seen and verdict.outcome is not Outcome.VIOLATED:
+            yield claim, claim.stated
 
 
 def _untouched(ledger: Ledger) -> Iterator[Vacuity]:
     """Invariants that hold for a reason that no event touches."""
-    program = ledger.system.program
-    written = {(home, slot) for home, _, slot in footprint(program)}
-    for claim, verdict in ledger.verdicts.items():
-        if claim.stated is None or verdict.outcome is not Outcome.HOLDS:
-            continue
-        below = list(reached(program, claim.stated.condition))
-        read = {(n.home, n.slot) for n in below if isinstance(n, core.Variable)}
-        read = {(home, slot) for home, slot in read if home is not Home.BOUND}
-        if not read & written and not any(isinstance(n, core.Ran | core.Stopped) for n in below):
+    for _, stated in _held(ledger):
+        if never_changes(ledger.system.program, stated.condition):
             detail = "nothing that it reads changes after the start"
-            span = claim.stated.span
-            yield Vacuity(Emptiness.UNTOUCHED, claim.name, detail, certain=True, span=span)
+            yield Vacuity(Emptiness.UNTOUCHED, stated.name, detail, True, stated.span)
 
 
-def _supposing(claim: Claim) -> bool:
-    return claim.stated is not None and supposes(claim.stated.condition)
+def never_changes(program: core.Program, condition: core.Expr) -> bool:
+    """Whether a statement reads nothing that changes after INIT."""
+    written = {(home, slot) for home, _, slot in footprint(program)}
+    below = list(reached(program, condition))
+    if any(isinstance(n, core.Ran | core.Stopped) for n in below):
+        return False
+    return not any(
+        (n.home, n.slot) in written
+        for n in below
+        if isinstance(n, core.Variable) and n.home is not Home.BOUND
+    )
 
 
 def _regardless(ledger: Ledger, told: Collection[str]) -> Iterator[Vacuity]:
@@ -189,13 +169,11 @@ def _regardless(ledger: Ledger, told: Collection[str]) -> Iterator[Vacuity]:
     What nothing writes is as it was at the start; all else has any value of its type. Statements
     that suppose something may be about mathematics: what they suppose is asked by itself.
     """
+    program = ledger.system.program
     claims = [
         claim
-        for claim, verdict in ledger.verdicts.items()
-        if verdict.outcome is Outcome.HOLDS
-        and claim.is_state_property
-        and claim.name not in told
-        and not _supposing(claim)
+        for claim, stated in _held(ledger)
+        if claim.name not in told and not supposes(program, stated.condition)
     ]
     if not claims:
         return

@@ -29,6 +29,7 @@ SOLVING = "tests/verify/test_solving.py"
 REPRESENTATIVES = "tests/verify/test_representatives.py"
 TERMS = "tests/verify/test_terms.py"
 CLAIMS = "tests/verify/test_claims.py"
+VACUITY = "tests/verify/test_vacuity.py"
 
 #: Mistakes in the rules: the program does something else than the text says.
 SEMANTICS = (
@@ -616,6 +617,48 @@ VERIFY = (
         "    pending = [claim for claim in nevers if claim in few.claims]\n",
         "    return few\n",
         (PORTFOLIO,),
+    ),
+    Mutant(
+        "robots change places whatever is said of them",
+        "verify/wishes.py",
+        "properties=(*program.properties, *stated),",
+        "properties=program.properties,",
+        (VACUITY,),
+    ),
+    Mutant(
+        "invariants suppose nothing between the ends of rounds",
+        "verify/wishes.py",
+        "observed = stated.kind is PropertyKind.INVARIANT",
+        "observed = False",
+        (VACUITY,),
+    ),
+    Mutant(
+        "what contracts promise is known where it is asked what they suppose",
+        "verify/unmet.py",
+        "return replace(self.system, program=without(self.system.program, promises))",
+        "return self.system",
+        (VACUITY,),
+    ),
+    Mutant(
+        "what contracts suppose is looked at after the turn",
+        "verify/wishes.py",
+        "isinstance(node, core.Place) and node.primed for node",
+        "isinstance(node, core.Place) and False for node",
+        (VACUITY,),
+    ),
+    Mutant(
+        "what excludes each other is supposed",
+        "verify/suppositions.py",
+        "if len(negated) != 1:",
+        "if not (negated := negated[:1]):",
+        (VACUITY,),
+    ),
+    Mutant(
+        "all that a function supposes is meant wherever it is called",
+        "verify/suppositions.py",
+        "if self._calls[e.function] == 1 and admits(e):",
+        "if admits(e):",
+        (VACUITY,),
     ),
     Mutant(
         "cases forget a denial",

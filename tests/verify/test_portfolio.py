@@ -569,8 +569,11 @@ def test_an_event_whose_round_cannot_end_is_told() -> None:
     b.invariant("Low", forall(I, level.at(I) < 9))
     asked = ask(b.program(), robots=1, rounds=3)
     assert asked.outcome("Low") is Outcome.HOLDS
-    (told,) = asked.empty
-    assert told.startswith("event Start: can run, but no round in which it does can end")
+    why = "but no round in which it does can end: contracts rule it out"
+    assert asked.empty == [
+        f"event Start: can run, {why}",
+        f"supposition contract Rises: can come true, {why}",
+    ]
     assert asked.report.is_vacuous
 
 

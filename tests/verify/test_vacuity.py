@@ -1,0 +1,237 @@
+"""Verdicts that say less than they seem to: what is told of them, what is not. [PROP-VACUOUS]"""
+
+from __future__ import annotations
+
+import pytest
+
+from koord.verify.portfolio import Choice
+from tests.verify.asking import ask, of_text
+
+COUNTER = """
+local:
+  int x = 0
+  bool busy = false
+Up:
+  pre: x < 3
+  eff: x = x + 1
+Down:
+  pre: x == 3
+  eff: x = 0
+"""
+LIVELY = COUNTER.replace("eff: x = x + 1", "eff:\n    busy = x == 1\n    x = x + 1")
+
+BODY = """
+using Body:
+  sensors:
+    float x = 0.0
+  actuators:
+    bool up = false
+    bool gone = false
+{contract}
+Flip:
+  eff: Body.up = not Body.up
+invariant Small: Body.x <= 3.0 or true
+"""
+
+NEVER = "can never come true"
+RULED_OUT = "can come true, but no round in which it does can end: contracts rule it out"
+
+
+def told(text: str, robots: int = 2, rounds: int = 4, choice: Choice = Choice.AUTO) -> list[str]:
+    """What is certain, but for statements that nothing can break."""
+    report = ask(of_text(text), robots, rounds, choice).report
+    found = [v for v in report.vacuities if v.certain and v.what.value != "untouched"]
+    return [f"{v.subject}: {v.detail}" for v in found]
+
+
+# --- what statements suppose ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "busy implies x == 2",
+        "not busy or x == 2",
+        "x == 2 or not busy",
+        "x == 2 or not busy or x > 5",
+        "x >= 0 and (not busy or x == 2)",
+        "not busy or (x > 1 implies x == 2)",
+        "x >= 0 implies (busy implies x == 2)",
+    ],
+)
+def test_what_statements_suppose_is_to_come_true(condition: str) -> None:
+    assert told(f"{COUNTER}invariant Sure: {condition}\n") == [f"Sure: {NEVER}"]
+    assert told(f"{COUNTER}invariant Sure at round: {condition}\n") == [f"Sure: {NEVER}"]
+    # Busy robots are what it takes.
+    assert told(f"{LIVELY}invariant Sure: {condition}\n") == []
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "x == 3 or busy == false",
+        "not (busy and x == 2)",
+        "not busy or not (x == 7)",
+        "x <= 3 implies x <= 3 or not busy",
+        "x < 0 or x >= 0",
+    ],
+)
+def test_what_excludes_or_chooses_supposes_nothing(condition: str) -> None:
+    assert told(f"{COUNTER}invariant Sure: {condition}\n") == []
+
+
+def test_of_what_eventually_holds_no_part_is_supposed_but_by_an_implication() -> None:
+    assert told(f"{COUNTER}eventually Done: x == 2 or not busy\n") == []
+    assert told(f"{COUNTER}eventually Done: busy implies x == 2\n") == [f"Done: {NEVER}"]
+    assert told(f"{COUNTER}eventually Done: busy leadsto x == 2\n") == [f"Done: {NEVER}"]
+
+
+FUNCTIONS = """
+def fun small(int y) -> bool:
+  if y == 2:
+    return y < 0 implies y == 9
+  return y > 2 implies y == 3
+"""
+
+
+def test_a_function_that_is_called_once_is_read_as_if_it_stood_there() -> None:
+    once = f"{FUNCTIONS}{COUNTER}invariant Sure: small(x)\n"
+    assert told(once) == [f"Sure: {NEVER}"]
+    assert told(f"{FUNCTIONS}{COUNTER}invariant Sure: forall i: i == 0 implies small(x@i)\n") == [
+        f"Sure: {NEVER}"
+    ]
+    # Of several places not each means all its cases.
+    assert told(f"{once}invariant Too: small(x + 0)\n") == []
+
+
+def test_what_is_so_between_the_ends_of_rounds_comes_true() -> None:
+    """[PROP-INVARIANT]: as the program turns end, robots know what their sensors show."""
+    text = """
+using Clock:
+  sensors:
+    int time = 0
+  environment:
+    time = time + 1
+local:
+  int seen = -1
+urgent Look:
+  eff: seen = Clock.time
+invariant Sure{when}: seen == Clock.time implies seen >= 0
+"""
+    assert ask(of_text(text.format(when=""))).empty == []
+    (late,) = ask(of_text(text.format(when=" at round"))).empty
+    assert late.startswith("supposition Sure: ")
+
+
+def test_what_is_supposed_of_some_robots_is_looked_for_at_them() -> None:
+    """Robots may not change places where one is named, be it in what is supposed alone."""
+    text = """
+local:
+  int x = 0
+Up:
+  pre: x < 500
+  eff: x = x + 1
+eventually Ends: x > x@0 + 400 leadsto x == 500
+"""
+    (late,) = ask(of_text(text, 3), rounds=3, choice=Choice.BMC).report.vacuities
+    assert not late.certain
+
+
+# --- contracts ------------------------------------------------------------------------------------
+
+
+def body(*lines: str) -> str:
+    """A program whose module has one contract."""
+    contract = "".join(f"    {line}\n" for line in lines)
+    return BODY.format(contract=f"  contract Moves:\n{contract}")
+
+
+def test_a_contract_whose_requirement_is_never_met_promises_nothing() -> None:
+    met = "contract Moves: "
+    assert told(body("requires: gone", "ensures: x' == 1.0")) == [met + NEVER]
+    assert told(body("requires: up and gone", "ensures: x' == 1.0")) == [met + NEVER]
+    assert told(body("requires: up", "requires: gone", "ensures: x' == 1.0")) == [met + NEVER]
+    assert told(body("requires: up", "ensures: x' == 1.0")) == []
+    assert told(body("requires: true", "ensures: x' == 1.0")) == []
+
+
+def test_what_a_contract_ensures_on_a_condition_is_looked_at_too() -> None:
+    met = "contract Moves: "
+    assert told(body("ensures: gone implies x' == 1.0")) == [met + NEVER]
+    assert told(body("requires: up", "ensures: not gone or x' == 1.0")) == [met + NEVER]
+    assert told(body("ensures: up implies (gone implies x' == 1.0)")) == [met + NEVER]
+    assert told(body("ensures: up implies x' == 1.0")) == []
+    # What is so only after the turn is for the contract to say.
+    assert told(body("ensures: x' > 5.0 implies x' < 3.0")) == []
+
+
+def test_a_contract_that_lets_no_turn_end_where_it_is_wanted_is_told() -> None:
+    """Its promises are those of cases that exclude each other."""
+    found = told(body("requires: up", "ensures: x' == x + 1.0", "ensures: x' == x - 1.0"))
+    assert f"contract Moves: {RULED_OUT}" in found
+    found = told(body("ensures: up implies x' == x + 1.0 and x' == x - 1.0"))
+    assert f"contract Moves: {RULED_OUT}" in found
+    # It is no matter of the contract that nobody could be gone.
+    found = told(body("requires: gone", "ensures: x' == x + 1.0", "ensures: x' == x - 1.0"))
+    assert found == [f"contract Moves: {NEVER}"]
+
+
+MODEL = """
+using Body:
+  sensors:
+    int x = 0
+  actuators:
+    bool up = false
+  environment:
+    if x < 2:
+      x = x + 1
+  contract Moves:
+    requires: {required}
+    ensures: x' >= x
+Flip:
+  eff: Body.up = not Body.up
+"""
+
+
+def test_a_contract_that_a_model_keeps_says_something_only_if_it_is_met() -> None:
+    assert told(MODEL.format(required="x > 2")) == [f"contract Moves: {NEVER}"]
+    # At the start no turn of the environment begins with it: the program turns come before.
+    assert told(MODEL.format(required="x == 0")) == []
+    urgent = MODEL.replace(
+        "Flip:\n  eff: Body.up = not", "urgent Flip:\n  eff: Body.up = Body.up or not"
+    )
+    assert told(urgent.format(required="not up")) == [f"contract Moves: {NEVER}"]
+
+
+def test_a_contract_of_several_kinds_of_robots_is_met_if_one_of_them_meets_it() -> None:
+    text = """
+using Body:
+  sensors:
+    int x = 0
+  actuators:
+    bool up = false
+  contract Moves:
+    requires: up
+    ensures: x' == 1
+agent Car:
+  Wait:
+    eff: Body.up = {car}
+agent Drone:
+  Rise:
+    eff: Body.up = {drone}
+invariant Small: forall Car c: Body.x@c <= 1 or true
+"""
+    assert told(text.format(car="false", drone="true")) == []
+    assert told(text.format(car="false", drone="false")) == [f"contract Moves: {NEVER}"]
+
+
+# --- what nothing touches -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BMC])
+def test_what_nothing_touches_is_told_whichever_engine_saw_it_hold(choice: Choice) -> None:
+    text = f"{COUNTER}invariant Always: x == 2 or x != 2\ninvariant Fixed: not busy\n"
+    assert ask(of_text(text), choice=choice).empty == [
+        "untouched Fixed: nothing that it reads changes after the start",
+        "untouched Always: it is true whatever the events do",
+    ]
