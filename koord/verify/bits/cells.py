@@ -76,6 +76,7 @@ class Joining:
     d: BitDomain
     landmarks: tuple[int, ...]
     hurry: bool = False  #: whether ranges that grow go on to the next landmark
+    forgets: bool = False  #: whether a number of which nothing was known stays one
 
     def joined(self, leaf: Leaf | None, value: Bits) -> Leaf:
         """A leaf for what one stands for, and a value besides."""
@@ -104,7 +105,7 @@ class Joining:
 
     def _numbers(self, leaf: Leaf, found: Leaf) -> Leaf:
         if isinstance(leaf, Wild):
-            if isinstance(found, Wild):
+            if isinstance(found, Wild) or self.forgets:
                 return leaf
             return replace(self._range(found), strays=True)
         a = self._range(leaf)

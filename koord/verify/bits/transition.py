@@ -144,9 +144,10 @@ class _Builder:
         hurry = self.tries > PASSES[0]
         self.marks = self.marks or _landmarks(self.system, most)
         marks = self.marks
-        if self.tries > PASSES[1]:
+        leaps = self.tries > PASSES[1]
+        if leaps:
             marks = (marks[0], marks[-1])
-        joining = Joining(self.d, marks, hurry)
+        joining = Joining(self.d, marks, hurry, forgets=leaps)
 
         def pair(path: str, leaf: Leaf | None, value: Bits | None) -> Leaf:
             if value is None:

@@ -88,6 +88,16 @@ def test_numbers_without_end_are_open_where_it_matters() -> None:
     assert even.rounds is not None or even.outcome is Outcome.UNKNOWN
 
 
+def test_numbers_that_grow_finer_without_end_are_open_and_nothing_else_is() -> None:
+    halved = (
+        "local:\n    float x = 1.0\n    bool small = false\n\nHalve:\n    eff:\n        x = x / 2.0\n"
+        "        small = not small\n\ninvariant Free: forall i: small@i or not small@i\n"
+        "invariant Large: forall i: x@i >= 0.5\n"
+    )
+    assert said(halved, "Free").outcome is Outcome.HOLDS
+    assert said(halved, "Large").outcome is not Outcome.HOLDS
+
+
 SENSED = """
 using Wheel:
     sensors:
