@@ -79,15 +79,15 @@ def vacuities(ledger: Ledger, looked: Looked, *, of_all_rounds: bool) -> tuple[V
     ledger.progress("looking for what never happens")
     untouched = tuple(_untouched(ledger))
     missing = tuple(_missing(ledger, looked.never, looked.effort, of_all_rounds))
-    told = {vacuity.subject for vacuity in (*untouched, *missing) if vacuity.certain}
+    sure = [vacuity for vacuity in (*untouched, *missing) if vacuity.certain]
+    told = {vacuity.subject for vacuity in sure if vacuity.what is not Emptiness.EVENT}
     return (*looked.empty, *missing, *untouched, *_regardless(ledger, told))
 
 
 def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:
     """External functions whose summaries contradict themselves."""
     original = ledger.subject.original
-    for external in unanswerable(original, ledger.seed, deadline, effort):
-        detail = f"no answer of {external.name} can meet its `ensures`"
+    for external, detail in unanswerable(original, ledger.seed, deadline, effort):
         yield Vacuity(Emptiness.SUMMARIES, "", detail, certain=True, span=external.span)
 
 

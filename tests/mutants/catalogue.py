@@ -647,6 +647,20 @@ VERIFY = (
         (VACUITY,),
     ),
     Mutant(
+        "a function lacks answers if another one can see to it",
+        "verify/summaries.py",
+        "return any(isinstance(node, core.ExternalCall | core.AllValues) for node in below)",
+        "return not below",
+        (VACUITY,),
+    ),
+    Mutant(
+        "goals are reached where some start has them",
+        "verify/live/hollow.py",
+        "return answer is Answer.UNSAT and not unrolling.unknowns.limits",
+        "return not unrolling.unknowns.limits",
+        (VACUITY,),
+    ),
+    Mutant(
         "what excludes each other is supposed",
         "verify/suppositions.py",
         "if len(negated) != 1:",

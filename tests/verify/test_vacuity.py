@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from koord.verify.portfolio import Choice
+from koord.verify.verdicts import Outcome
 from tests.verify.asking import ask, of_text
 
 COUNTER = """
@@ -235,3 +236,63 @@ def test_what_nothing_touches_is_told_whichever_engine_saw_it_hold(choice: Choic
         "untouched Fixed: nothing that it reads changes after the start",
         "untouched Always: it is true whatever the events do",
     ]
+
+
+def test_a_goal_that_is_reached_at_the_start_is_told() -> None:
+    """[PROP-EVENTUALLY]: no event has a part in it."""
+    goals = {
+        "x == 3": "",
+        "not busy": "nothing that its goal reads changes after the start",
+        "x == 1 leadsto not busy": "nothing that its goal reads changes after the start",
+        "x == 0 or x == 3": "its goal is reached at the start already",
+        "forall i: x@i == 0": "its goal is reached at the start already",
+        "exists i: x@i == 2": "",
+        "x == 1 leadsto x == 0": "",
+    }
+    for goal, why in goals.items():
+        asked = ask(of_text(f"{COUNTER}eventually Done: {goal}\n"))
+        assert asked.outcome("Done") is Outcome.HOLDS, goal
+        assert asked.empty == ([f"untouched Done: {why}"] if why else [])
+    # What does not hold needs no reason.
+    assert ask(of_text(f"{COUNTER}eventually Done: busy\n")).empty == []
+
+
+# --- summaries ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("summary", "why"),
+    [
+        ("ensures: a > 0 implies result > 1 and result < 0", "for a = 1"),
+        ("ensures: a < 5 and result == a or a > 5 and result == 7", "for a = 5"),
+        ("requires: a > 3\n  ensures: result >= a and result <= 4", "for a = 5"),
+        ("requires: a <= 4\n  ensures: result >= a and result <= 4", ""),
+        ("ensures: result * result <= a or a < 0", ""),
+    ],
+)
+def test_a_function_that_has_no_answer_for_some_arguments_is_told(summary: str, why: str) -> None:
+    """[EXTERNAL]: no function meets such a summary, though some calls may have answers."""
+    text = f"def fun f(int a) -> int: extern\n  {summary}\n{COUNTER}"
+    shown = f": no answer of f {why} can meet its `ensures`"
+    assert told(text) == ([shown] if why else [])
+    # Who is answered anew each time may know what not to ask.
+    assert told(text.replace("extern", "extern fresh")) == []
+
+
+def test_a_function_that_others_could_leave_without_an_answer_is_not_told() -> None:
+    """There is a function g that lets f have answers."""
+    text = """
+def fun g(int a) -> int: extern
+def fun between(int a, int b) -> bool:
+  return g(a) < b and b < a
+def fun f(int a) -> int: extern
+  ensures: between(a, result)
+"""
+    assert told(text + COUNTER) == []
+
+
+def test_a_function_that_nobody_may_call_is_told() -> None:
+    text = "def fun f(int a) -> int: extern\n  requires: a > 0 and a < 0\n  ensures: result > a\n"
+    assert told(text + COUNTER) == [": no arguments of f can meet its `requires`"]
+    text = "def fun f(int a) -> int: extern fresh\n  ensures: result > a and result < a\n"
+    assert told(text + COUNTER) == [": no answer of f can meet its `ensures`"]

@@ -15,6 +15,7 @@ from koord.verify.claims import Claim, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
 from koord.verify.ledger import Ledger, Reach, Said, Subject
 from koord.verify.live.bits import LiveByBits
+from koord.verify.live.hollow import hollow
 from koord.verify.live.lassos import replayed_lasso
 from koord.verify.live.search import FEW_EDGES, LiveBySearch
 from koord.verify.pool import DIED, Pool, Progress
@@ -72,8 +73,11 @@ def settled(
         if ways in (Ways.ALL, Ways.BITS) and ledger.open():
             _by_bits(ledger, bits, proved)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
-    empty = tuple(dict.fromkeys([*search.empty, *bits.empty]))
-    return Settled(verdicts, empty, ledger.interrupted)
+    empty = [*search.empty, *bits.empty]
+    if not empty:
+        with ledger.stopping():
+            empty += hollow(system, verdicts, deadline, seed)
+    return Settled(verdicts, tuple(dict.fromkeys(empty)), ledger.interrupted)
 
 
 def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
