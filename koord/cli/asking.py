@@ -139,7 +139,7 @@ def _asked(
 
         shadows = instants.shadowed(system, deadline, request.seed)
         between = [*shadows.names, *(claim.name for claim, _ in shadows.unsaid)]
-    _check_names(request.properties, [*known, *between])
+    check_names(request.properties, [*known, *between])
     every_n = request.fleets[0].any_number
     choice = Choice.EVERY_N if every_n else Choice(request.engine.value)
     bounds = _bounds(request)
@@ -187,7 +187,7 @@ def resting(
         return None
 
 
-def _check_names(wanted: Sequence[str], known: Sequence[str]) -> None:
+def check_names(wanted: Sequence[str], known: Sequence[str]) -> None:
     """A misspelt name must not pass for a verdict. Raises ArgumentTypeError."""
     for word in wanted:
         if word not in known:

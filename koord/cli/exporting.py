@@ -5,17 +5,24 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from koord import __version__
+from koord.cli.asking import check_names
 from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, check_writable, write_atomically
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
+from koord.cli.progress import LiveLine
 from koord.cli.systems import system_of
 from koord.semantics.configurations import System
-from koord.syntax.diagnostics import KoordError
+from koord.semantics.crowds import NotFiniteError
+from koord.semantics.patience import OutOfPatienceError, Patience
+from koord.syntax.diagnostics import KoordError, refusal
+from koord.syntax.source import NOWHERE
 
 if TYPE_CHECKING:
     from koord.verify.bits.exporting import Format
@@ -56,62 +63,148 @@ def export(arguments: argparse.Namespace) -> int:
         return Exit.BAD_INPUT
     (program,) = programs
     system = system_of(program.program, arguments.robots[0], arguments.delta)
+    asked = _Asked(program, _within(system, arguments.timeout), arguments)
+    _check_names(asked)
     try:
-        if arguments.export == "tla":
-            return _write_module(program, system, arguments)
-        return _write(program, system, arguments)
+        with LiveLine(sys.stderr) as line:
+            line.show(f"writing {arguments.export}")
+            content, notes = _written(asked)
     except KoordError as error:  # of what the other language cannot say
-        report_error(error, as_json=False, sources=report.sources.values())
+        report_error(_with_others(error, asked), as_json=False, sources=report.sources.values())
         return Exit.BAD_INPUT
+    except OutOfPatienceError:
+        print("koord verify: the time was up, and nothing is written", file=sys.stderr)
+        return Exit.UNKNOWN
+    for note in (*notes, *_left_out(asked)):
+        print(f"koord verify: {note}", file=sys.stderr)
+    if arguments.output == DASH:
+        sys.stdout.write(content.decode())
+    else:
+        write_atomically(arguments.output, content)
+    return Exit.OK
 
 
-def _write_module(program: LoadedProgram, system: System, arguments: argparse.Namespace) -> int:
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """A program that is to be written, and how."""
+
+    program: LoadedProgram
+    system: System
+    arguments: argparse.Namespace
+
+    @property
+    def comment(self) -> str:
+        return f"{self.program.source.name}, {self.system.fleet}, by koord {__version__}"
+
+
+def _within(system: System, seconds: float | None) -> System:
+    """A system of which nobody waits for longer."""
+    from koord.verify.solving import Deadline
+
+    return replace(system, patience=Patience(Deadline.after(seconds).passed))
+
+
+def _check_names(asked: _Asked) -> None:
+    """Something has to be in the file. Raises ArgumentTypeError."""
+    from koord.verify.claims import claims_of, liveness_of
+
+    names = asked.arguments.names
+    stated = [claim.name for claim in claims_of(asked.system)]
+    of_runs = [claim.name for claim in liveness_of(asked.system)]
+    check_names(names, [*stated, *of_runs])
+    if names and not set(names) & set(stated):
+        raise argparse.ArgumentTypeError(
+            f"--property: {names[0]!r} is about whole runs, which --export leaves out"
+        )
+
+
+def _written(asked: _Asked) -> tuple[bytes, tuple[str, ...]]:
+    """The file, and what it says more loosely. Raises KoordError, and OutOfPatienceError."""
+    if asked.arguments.export == "tla":
+        return _module(asked), ()
+    from koord.verify.exporting import problem
+
+    names, rounds = tuple(asked.arguments.names), asked.arguments.rounds
+    try:
+        found = problem(asked.system, names, _format(asked.arguments), rounds, asked.comment)
+    except NotFiniteError as error:
+        place = asked.program.source.name if error.span == NOWHERE else error.span
+        message = f"the program cannot be written for solvers: {error.what}"
+        raise refusal("K944", place, message) from error
+    return found.content, found.notes
+
+
+def _module(asked: _Asked) -> bytes:
     from koord.verify.tla.module import module
 
-    path = Path(program.source.name if arguments.output == DASH else arguments.output)
+    output = asked.arguments.output
+    path = Path(asked.program.source.name if output == DASH else output)
     name = path.stem
-    if arguments.output == DASH:
+    if output == DASH:
         name = "M_" + re.sub(r"\W", "_", name, flags=re.ASCII)
     elif not _NAME.fullmatch(name) or path.suffix != ".tla":
         raise argparse.ArgumentTypeError(
             f"--export tla: a module has the name of its file, and {path.name!r} is none; "
             "write letters, digits and _, and .tla"
         )
-    lines = module(system, name, tuple(arguments.names), _comment(program, system))
-    _put("".join(f"{line}\n" for line in lines).encode(), arguments.output)
-    return Exit.OK
+    lines = module(asked.system, name, tuple(asked.arguments.names), asked.comment)
+    return "".join(f"{line}\n" for line in lines).encode()
 
 
-def _comment(program: LoadedProgram, system: System) -> str:
-    return f"{program.source.name}, {system.robots} robots, by koord {__version__}"
+def _left_out(asked: _Asked) -> Iterator[str]:
+    """What the file does not ask."""
+    from koord.verify.claims import ClaimKind, claims_of, liveness_of
+
+    names = asked.arguments.names
+    beyond = [(claim.name, "it is about whole runs") for claim in liveness_of(asked.system)]
+    if asked.arguments.export == "tla":
+        beyond += [
+            (claim.name, "TLC looks for faults by itself, and for nothing else but invariants")
+            for claim in claims_of(asked.system)
+            if claim.kind in (ClaimKind.LOST_UPDATE, ClaimKind.CONTRACT)
+        ]
+    for name, why in beyond:
+        if not names or name in names:
+            yield f"not in the file: {name}: {why}"
 
 
-def _put(content: bytes, output: str) -> None:
-    if output == DASH:
-        sys.stdout.write(content.decode())
-    else:
-        write_atomically(output, content)
+#: How long it may take to find out whether another export takes a program, each in seconds.
+_TRIED_S = 3.0
 
 
-def _write(program: LoadedProgram, system: System, arguments: argparse.Namespace) -> int:
-    from koord.semantics.machine import NotFiniteError
-    from koord.verify.bits.exporting import problem
-
-    try:
-        written = problem(
-            system,
-            tuple(arguments.names),
-            _format(arguments),
-            arguments.rounds,
-            _comment(program, system),
+def _with_others(error: KoordError, asked: _Asked) -> KoordError:
+    """A refusal with what does take the program, as far as that is soon found out."""
+    taken, unclear = list[str](), False
+    for flags in (("smt2",), ("aiger", "vmt"), ("tla",)):
+        if asked.arguments.export not in flags:
+            takes = _takes(flags[0], asked)
+            taken += flags if takes else ()
+            unclear = unclear or takes is None
+    if not taken and unclear:
+        return error
+    *several, last = [f"`--export {flag}`" for flag in taken] or [""]
+    others = f"{', '.join(several)} and {last} take" if several else f"{last} takes"
+    cure = f"{others} this program as it is" if last else "no other export takes this program"
+    return KoordError(
+        tuple(
+            replace(found, hint=f"{found.hint}; {cure}" if found.hint else cure)
+            for found in error.diagnostics
         )
-    except NotFiniteError as error:
-        print(f"koord verify: not to be written as bits: {error}", file=sys.stderr)
-        return Exit.UNKNOWN
-    for note in written.notes:
-        print(f"koord verify: {note}", file=sys.stderr)
-    _put(written.content, arguments.output)
-    return Exit.OK
+    )
+
+
+def _takes(flag: str, asked: _Asked) -> bool | None:
+    """Whether an export takes a program; None if that is not soon found out."""
+    arguments = argparse.Namespace(**vars(asked.arguments))
+    arguments.export, arguments.output, arguments.rounds = flag, DASH, min(1, arguments.rounds)
+    system = _within(asked.system, _TRIED_S)
+    try:
+        _written(replace(asked, system=system, arguments=arguments))
+    except KoordError:
+        return False
+    except OutOfPatienceError:
+        return None
+    return True
 
 
 def _format(arguments: argparse.Namespace) -> Format:

@@ -208,8 +208,8 @@ INPUT_CATALOGUE = dict(
             "a certificate is refused",
             "The file has the form of a certificate, and contradicts itself or the program: its "
             "text is not the one that was certified, it claims what the program does not state, "
-            "an obligation is missing, or a script in it is not SMT-LIB 2 that asks one question, or "
-            "it does not say what the proof rests on.\n\n"
+            "an obligation is missing, a script in it is no question in SMT-LIB 2, or it does not "
+            "say what the proof rests on.\n\n"
             "Nothing is said then of the claims: write the certificate anew with "
             "`koord verify --certificate`.",
         ),
@@ -227,8 +227,17 @@ INPUT_CATALOGUE = dict(
             "enumerations, records and arrays, and whose robots have no vehicle: what modules, "
             "external functions and `choose` leave open, floats, strings, and lists whose length "
             "changes are not translated, nor is what starts unset or arbitrary.\n\n"
-            "The place is where the first such thing stands. `--export aiger`, `vmt` and `smt2` "
-            "take every program that is finite.",
+            "The place is where the first such thing stands; the hint names the exports that take "
+            "the program as it is. `--export smt2` takes nearly all: it has integers and reals.",
+        ),
+        _entry(
+            "K944",
+            "a program cannot be written as a problem for solvers",
+            "`koord verify --export aiger` and `vmt` write a program as a circuit, `smt2` as a "
+            "question with integers and reals where a circuit would leave values open. This "
+            "program has something that none of them can say, such as a map in a question about "
+            "every value of a type; the message names it. The hint names the exports that take the "
+            "program as it is, if there are any.",
         ),
         _entry(
             "K950",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
@@ -71,6 +71,14 @@ class Effort:
     def of_seconds(seconds: float) -> Effort:
         """About what a solver does in that time."""
         return Effort(int(seconds * PER_SECOND))
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """A question about what the first so many of the things say that are ``required``."""
+
+    required: int
+    asked: Term
 
 
 @dataclass(slots=True)
@@ -163,6 +171,27 @@ class Solver:
         asked = z3.Solver(ctx=self.d.context)
         asked.add(self._solver.assertions())
         asked.add(*(self.d.boolean(term) for term in question))
+        return str(asked.to_smt2())
+
+    @property
+    def required(self) -> int:
+        """How many things are required by now."""
+        self._take()
+        return len(self._solver.assertions())
+
+    def layered(self, layers: Sequence[Layer]) -> str:
+        """Whether one of the layers' questions can hold, with what was required up to it alone.
+
+        A script of SMT-LIB 2.
+        """
+        required = list(self._solver.assertions())
+        whole = z3.BoolVal(False, self.d.context)
+        starts = [0, *(layer.required for layer in layers)]
+        for start, layer in zip(reversed(starts[:-1]), reversed(layers), strict=True):
+            here = z3.Or(self.d.boolean(layer.asked), whole)
+            whole = z3.And(*required[start : layer.required], here)
+        asked = z3.Solver(ctx=self.d.context)
+        asked.add(whole)
         return str(asked.to_smt2())
 
     def core(self) -> frozenset[int]:

@@ -11,13 +11,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from koord.semantics.configurations import System
-from koord.verify.abstraction import abstracted
 from koord.verify.bits.graph import FALSE, Graph
 from koord.verify.bits.pdr import Question
-from koord.verify.bits.transition import Circuit, Latch, circuit_of
+from koord.verify.bits.transition import Circuit, Latch
 from koord.verify.bits.unrolling import Copy
-from koord.verify.claims import claims_of
 
 
 class Format(Enum):
@@ -80,35 +77,6 @@ def _begun(
     roots = [*(latch.next for latch in latches), *(x for _, x in bad)]
     inputs = tuple(2 * n for n in g.cone(roots) if g.is_input(n) and n not in own)
     return Machine(g, inputs, tuple(latches), tuple(bad))
-
-
-@dataclass(frozen=True, slots=True)
-class Problem:
-    """A problem as a file, and what it says more loosely than the program."""
-
-    content: bytes
-    notes: tuple[str, ...]
-
-
-def problem(
-    system: System, names: Sequence[str], format_: Format, rounds: int, comment: str
-) -> Problem:
-    """The claims about a system, or the named ones, for other tools.
-
-    Values that merely flow are opaque. Raises NotFiniteError where a loop has no known bound.
-    """
-    abstraction = abstracted(system.program)
-    if abstraction is not None:
-        system = replace(system, program=abstraction.program)
-    claims = [claim for claim in claims_of(system) if not names or claim.name in names]
-    circuit = circuit_of(system, claims)
-    notes = [f"not covered: {limit}" for limit in circuit.limits]
-    if circuit.d.looser:
-        loose = ", ".join(sorted({name.split("@")[0] for name in circuit.d.looser}))
-        notes.append(
-            "of infinitely many values, so a violation need not be one of the program: " + loose
-        )
-    return Problem(exported(circuit, format_, rounds, comment), tuple(notes))
 
 
 def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> bytes:
@@ -287,4 +255,4 @@ def _all(terms: Iterable[str]) -> str:
     return f"(and true {' '.join(terms)})"
 
 
-__all__ = ["Format", "Machine", "Problem", "exported", "machine_asking", "machine_of", "problem"]
+__all__ = ["Format", "Machine", "exported", "machine_asking", "machine_of"]

@@ -84,6 +84,7 @@ class Circuit:
     unknowns: tuple[BitUnknowns, BitUnknowns]
     tokens: dict[int, tuple[Choice, Choice]]  #: what standing tokens become: by INIT, by a round
     limits: tuple[str, ...]
+    strays: tuple[str, ...]  #: variables some values of which are not followed
 
 
 def circuit_of(system: System, claims: Sequence[Claim], level: int = 0) -> Circuit:
@@ -265,6 +266,7 @@ class _Builder:
             (p.first, p.second),
             tokens,
             tuple(sorted({*p.first.limits, *p.second.limits})),
+            tuple(path for path, (leaf, _) in self.made.items() if _is_loose(leaf)),
         )
 
     def _broken(self, moment: Moment) -> tuple[dict[Claim, int], list[Bits]]:
@@ -328,6 +330,10 @@ def _fresh(d: BitDomain, path: str, leaf: Leaf) -> Bits:
             return d.wild(path, scale)
         case Token(sort=sort):
             return d.opaques.fresh(sort, path, standing=True)
+
+
+def _is_loose(leaf: Leaf) -> bool:
+    return isinstance(leaf, Wild) or (isinstance(leaf, Ranged) and leaf.strays)
 
 
 def _in_range(d: BitDomain, leaf: Leaf, value: Bits) -> list[int]:

@@ -71,7 +71,7 @@ def check_type(type_: Type, span: Span) -> None:
             raise refused(
                 f"a {_KINDS.get(type(type_).__name__, 'value of this type')}",
                 span,
-                "use Booleans, integers, enumerations, records and arrays, or --export smt2",
+                "use Booleans, integers, enumerations, records and arrays",
             )
 
 
@@ -150,7 +150,7 @@ def text(e: core.Expr, of: Scope) -> str:
             those = ", ".join(f"<<{kind}, {position}>>" for kind, position in events)
             return f"(ran[{text(robot, of)}] \\in {{{those}}})"
         case _:
-            raise refused(_what(e), e.span, "leave it out, or use --export smt2, vmt or aiger")
+            raise refused(_what(e), e.span, "leave it out")
 
 
 def _made_list(e: core.MakeList, of: Scope) -> str:

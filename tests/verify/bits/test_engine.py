@@ -90,7 +90,8 @@ def test_numbers_without_end_are_open_where_it_matters() -> None:
 
 def test_numbers_that_grow_finer_without_end_are_open_and_nothing_else_is() -> None:
     halved = (
-        "local:\n    float x = 1.0\n    bool small = false\n\nHalve:\n    eff:\n        x = x / 2.0\n"
+        "local:\n    float x = 1.0\n    bool small = false\n\n"
+        "Halve:\n    eff:\n        x = x / 2.0\n"
         "        small = not small\n\ninvariant Free: forall i: small@i or not small@i\n"
         "invariant Large: forall i: x@i >= 0.5\n"
     )
