@@ -12,7 +12,7 @@ from fractions import Fraction
 from typing import Any
 
 from koord.refinement.answering import starting
-from koord.refinement.translating import to_plain
+from koord.refinement.translating import to_plain, to_value
 from koord.runtime.compile.naming import Names
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Proposal
@@ -108,7 +108,8 @@ class Rehearsal:
     def ask(
         self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
     ) -> Any:
-        question = (function, arguments)
+        pairs = zip(arguments, self._kinds[function].parameters, strict=True)
+        question = function, tuple(to_plain(to_value(given, p.type)) for given, p in pairs)
         if question in self._said:
             return self._said[question]
         number = -1 if turn is Turn.INIT else self.round

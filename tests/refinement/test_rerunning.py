@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -142,15 +143,49 @@ local:
 urgent Hurry:
   pre: n == 0
   eff:
-    n = go(n)
+    if go(n) > 0:
+      n = 1
 urgent Haste:
   pre: n == 0
   eff: n = 3
 invariant NotThree: n != 3
 """
     (trace,) = counterexamples(text, robots=1)
-    assert not any(round_.answers for round_ in trace.recording.rounds)
+    (only,) = trace.recording.rounds
+    assert only.events == (1,)
+    untold = replace(trace.recording, rounds=(replace(only, answers=()),))
+    assert rerun(traced(trace.sources, trace.system, Numbers.EXACT, untold)) is None
+
+
+def test_of_a_turn_that_faults_the_beginning_is_written() -> None:
+    """The rules say what an event writes that goes on; a runtime stops at the fault. [OUTPUT]"""
+    text = """\
+local:
+  int n = 0
+Go:
+  eff:
+    stdout << "before"
+    n = 1 / n
+    stdout << "after"
+"""
+    (trace,) = counterexamples(text, robots=1)
+    assert len(trace.outputs) == 2
     assert rerun(trace) is None
+    assert departed(trace, '"before"', '"long before"').reason.startswith("it writes 'long before'")
+
+
+def test_functions_of_maps_answer_as_was_recorded() -> None:
+    text = """\
+def fun size(Map<int, int> m) -> int: extern
+local:
+  Map<int, int> m = {1: 2}
+  int n = 0
+Go:
+  eff: n = size(m) - n
+invariant Same: n < 1
+"""
+    for trace in counterexamples(text, robots=1):
+        assert rerun(trace) is None
 
 
 def test_a_program_that_rounds_may_depart() -> None:
