@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 
 class Edge(NamedTuple):
@@ -102,13 +102,17 @@ def components(graph: Graph, nodes: Collection[int]) -> list[frozenset[int]]:
     return found
 
 
+#: Nodes with the edges that leave them, one after the other.
+Way: TypeAlias = list[tuple[int, Edge]]
+
+
 def way(
     graph: Graph,
     starts: Iterable[int],
     among: Collection[int],
     is_end: Callable[[int], bool],
-) -> list[tuple[int, Edge]] | None:
-    """A shortest way to a node, as nodes with the edges that leave them; empty from an end."""
+) -> Way | None:
+    """A shortest way to a node; empty from an end."""
     before: dict[int, tuple[int, Edge] | None] = dict.fromkeys(starts)
     queue = deque(before)
     while queue:
@@ -122,14 +126,57 @@ def way(
     return None
 
 
-def fair_loop(
-    graph: Graph, part: frozenset[int], start: int, wanted: Wanted
-) -> list[tuple[int, Edge]]:
+class Stems:
+    """Shortest ways from starts by way of a trigger, and then among some nodes only."""
+
+    def __init__(
+        self,
+        graph: Graph,
+        starts: Iterable[int],
+        triggers: Collection[int],
+        among: Collection[int],
+        spend: Callable[[], None],
+    ) -> None:
+        # Of a node, and whether the trigger came: where a way comes from.
+        self._before: dict[tuple[int, bool], tuple[tuple[int, bool], Edge] | None] = {}
+        #: How far it is to nodes behind a trigger, in order of that.
+        self.lengths: dict[int, int] = {}
+        queue: deque[tuple[tuple[int, bool], int]] = deque()
+
+        def reach(node: int, came: bool, length: int, by: Any) -> None:
+            for since in (True,) if came else (False, True) if node in triggers else (False,):
+                if (node, since) not in self._before:
+                    self._before[node, since] = by
+                    queue.append(((node, since), length))
+                    if since:
+                        self.lengths[node] = length
+
+        for start in starts:
+            reach(start, False, 0, None)
+        while queue:
+            spend()
+            here, length = queue.popleft()
+            node, came = here
+            for edge in graph.edges[node]:
+                if not came or edge.target in among:
+                    reach(edge.target, came, length + 1, (here, edge))
+
+    def to(self, node: int) -> Way:
+        """A shortest way to a node behind a trigger."""
+        steps: Way = []
+        here = (node, True)
+        while (step := self._before[here]) is not None:
+            here, edge = step
+            steps.append((here[0], edge))
+        return steps[::-1]
+
+
+def fair_loop(graph: Graph, part: frozenset[int], start: int, wanted: Wanted) -> Way:
     """A way from a node of a fair set back to it that is fair by itself.
 
     It goes to whatever is nearest of what is still wanting, and home when nothing is.
     """
-    loop: list[tuple[int, Edge]] = []
+    loop: Way = []
     missing, granted, asked, here = wanted.met, 0, 0, start
     while True:
         denied = asked & ~granted
@@ -144,6 +191,51 @@ def fair_loop(
             asked |= graph.asks[node] & wanted.granted
         loop += steps
         here = steps[-1][1].target
+
+
+def short_loop(
+    graph: Graph,
+    among: Collection[int],
+    start: int,
+    ends: Collection[int],
+    wanted: Wanted,
+    most: int,
+    tries: int,
+) -> Way | None:
+    """A shortest fair way from a node back to one that is as good, of so many edges at most.
+
+    None if there is none, or none was found after so many tries.
+    """
+    # What is left of a way is the same from one node with the same conditions still wanting.
+    first = (start, wanted.met, 0, 0)
+    before: dict[tuple[int, int, int, int], tuple[Any, Edge] | None] = {first: None}
+    level = [first]
+    for _ in range(most):
+        after = []
+        for here in level:
+            node, missing, granted, asked = here
+            asked |= graph.asks[node] & wanted.granted
+            for edge in graph.edges[node]:
+                if edge.target not in among:
+                    continue
+                grants = granted | edge.grants & wanted.granted
+                there = (edge.target, missing & ~edge.meets, grants, asked)
+                if there in before and there != first:
+                    continue
+                tries -= 1
+                if tries < 0:
+                    return None
+                if edge.target in ends and not there[1] and not asked & ~grants:
+                    steps: Way = [(node, edge)]
+                    while (step := before[here]) is not None:
+                        here, by = step
+                        steps.append((here[0], by))
+                    return steps[::-1]
+                if there not in before:
+                    before[there] = (here, edge)
+                    after.append(there)
+        level = after
+    return None
 
 
 def _nearest(
@@ -163,10 +255,10 @@ def _nearest(
     return [*steps, (at, last)]
 
 
-def _home(graph: Graph, part: frozenset[int], here: int, start: int) -> list[tuple[int, Edge]]:
+def _home(graph: Graph, part: frozenset[int], here: int, start: int) -> Way:
     """A shortest way to the start, of one edge at least."""
     first = [(here, edge) for edge in graph.edges[here] if edge.target in part]
-    best: list[tuple[int, Edge]] | None = None
+    best: Way | None = None
     for node, edge in first:
         rest = way(graph, [edge.target], part, lambda n: n == start)
         if rest is not None and (best is None or len(rest) + 1 < len(best)):
@@ -175,8 +267,8 @@ def _home(graph: Graph, part: frozenset[int], here: int, start: int) -> list[tup
     return best
 
 
-def _back(before: dict[int, tuple[int, Edge] | None], node: int) -> list[tuple[int, Edge]]:
-    steps: list[tuple[int, Edge]] = []
+def _back(before: dict[int, tuple[int, Edge] | None], node: int) -> Way:
+    steps: Way = []
     while (step := before[node]) is not None:
         steps.append(step)
         node = step[0]

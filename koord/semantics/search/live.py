@@ -10,6 +10,8 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
+from typing import NamedTuple
 
 from koord.semantics.configurations import System
 from koord.semantics.liveness import Response, expected, locks_of, reads_ran, responses
@@ -19,7 +21,16 @@ from koord.semantics.search.cells import MOST_SCALARS, TooLargeError
 from koord.semantics.search.checking import Check, check
 from koord.semantics.search.commits import Commits
 from koord.semantics.search.exploring import UnboundedError
-from koord.semantics.search.fair_cycles import Edge, Graph, Wanted, fair_loop, fair_set, way
+from koord.semantics.search.fair_cycles import (
+    Edge,
+    Graph,
+    Stems,
+    Wanted,
+    Way,
+    fair_loop,
+    fair_set,
+    short_loop,
+)
 from koord.semantics.search.findings import Exhausted, OutOfBounds
 from koord.semantics.search.finite import NotFinite, not_finite
 from koord.semantics.search.joint import Joint, Joints
@@ -81,6 +92,23 @@ def lively(
     tracks_ran = any(reads_ran(system, p) for p in properties)
     search = _Search(system, meter, progress, most_edges, tracks_ran=tracks_ran)
     return search.run(properties)
+
+
+#: Shorter lassos are looked for from so many nodes at most, with so many tries for each.
+_MOST_ENTRIES = 200
+_MOST_TRIES = 2_000
+
+
+class _Lasso(NamedTuple):
+    """A way to a node, and a loop from there."""
+
+    entry: int
+    stem: Way
+    loop: Way
+
+    @property
+    def rounds(self) -> int:
+        return len(self.stem) + len(self.loop)
 
 
 class _LimitError(Exception):
@@ -270,35 +298,48 @@ class _Search:
     def _least(self, regions: list[_Region], known: Fairness) -> Fairness:
         """Fairness without what a proof can do without, tried one after the other."""
         for less in _weaker(known):
-            if self._fair_region(regions, less) is None:
+            if not self._is_broken(regions, less):
                 return self._least(regions, less)
         return known
 
-    def _fair_region(
-        self, regions: list[_Region], fairness: Fairness
-    ) -> tuple[_Region, frozenset[int]] | None:
+    def _is_broken(self, regions: list[_Region], fairness: Fairness) -> bool:
+        """Whether a fair run breaks one of the responses."""
         wanted, spend = self._wanted(fairness), self._system.patience.spend
-        for region in regions:
-            part = fair_set(self._graph, region.nodes, wanted, spend)
-            if part is not None:
-                return region, part
-        return None
+        return any(fair_set(self._graph, r.nodes, wanted, spend) is not None for r in regions)
 
     def _lasso(self, regions: list[_Region], fairness: Fairness) -> Recording | None:
-        """A fair run that breaks one of the responses, if there is one. [LASSO]"""
-        found = self._fair_region(regions, fairness)
-        if found is None:
-            return None
-        region, part = found
-        graph = self._graph
-        inner = way(graph, region.starts, region.nodes, lambda node: node in part)
-        assert inner is not None
-        entry = inner[-1][1].target if inner else next(n for n in region.starts if n in part)
-        first = inner[0][0] if inner else entry
-        outer = way(graph, self._nodes.starts, range(len(graph.edges)), lambda node: node == first)
-        assert outer is not None
-        loop = fair_loop(graph, part, entry, self._wanted(fairness))
-        return self._recording([*outer, *inner], loop, entry)
+        """A fair run that breaks one of the responses, if there is one. [LASSO]
+
+        It is a short one, and one with the fewest rounds unless it takes long to find that.
+        """
+        graph, wanted, spend = self._graph, self._wanted(fairness), self._system.patience.spend
+        best: _Lasso | None = None
+        for region in regions:
+            part = fair_set(graph, region.nodes, wanted, spend)
+            if part is None:
+                continue
+            stems = Stems(graph, region.roots, region.starts, region.nodes, spend)
+            entry = min(part, key=lambda node: (stems.lengths[node], node))
+            found = _Lasso(entry, stems.to(entry), fair_loop(graph, part, entry, wanted))
+            if best is None or found.rounds < best.rounds:
+                best = found
+            for entry, length in islice(stems.lengths.items(), _MOST_ENTRIES):
+                spend()
+                most = best.rounds - 1 - length
+                if most < 1:
+                    break
+                ends = self._as_good_as(entry)
+                loop = short_loop(graph, region.nodes, entry, ends, wanted, most, _MOST_TRIES)
+                if loop is not None:
+                    best = _Lasso(entry, stems.to(entry), loop)
+        return None if best is None else self._recording(best.stem, best.loop, best.entry)
+
+    def _as_good_as(self, node: int) -> list[int]:
+        """The nodes of the same state that owe no more: a loop that ends there is one for ever."""
+        nodes, every = self._nodes, range(1 << len(self._expected))
+        less = (owed for owed in every if not owed & ~nodes.owed[node])
+        found = (nodes.numbers.get((nodes.states[node], owed)) for owed in less)
+        return [number for number in found if number is not None]
 
     def _recording(
         self, before: list[tuple[int, Edge]], loop: list[tuple[int, Edge]], entry: int
@@ -332,10 +373,14 @@ class _Search:
 
 @dataclass(frozen=True, slots=True)
 class _Region:
-    """The nodes that a run which breaks a response may stay in for ever, and where it enters."""
+    """The nodes that a run which breaks a response may stay in for ever, and where it enters.
+
+    ``roots`` is where runs start that come to enter it.
+    """
 
     nodes: frozenset[int]
     starts: tuple[int, ...]
+    roots: tuple[int, ...]
 
     @staticmethod
     def of(search: _Search, response: Response) -> _Region:
@@ -343,8 +388,9 @@ class _Region:
         trigger, goal = search._checks(response)
         wanting = [not goal.holds(state) for state in nodes.states]
         if trigger is None:
-            starts = [n for n in nodes.starts if wanting[n]]
+            roots = starts = [n for n in nodes.starts if wanting[n]]
         else:
+            roots = nodes.starts
             starts = [n for n, s in enumerate(nodes.states) if wanting[n] and trigger.holds(s)]
         seen = set(starts)
         queue = deque(starts)
@@ -354,7 +400,7 @@ class _Region:
                 if wanting[edge.target] and edge.target not in seen:
                     seen.add(edge.target)
                     queue.append(edge.target)
-        return _Region(frozenset(seen), tuple(starts))
+        return _Region(frozenset(seen), tuple(starts), tuple(roots))
 
 
 def _weaker(known: Fairness) -> Iterator[Fairness]:

@@ -10,8 +10,10 @@ from functools import partial
 from koord.semantics.configurations import System
 from koord.semantics.liveness import Response, expected, reads_ran, responses
 from koord.semantics.machine import NotFiniteError
+from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.search.effects import asks
 from koord.semantics.search.symmetry import Symmetry, symmetry_of
+from koord.semantics.traces.recording import Recording
 from koord.syntax import core
 from koord.syntax.core import QuantifierKind
 from koord.verify.bits import pdr
@@ -28,7 +30,6 @@ from koord.verify.live.monitors import NOTHING, Watched, Watching
 from koord.verify.live.search import no_fair_run
 from koord.verify.pool import Pool
 from koord.verify.singly import singly
-from koord.verify.solving import Answer
 from koord.verify.verdicts import Engine, Outcome, Vacuity, Verdict
 from koord.verify.witness import NotReplayedError
 
@@ -202,27 +203,34 @@ class _Run:
     # --- lassos ---------------------------------------------------------------------------------
 
     def _looked(self, loops: Loops, rounds: int) -> bool:
-        """Look for lassos of up to so many rounds. Whether there is reason to go on."""
+        """Look for lassos of up to so many rounds. Whether there is reason to go on.
+
+        Where one does not replay another one may: circuits allow more than programs do.
+        """
         ledger = self.ledger
-        while loops.rounds < rounds and self._goes_on():
+        while loops.rounds < rounds and not ledger.deadline.passed():
             self._tell(f"lassos of {loops.rounds + 1} rounds")
-            answer, lasso = loops.one_more(ledger.system, ledger.deadline)
-            if answer is Answer.UNKNOWN:
-                return False
-            if lasso is None:
-                continue
+            loops.begin()
             try:
-                shown = ledger.subject.judge(lasso, self.claim, Phase.END)
-            except NotReplayedError as error:
-                self.astray = f"a candidate violation did not replay: {error}"
-                # It may hold all the same: circuits allow more than programs do.
-                return True
-            verdict = Verdict(
-                self.claim, Outcome.VIOLATED, Engine.BITS, self._seconds(), counterexample=shown
-            )
-            ledger.settle({self.claim: verdict})
-            return False
+                for lasso in loops.lassos(ledger.system, ledger.deadline):
+                    if self._is_violated_by(lasso):
+                        return False
+            except OutOfPatienceError:
+                return False
         return not ledger.deadline.passed()
+
+    def _is_violated_by(self, lasso: Recording) -> bool:
+        """Settle the claim if the lasso replays."""
+        try:
+            shown = self.ledger.subject.judge(lasso, self.claim, Phase.END)
+        except NotReplayedError as error:
+            self.astray = f"a candidate violation did not replay: {error}"
+            return False
+        verdict = Verdict(
+            self.claim, Outcome.VIOLATED, Engine.BITS, self._seconds(), counterexample=shown
+        )
+        self.ledger.settle({self.claim: verdict})
+        return True
 
     # --- proofs ---------------------------------------------------------------------------------
 

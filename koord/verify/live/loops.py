@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 from koord.semantics.configurations import System
+from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.traces.recording import Recording
 from koord.verify.bits.clauses import TRUE_SIDE
+from koord.verify.bits.domain import Bits, literal
 from koord.verify.bits.graph import Graph
 from koord.verify.bits.runs import recording
+from koord.verify.bits.transition import Latch
 from koord.verify.bits.unrolling import Unrolled
 from koord.verify.claims import Phase
 from koord.verify.live.monitors import Watched
 from koord.verify.live.tying import tied
 from koord.verify.solving import Answer, Deadline
+
+#: So many lassos of one length are looked at before longer ones are.
+_MOST = 8
 
 
 @dataclass(slots=True)
@@ -32,10 +40,17 @@ class Loops:
         """How many rounds have been looked at."""
         return len(self.unrolled.rounds)
 
-    def one_more(self, system: System, deadline: Deadline) -> tuple[Answer, Recording | None]:
-        """Whether a lasso has one round more than those looked at, and which."""
+    def begin(self) -> None:
+        """Look at one round more."""
+        self.unrolled.begin()
+
+    def lassos(self, system: System, deadline: Deadline) -> Iterator[Recording]:
+        """Some lassos of all rounds that are looked at: each runs other events than those before.
+
+        Raises OutOfPatienceError when the time is up.
+        """
         unrolled = self.unrolled
-        copy = unrolled.begin()
+        copy = unrolled.rounds[-1]
         circuit, g = self.watched.circuit, unrolled.graph
         choices = [g.input(f"loop {k} of {self.rounds}") for k in range(self.rounds)]
         wanted = [g.any_of(choices), copy.of(circuit.steps), copy.of(circuit.lost) ^ 1]
@@ -43,27 +58,59 @@ class Loops:
             wanted += [g.both(choice, other) ^ 1 for other in choices[:k]]
             wanted.append(g.both(choice, self._closes(k) ^ 1) ^ 1)
         inside = [g.any_of(choices[: k + 1]) for k in range(self.rounds)]
-        answer = unrolled.asked(g.all_of([*wanted, *self._fair(g, inside)]), deadline)
-        if answer is not Answer.SAT:
-            return answer, None
+        wanted += self._fair(g, inside)
+        for _ in range(_MOST):
+            answer = unrolled.asked(g.all_of(wanted), deadline)
+            if answer is Answer.UNKNOWN:
+                raise OutOfPatienceError
+            if answer is not Answer.SAT:
+                return
+            lasso = self._witnessed(system, choices)
+            yield lasso
+            wanted.append(self._runs_as(lasso) ^ 1)
+
+    def _witnessed(self, system: System, choices: list[int]) -> Recording:
+        unrolled = self.unrolled
         run = unrolled.witnessed()
         model = unrolled.clauses.model()
         numbers = [unrolled.clauses.of(choice, TRUE_SIDE) for choice in choices]
         loop = next(k for k, number in enumerate(numbers) if model[number] > 0)
         standing: list[dict[int, str]] = []
-        found = recording(circuit, system, run, Phase.END, standing.append)
-        return answer, tied(replace(found, loop=loop), standing)
+        found = recording(self.watched.circuit, system, run, Phase.END, standing.append)
+        return tied(replace(found, loop=loop), standing)
+
+    def _runs_as(self, lasso: Recording) -> int:
+        """Whether all robots run what they do in a lasso."""
+        return self.unrolled.graph.all_of(
+            copy.of(literal(cast(Bits, option.chosen)))
+            for copy, round_ in zip(self.unrolled.rounds, lasso.rounds, strict=True)
+            for option in self.watched.circuit.round.options
+            if round_.events[option.robot] == option.position
+        )
 
     def _closes(self, k: int) -> int:
-        """Whether the state after the last round is the one before round k."""
-        g, last = self.unrolled.graph, self.unrolled.rounds[-1]
-        first = self.unrolled.rounds[k]
-        same = [
-            g.differ(first.of(latch.literal), last.of(latch.next)) ^ 1
-            for latch in self.watched.circuit.latches
-            if self.reads_ran or not latch.name.startswith("ran@")
-        ]
-        return g.all_of(same)
+        """Whether the state after the last round is the one before round k, as far as it counts.
+
+        They need not agree on what is pending before round k: it is so in every round from there
+        on, the first time because the trigger comes then or came before, and ever after all the
+        more. Something that is expected may be owed before round k and not in the end: it is done
+        in the loop, and the next time there is less to do.
+        """
+        g, watched = self.unrolled.graph, self.watched
+        first, last = self.unrolled.rounds[k], self.unrolled.rounds[-1]
+
+        def agree(latch: Latch) -> int:
+            before, after = first.of(latch.literal), last.of(latch.next)
+            if latch in watched.owed:
+                return g.either(before, after ^ 1)
+            return g.differ(before, after) ^ 1
+
+        return g.all_of(
+            agree(latch)
+            for latch in watched.circuit.latches
+            if latch is not watched.waiting
+            and (self.reads_ran or not latch.name.startswith("ran@"))
+        )
 
     def _fair(self, g: Graph, inside: list[int]) -> list[int]:
         """That rounds inside the loop are pending, and do all that fairness asks for."""

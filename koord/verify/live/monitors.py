@@ -52,11 +52,14 @@ class Watched:
     """A circuit with what one response is about.
 
     The latches of ``circuit`` include those of the monitors. ``pending`` holds of a round if the
-    trigger came and the goal did not, up to its start.
+    trigger came and the goal did not, up to its start. ``waiting`` knows that of the rounds
+    before, and ``owed`` the same of what is expected.
     """
 
     circuit: Circuit
     pending: int
+    waiting: Latch
+    owed: tuple[Latch, ...]
     conditions: tuple[Condition, ...]
     grants: tuple[Grant, ...]
 
@@ -115,7 +118,8 @@ class Watching:
         else:
             here = g.either(begun, self._held(response.trigger))
         pending = g.both(here, self._held(response.goal) ^ 1)
-        latches = [Latch(name, begun, latch, pending)]
+        waiting = Latch(name, begun, latch, pending)
+        expecting: list[Latch] = []
         conditions = self._robots()
         for k, other in enumerate(expected(self.system)):
             whose = "" if other.robot is None else f"@{other.robot}"
@@ -124,10 +128,13 @@ class Watching:
             assert other.trigger is not None
             asked = g.either(before, self._held(other.trigger))
             owed = g.both(asked, self._held(other.goal) ^ 1)
-            latches.append(Latch(name, before, FALSE, owed))
+            expecting.append(Latch(name, before, FALSE, owed))
             conditions.append(Condition(other.name, name, owed ^ 1))
-        watching = replace(self.circuit, latches=(*self.circuit.latches, *latches))
-        return Watched(watching, pending, tuple(conditions), tuple(self._grants()))
+        latches = (*self.circuit.latches, waiting, *expecting)
+        watching = replace(self.circuit, latches=latches)
+        return Watched(
+            watching, pending, waiting, tuple(expecting), tuple(conditions), tuple(self._grants())
+        )
 
     def _held(self, statement: core.Property) -> int:
         claim = _claim(statement)
