@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from random import Random
 
@@ -16,9 +18,11 @@ from koord.semantics.configurations import System, dealt
 from koord.semantics.search.engine import survey
 from koord.semantics.search.findings import Exhausted, Subject
 from koord.semantics.search.limits import Limits
+from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.types import INT, BoolType, EnumType
 from koord.verify.claims import claims_of
 from koord.verify.tla.module import invariant_name, module
 from tests.generators.mutating import mutants
@@ -50,6 +54,34 @@ def plain(random: Random) -> System:
     made = staged(random, _PLAIN)
     agents = tuple(replace(agent, init=()) for agent in made.program.agents)
     return replace(made, program=replace(made.program, agents=agents))
+
+
+def opened(random: Random) -> System:
+    """The same with starts that are left open: unset, arbitrary, chosen by INIT."""
+    made, sites, agents = plain(random), count(1_000), []
+    for agent in made.program.agents:
+        chosen: list[core.Stmt] = []
+        own = tuple(_opened(random, entry, sites, chosen) for entry in agent.locals)
+        agents.append(replace(agent, locals=own, init=tuple(chosen)))
+    shared = tuple(_opened(random, entry, sites, []) for entry in made.program.allwrite)
+    return replace(made, program=replace(made.program, agents=tuple(agents), allwrite=shared))
+
+
+def _opened(
+    random: Random, entry: core.Declaration, sites: Iterator[int], chosen: list[core.Stmt]
+) -> core.Declaration:
+    """A declaration without its initial value, perhaps; and what INIT chooses."""
+    kind, type_ = random.random(), entry.variable.type
+    if type_ == INT and kind < 0.8 and entry.variable.home is core.Home.LOCAL:
+        low, high = (core.Const(k, INT) for k in (0, random.randint(0, 2)))
+        choice = core.Choose(low, high, INT, next(sites))
+        chosen.append(core.Assign(core.Place(entry.variable), choice))
+        return replace(entry, initial=core.Start.UNSET) if kind < 0.5 else entry
+    if isinstance(type_, BoolType | EnumType) and kind < 0.7:
+        return replace(entry, initial=core.Start.ARBITRARY)
+    if kind > 0.85 and entry.variable.name != "stage":
+        return replace(entry, initial=core.Start.UNSET)
+    return entry
 
 
 def example(name: str, robots: int) -> System:
@@ -105,6 +137,8 @@ def many(systems: Iterable[tuple[object, System]], folder: Path) -> Counter[str]
         ("sum_of_ids", 3, ""),
         ("allstop", 2, ""),
         ("leader_elect", 3, ""),
+        ("shortest_path", 3, ""),
+        ("broken/shortest_path_one_way", 3, "Exact"),
         ("broken/leader_elect_early", 3, "Agree"),
         ("broken/sum_of_ids_no_lock", 3, "Total"),
         ("broken/allstop_alone", 2, "Together"),
@@ -122,6 +156,22 @@ def test_tlc_agrees_on_some_programs(tmp_path: Path) -> None:
     count = many(((seed, plain(Random(seed))) for seed in range(250)), tmp_path)
     assert count["broken"] >= 3, count
     assert count["holds"] >= 1, count
+
+
+@needs_tlc
+def test_tlc_agrees_on_starts_that_are_left_open(tmp_path: Path) -> None:
+    """Unset, arbitrary, and chosen by INIT. [INIT] [CHOOSE]"""
+    count = many(((seed, opened(Random(seed))) for seed in range(400)), tmp_path)
+    assert min(count["broken"], count["holds"], count["faults"]) >= 2, count
+
+
+@needs_tlc
+@pytest.mark.slow
+@pytest.mark.parametrize("block", range(6))
+def test_tlc_agrees_on_many_starts_that_are_left_open(block: int, tmp_path: Path) -> None:
+    seeds = range(400 + 300 * block, 700 + 300 * block)
+    count = many(((seed, opened(Random(seed))) for seed in seeds), tmp_path)
+    assert count["broken"] + count["holds"] + count["faults"] >= 8, count
 
 
 @needs_tlc
@@ -173,7 +223,7 @@ def test_a_file_that_names_no_module_is_refused(
     [
         ("task", "the module Motion"),
         ("fischer", "the module Clock"),
-        ("shortest_path", "dist, which starts unset,"),
+        ("shortest_path_any_graph", "the external function linked"),
     ],
 )
 def test_what_is_not_translated_is_named_with_its_place(
@@ -184,6 +234,52 @@ def test_what_is_not_translated_is_named_with_its_place(
     told = capsys.readouterr().err
     assert f"error K943: {what}" in told
     assert f"{name}.krd:" in told
+
+
+CHOOSING = """
+local:
+  int x
+  bool flag
+init:
+  x = choose(1, numAgents + 1)
+Go:
+  pre: flag
+  eff: x = x + 1
+assume: forall i: flag@i or x@i < 3
+invariant Small: forall i: x@i > 0
+"""
+
+
+def test_starts_that_are_left_open_are_sets() -> None:
+    program = load(Source("choosing.krd", CHOOSING)).program
+    assert program is not None
+    lines = list(module(dealt(program, 2), "M", (), "of a test"))
+    (picked,) = (line for line in lines if "\\E picks" in line)
+    assert re.fullmatch(
+        r"    \\E picks \\in \[Robots -> \[local_1_BoolType__: BOOLEAN, c\d+: \(1\)..\(3\)\]\]:",
+        picked,
+    ), picked
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("choose(1, numAgents + 1)", "choose(1, pid)", "choose whose bound is not a constant"),
+        ("choose(1, numAgents + 1)", "choose(2, 1)", "choose among nothing"),
+        ("init:\n", "init:\n  for k = 0, 2: x = choose(0, 1)\n", "choose in a loop"),
+        (
+            "  x = choose(1, numAgents + 1)",
+            "  flag = true",
+            "x, which starts as any value there is,",
+        ),
+    ],
+)
+def test_what_is_chosen_otherwise_is_refused(old: str, new: str, what: str) -> None:
+    assert old in CHOOSING
+    program = load(Source("choosing.krd", CHOOSING.replace(old, new))).program
+    assert program is not None
+    with pytest.raises(KoordError, match=rf"K943 {what} cannot be written in TLA\+ here"):
+        list(module(dealt(program, 2), "M", (), "of a test"))
 
 
 def test_generated_programs_are_translated_or_refused() -> None:

@@ -87,13 +87,16 @@ _KINDS = {
 @dataclass(frozen=True)
 class Scope:
     """Where an expression stands: ``memory`` is the text of what the robot sees, ``me`` of its
-    number (empty in properties), ``bound`` of variables that quantifiers bind, by slot.
+    number (empty in properties), ``picks`` of what is chosen in INIT (empty elsewhere), ``bound``
+    of variables that quantifiers bind, by slot. ``blank`` are variables that may be unset.
     """
 
     program: core.Program
     kinds: tuple[int, ...]
     memory: str
     me: str
+    picks: str = ""
+    blank: frozenset[core.Variable] = frozenset()
     bound: dict[int, str] = field(default_factory=dict)
     fresh: Iterator[int] = field(default_factory=count)
 
@@ -117,6 +120,8 @@ def text(e: core.Expr, of: Scope) -> str:
             return f'"{type_.members[int(value)]}"'
         case core.Const(value=int() as value):
             return f"(0 - {-value})" if value < 0 else str(value)
+        case core.Choose(site=site) if of.picks:
+            return f"{of.picks}.{chosen(site)}"
         case core.Pid():
             return of.me
         case core.NumAgents():
@@ -193,7 +198,63 @@ def read(place: core.Place, of: Scope) -> str:
     for step in place.steps:
         start += step_text(step, type_, of)
         type_ = step.type
+    if variable in of.blank:
+        return f"(IF {_is_set(start, type_, of)} THEN {start} ELSE {start})"
     return start
+
+
+def _is_set(value: str, type_: Type, of: Scope) -> str:
+    """Something true of values that are set, and an error of TLC's of others. [E-READ]"""
+    match type_:
+        case ArrayType(element=element):
+            size, k = of.size(type_), f"k{next(of.fresh)}"
+            assert size is not None
+            return f"(\\A {k} \\in 0..{size - 1}: {_is_set(f'{value}[{k}]', element, of)})"
+        case RecordType(fields=fields):
+            parts = [_is_set(f"{value}.{name_of(name)}", each, of) for name, each in fields]
+            return "(" + " /\\ ".join(parts) + ")" if parts else "TRUE"
+        case IntType():
+            return f"({value} = {value} + 0)"
+        case _:
+            return f"({value} \\in {values(type_, of)})"
+
+
+def unset(type_: Type, of: Scope) -> str:
+    """A value all of whose parts are unset."""
+    match type_:
+        case ArrayType(element=element):
+            size = of.size(type_)
+            assert size is not None
+            return f"[k{next(of.fresh)} \\in 0..{size - 1} |-> {unset(element, of)}]"
+        case RecordType(fields=fields):
+            parts = ", ".join(f"{name_of(name)} |-> {unset(each, of)}" for name, each in fields)
+            return f"[{parts}]"
+        case _:
+            return "None"
+
+
+def values(type_: Type, of: Scope) -> str | None:
+    """The set of all values of a type; None if there are infinitely many."""
+    match type_:
+        case BoolType():
+            return "BOOLEAN"
+        case EnumType(members=members):
+            return "{" + ", ".join(f'"{member}"' for member in members) + "}"
+        case ArrayType(element=element):
+            each = values(element, of)
+            return each and f"[0..{(of.size(type_) or 0) - 1} -> {each}]"
+        case RecordType(fields=fields):
+            parts = [(name_of(name), values(each, of)) for name, each in fields]
+            if any(each is None for _, each in parts) or not parts:
+                return None
+            return f"[{', '.join(f'{name}: {each}' for name, each in parts)}]"
+        case _:
+            return None
+
+
+def chosen(site: int) -> str:
+    """The name of what a ``choose`` of INIT gives."""
+    return f"c{site}"
 
 
 def step_text(step: core.Step, type_: Type, of: Scope) -> str:

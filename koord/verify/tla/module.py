@@ -7,16 +7,27 @@ that had their turn, ``taken`` the lock classes that are entered.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import count
 
 from koord.semantics.configurations import System
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind, Start
 from koord.syntax.types import INT, ArrayType, ListType, RecordType, Type
-from koord.syntax.walk import nodes, reached, written
-from koord.verify.tla.expressions import Scope, check_type, function_name, name_of, refused, text
-from koord.verify.tla.statements import Writer
+from koord.syntax.walk import nodes, reached, statements, written
+from koord.verify.tla.expressions import (
+    Scope,
+    check_type,
+    chosen,
+    function_name,
+    name_of,
+    refused,
+    text,
+    unset,
+    values,
+)
+from koord.verify.tla.statements import Writer, constant
 
 _ALL = "<<loc, store, snap, status, ran, moved, taken>>"
 
@@ -90,7 +101,8 @@ def module(system: System, name: str, names: tuple[str, ...], comment: str) -> I
 
     ``names`` are the properties that are wanted; none means all. Liveness is left out.
     """
-    program = system.program
+    program = _settled(system.program)
+    system = replace(system, program=program)
     _check(program)
     writer = Writer(_longest(system))
     stated = [
@@ -99,7 +111,10 @@ def module(system: System, name: str, names: tuple[str, ...], comment: str) -> I
         if p.kind in (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
         and (not names or p.name in names)
     ]
-    here = Scope(program, system.kinds, "View", "")
+    blank = frozenset(
+        entry.variable for entry in _declarations(program) if entry.initial is Start.UNSET
+    )
+    here = Scope(program, system.kinds, "View", "", blank=blank)
     yield f"{'-' * 20} MODULE {name} {'-' * 20}"
     yield f"\\* {comment}"
     yield "\\*"
@@ -116,10 +131,11 @@ def module(system: System, name: str, names: tuple[str, ...], comment: str) -> I
     # No operator takes None with a number, a Boolean or a string: what is unset is an error.
     yield f"Unbound == [k \\in 0..{_bounds(program)} |-> None]"
     yield _TURNS
-    yield from _functions(program, Scope(program, system.kinds, "m", "self"), writer)
-    yield from _events(system, writer)
+    inside = replace(here, memory="m", me="self")
+    yield from _functions(program, inside, writer)
+    yield from _events(system, inside, writer)
     yield _ROUNDS
-    yield from _init(system, writer)
+    yield from _init(system, inside, writer)
     for p in stated:
         holds = text(p.condition, here)
         holds = f"(moved = {{}} => {holds})" if p.kind is PropertyKind.AT_ROUND else holds
@@ -145,14 +161,38 @@ def _check(program: core.Program) -> None:
         check_type(entry.variable.type, entry.span)
         if any(isinstance(t, ListType) for t in _within(entry.variable.type)):
             raise refused("a list that is kept", entry.span, "use an array: its length is known")
-        if isinstance(entry.initial, Start):
-            what = f"{entry.variable.name}, which starts {entry.initial.name.lower()},"
-            raise refused(what, entry.span, "give it an initial value")
     starting = [e.initial for e in _declarations(program)] + [a.init for a in program.agents]
     for node in (n for part in starting for n in reached(program, part)):
         # Until INIT is over, entries of other robots are unset.
         if isinstance(node, core.Read) and node.place.variable.home is Home.ALLREAD:
             raise refused("a shared array that INIT reads", node.span, "read it in an event")
+
+
+def _settled(program: core.Program) -> core.Program:
+    """The program with locals unset of whose arbitrary start nobody ever sees anything.
+
+    That is of those that INIT writes in any case, and that nothing of INIT reads.
+    """
+
+    def settled(agent: core.Agent, entry: core.Declaration) -> core.Declaration:
+        starting = (agent.init, *(e.initial for e in agent.locals if e is not entry))
+        seen = [n for n in reached(program, starting) if isinstance(n, core.Read)]
+        whole = [s.place for s in agent.init if isinstance(s, core.Assign)]
+        is_read = any(n.place.variable == entry.variable for n in seen)
+        if core.Place(entry.variable) in whole and not is_read:
+            return replace(entry, initial=Start.UNSET)
+        return entry
+
+    agents = [
+        replace(
+            agent,
+            locals=tuple(
+                settled(agent, e) if e.initial is Start.ARBITRARY else e for e in agent.locals
+            ),
+        )
+        for agent in program.agents
+    ]
+    return replace(program, agents=tuple(agents))
 
 
 def _declarations(program: core.Program) -> list[core.Declaration]:
@@ -203,9 +243,8 @@ def _functions(program: core.Program, of: Scope, writer: Writer) -> Iterator[str
         yield f"    LET {start} IN {writer.block(function.body, of)}.v"
 
 
-def _events(system: System, writer: Writer) -> Iterator[str]:
+def _events(system: System, of: Scope, writer: Writer) -> Iterator[str]:
     program = system.program
-    of = Scope(program, system.kinds, "m", "self")
     choices, duties = [], []
     for kind, agent in enumerate(program.agents):
         robots = f"{{{', '.join(str(i) for i, k in enumerate(system.kinds) if k == kind)}}}"
@@ -225,47 +264,101 @@ def _events(system: System, writer: Writer) -> Iterator[str]:
     yield "Event(self) ==" + "".join(f"\n    \\/ {choice}" for choice in choices)
 
 
-def _init(system: System, writer: Writer) -> Iterator[str]:
+def _picks(program: core.Program, of: Scope) -> tuple[dict[str, str], dict[str, str]]:
+    """What INIT leaves open, each with the set of what it may be: for all robots, for each robot.
+
+    [CHOOSE]
+    """
+    common = {_start(e): _any(e, of) for e in program.allwrite if e.initial is Start.ARBITRARY}
+    own = [*program.allread, *(entry for agent in program.agents for entry in agent.locals)]
+    each = {_start(e): _any(e, of) for e in own if e.initial is Start.ARBITRARY}
+    for agent in program.agents:
+        loops = [s for s in statements(agent.init) if isinstance(s, core.ForRange | core.ForEach)]
+        repeated = {id(node) for loop in loops for node in nodes(loop)}
+        for node in nodes(agent.init):
+            if isinstance(node, core.Choose):
+                each[chosen(node.site)] = _range(node, of, is_repeated=id(node) in repeated)
+    return common, each
+
+
+def _range(choice: core.Choose, of: Scope, *, is_repeated: bool) -> str:
+    if is_repeated:
+        raise refused("choose in a loop", choice.span, "choose outside of loops")
+    if choice.type != INT:
+        raise refused("choose among floats", choice.span, "choose among integers")
+    low, high = (constant(bound, of, "choose") for bound in (choice.low, choice.high))
+    if low > high:
+        raise refused("choose among nothing", choice.span, "give the lower bound first")
+    return f"({low})..({high})"
+
+
+def _start(entry: core.Declaration) -> str:
+    """The name of what a variable that starts arbitrary starts as: kinds may share slots."""
+    variable = entry.variable
+    return re.sub(r"\W", "_", f"{variable.home.value}_{variable.slot}_{variable.type}")
+
+
+def _any(entry: core.Declaration, of: Scope) -> str:
+    type_ = entry.variable.type
+    if entry.variable.home is Home.ALLREAD:
+        assert isinstance(type_, ArrayType)
+        type_ = type_.element
+    found = values(type_, of)
+    if found is None:
+        what = f"{entry.variable.name}, which starts as any value there is,"
+        hint = "give it an initial value, or choose one in `init:`"
+        raise refused(what, entry.span, hint)
+    return found
+
+
+def _init(system: System, of: Scope, writer: Writer) -> Iterator[str]:
     """[INIT]"""
     program = system.program
+    common, each = _picks(program, of)
     empty = ", ".join(f"{name_of(e.variable.name)} |-> 0" for e in program.allwrite)
     own = [f"{name_of(e.variable.name)} |-> [i \\in Robots |-> 0]" for e in program.allread]
     shared = ", ".join([*([empty] if empty else []), *own])
     blank = f"[{shared}]" if shared else "<<>>"
-    of = Scope(program, system.kinds, "m", "self")
+    begins, starts = (["common"] if common else []), (["pick"] if each else [])
     start = (
         f'[l |-> <<>>, c |-> {blank}, s |-> {blank}, b |-> Unbound, k |-> {{}}, st |-> "running", '
         'f |-> "next", v |-> 0]'
     )
     assigns = [(e, _place(e.variable)) for e in program.allwrite]
-    yield f"Begun == LET m == {start} IN {_begun(assigns, of, writer)}"
+    begun = f"Begun{_given(begins)}"
+    yield f"{begun} == LET m == {start} IN {_begun(assigns, replace(of, picks='common'), writer)}"
     cases = []
     for kind, agent in enumerate(program.agents):
         fields = ", ".join(f"{name_of(e.variable.name)} |-> 0" for e in agent.locals)
-        memory = f"[Begun EXCEPT !.l = {f'[{fields}]' if fields else '<<>>'}]"
+        memory = f"[{begun} EXCEPT !.l = {f'[{fields}]' if fields else '<<>>'}]"
         assigns = [(e, _place(e.variable)) for e in agent.locals]
         assigns += [(e, _own(e.variable)) for e in program.allread]
-        begun = _begun(assigns, of, writer)
-        after = writer.block(agent.init, of.at("n"))
-        yield f"Started{kind}(self) == LET m == {memory} IN LET n == {begun} IN {after}"
-        cases.append((kind, f"Started{kind}(self)"))
+        own_start = _begun(assigns, replace(of, picks="pick"), writer)
+        after = writer.block(agent.init, replace(of, memory="n", picks="pick"))
+        given = _given(["self", *begins, *starts])
+        yield f"Started{kind}{given} == LET m == {memory} IN LET n == {own_start} IN {after}"
+        cases.append((kind, f"Started{kind}{given}"))
     yield f"Kind == [self \\in Robots |-> {_by_robot(list(map(str, system.kinds)))}]"
-    chosen = "".join(f"IF Kind[self] = {kind} THEN {e} ELSE " for kind, e in cases[:-1])
-    yield f"Started(self) == {chosen}{cases[-1][1]}"
+    picked = "".join(f"IF Kind[self] = {kind} THEN {e} ELSE " for kind, e in cases[:-1])
+    yield f"Started{_given(['self', *begins, *starts])} == {picked}{cases[-1][1]}"
+    i = f"Started{_given(['i', *begins, *(['picks[i]'] if each else [])])}"
     entries = "".join(
-        f", !.{name_of(e.variable.name)} = "
-        f"[i \\in Robots |-> Started(i).s.{name_of(e.variable.name)}[i]]"
+        f", !.{name_of(e.variable.name)} = [i \\in Robots |-> {i}.s.{name_of(e.variable.name)}[i]]"
         for e in program.allread
     )
     yield "Init =="
-    yield "    /\\ loc = [i \\in Robots |-> Started(i).l]"
-    yield f"    /\\ store = {f'[Begun.s EXCEPT {entries[2:]}]' if entries else 'Begun.s'}"
+    sets = [f"common \\in {_records(common)}"] if common else []
+    sets += [f"picks \\in [Robots -> {_records(each)}]"] if each else []
+    if sets:
+        yield f"    \\E {', '.join(sets)}:"
+    yield f"    /\\ loc = [i \\in Robots |-> {i}.l]"
+    yield f"    /\\ store = {f'[{begun}.s EXCEPT {entries[2:]}]' if entries else f'{begun}.s'}"
     yield "    /\\ snap = store"
-    yield "    /\\ status = [i \\in Robots |-> Started(i).st]"
+    yield f"    /\\ status = [i \\in Robots |-> {i}.st]"
     yield "    /\\ ran = [i \\in Robots |-> None]"
     yield "    /\\ moved = {} /\\ taken = {}"
     for assumption in program.assumptions:
-        holds = text(assumption.condition, Scope(program, system.kinds, "View", ""))
+        holds = text(assumption.condition, replace(of, memory="View", me=""))
         yield f"    /\\ {holds}"
 
 
@@ -274,12 +367,26 @@ def _begun(assigns: list[tuple[core.Declaration, core.Place]], of: Scope, writer
     memory, steps = "m", []
     names = count()
     for entry, place in assigns:
-        assert not isinstance(entry.initial, Start)
         name = f"i{next(names)}"
         here = of.at(memory)
-        steps.append(f"{name} == {writer.assigned(place, text(entry.initial, here), here)}")
+        if entry.initial is Start.UNSET:
+            kept = place.variable.type if not place.steps else place.steps[-1].type
+            value = unset(kept, of)
+        elif entry.initial is Start.ARBITRARY:
+            value = f"{of.picks}.{_start(entry)}"
+        else:
+            value = text(entry.initial, here)
+        steps.append(f"{name} == {writer.assigned(place, value, here)}")
         memory = name
     return f"(LET {' '.join(steps)} IN {memory})" if steps else memory
+
+
+def _given(names: Sequence[str]) -> str:
+    return f"({', '.join(names)})" if names else ""
+
+
+def _records(parts: dict[str, str]) -> str:
+    return f"[{', '.join(f'{name}: {of}' for name, of in parts.items())}]"
 
 
 def _place(variable: core.Variable) -> core.Place:

@@ -140,8 +140,8 @@ def _leaves(s: core.Stmt) -> bool:
     return any(isinstance(inner, core.Return | core.Break) for inner in statements((s,)))
 
 
-def constant(e: core.Expr, of: Scope) -> int:
-    """The bound of a loop, which does not hang on the robot here. Raises KoordError."""
+def constant(e: core.Expr, of: Scope, where: str = "a loop") -> int:
+    """The bound of a loop or choice, which does not hang on the robot here. Raises KoordError."""
     match e:
         case core.Const(value=int() as value):
             return int(value)
@@ -152,10 +152,10 @@ def constant(e: core.Expr, of: Scope) -> int:
         ) is not None:
             return size
         case core.Binary(op=BinaryOp.ADD, left=left, right=right):
-            return constant(left, of) + constant(right, of)
+            return constant(left, of, where) + constant(right, of, where)
         case core.Binary(op=BinaryOp.SUB, left=left, right=right):
-            return constant(left, of) - constant(right, of)
+            return constant(left, of, where) - constant(right, of, where)
         case core.Binary(op=BinaryOp.MUL, left=left, right=right):
-            return constant(left, of) * constant(right, of)
+            return constant(left, of, where) * constant(right, of, where)
         case _:
-            raise refused("a loop whose bound is not a constant", e.span, "use a constant bound")
+            raise refused(f"{where} whose bound is not a constant", e.span, "use a constant bound")
