@@ -226,8 +226,8 @@ INPUT_CATALOGUE = dict(
             "`koord verify --export tla` writes programs whose data are Booleans, integers, "
             "enumerations, records and arrays, and whose robots have no vehicle: modules and "
             "external functions are not translated, nor are floats, strings, and lists that grow. "
-            "Starts may be left open: unset, any Boolean or member of an enumeration, or an integer "
-            "that INIT chooses between two constants.\n\n"
+            "Starts may be left open: unset, any Boolean or member of an enumeration, or an "
+            "integer that INIT chooses between two constants.\n\n"
             "The place is where the first such thing stands; the hint names the exports that take "
             "the program as it is. `--export smt2` takes nearly all: it has integers and reals.",
         ),
