@@ -23,7 +23,7 @@ from koord.verify.ledger import Ledger, Subject, Works, reach_of
 from koord.verify.pool import DIED, Job, Pool, Progress
 from koord.verify.singly import ByRounds
 from koord.verify.solving import Deadline
-from koord.verify.vacuity import Looked, look, vacuities
+from koord.verify.vacuity import Looked, look, of_any_number, vacuities
 from koord.verify.varieties import others
 from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Vacuity, Verdict, Ways
 from koord.verify.witness import replayed, simplified
@@ -75,7 +75,7 @@ def verify(
     deadline = Deadline.after(bounds.timeout_s)
     system = replace(system, patience=Patience(is_over))
     with Pool(jobs, progress, interrupted) as pool:
-        beside = _Beside(pool, wanted=not known)
+        beside = _Beside(pool, wanted=not known, of_any_number=choice is Choice.EVERY_N)
         own = frozenset(names) if _are_all_of_states(system, names) else frozenset()
         ask = partial(
             _ask, deadline=deadline, bounds=bounds, choice=choice, seed=seed, pool=pool, names=own
@@ -146,11 +146,13 @@ class _Beside:
 
     pool: Pool
     wanted: bool
+    of_any_number: bool = False
     job: Job[Looked | str] | None = None
 
     def begin(self, ledger: Ledger) -> None:
         """Other work that follows takes long."""
-        if self.wanted and self.job is None and self.pool.jobs > 1:
+        apart = self.pool.jobs > 1 and not self.of_any_number
+        if self.wanted and self.job is None and apart:
             own = ledger.of((), lambda text: None)
 
             def looked(tell: Progress) -> Looked | str:
@@ -165,11 +167,15 @@ class _Beside:
         """What makes the verdicts of a ledger say less than they seem to."""
         found: tuple[Vacuity, ...] = ()
         own = ledger.of(ledger.open(), ledger.report)
-        if self.wanted:
+        everywhere = ledger.is_of_all_rounds(names)
+        if self.wanted and self.of_any_number:
+            with own.stopping():
+                found = of_any_number(own, of_all_rounds=everywhere)
+        elif self.wanted:
             with own.stopping():
                 looked = look(own) if self.job is None else self.pool.answer(self.job)
                 if isinstance(looked, Looked):
-                    found = vacuities(own, looked, of_all_rounds=ledger.is_of_all_rounds(names))
+                    found = vacuities(own, looked, of_all_rounds=everywhere)
         return _Hollow(found, own.interrupted)
 
 

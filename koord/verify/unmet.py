@@ -43,7 +43,7 @@ def unmet(ledger: Ledger, unbroken_: Collection[Claim], effort: Effort) -> Itera
     for never, wish in wishes.items():
         if never not in met:
             rounds = ledger.bounds.rounds
-            yield _told(wish, rounds, certain=never in sure | proved, blocked=never in blocked)
+            yield told(wish, rounds, certain=never in sure | proved, blocked=never in blocked)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,8 @@ class _Asking:
         return replace(self.system, program=without(self.system.program, promises))
 
 
-def _told(wish: Wish, rounds: int, *, certain: bool, blocked: bool) -> Vacuity:
+def told(wish: Wish, rounds: int, *, certain: bool, blocked: bool) -> Vacuity:
+    """What is told of a wish in vain."""
     what = Emptiness.EVENT if wish.aim is Aim.EVENT else Emptiness.SUPPOSITION
     verb = "run" if wish.aim is Aim.EVENT else "come true"
     if blocked:

@@ -9,6 +9,7 @@ from koord.semantics.configurations import System
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.walk import reached
+from koord.verify import any_number
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import NO_FAULT, Claim, Findings, Phase
 from koord.verify.footprint import footprint
@@ -69,19 +70,45 @@ def look(ledger: Ledger) -> Looked:
     return Looked(silent, never, effort)
 
 
-def vacuities(ledger: Ledger, looked: Looked, *, of_all_rounds: bool) -> tuple[Vacuity, ...]:
+def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> tuple[Vacuity, ...]:
+    """All that makes verdicts for every number of robots say less than they seem to."""
+    for system in any_number.examples(ledger.system):
+        some = any_number.with_robots_of(system, ledger)
+        looked = look(some)
+        if looked.never is not None:
+            return vacuities(some, looked, of_all_rounds=of_all_rounds, of_any_number=True)
+    if any_number.never_starts(ledger):
+        return looked.empty
+    return tuple(any_number.among(ledger, empty) for empty in looked.empty)
+
+
+def vacuities(
+    ledger: Ledger, looked: Looked, *, of_all_rounds: bool, of_any_number: bool = False
+) -> tuple[Vacuity, ...]:
     """All that makes the verdicts of a ledger say less than they seem to.
 
-    Verdicts ``of_all_rounds`` say something if things happen late, too.
+    Verdicts ``of_all_rounds`` say something if things happen late, too; those ``of_any_number`` of
+    robots if more can do them.
     """
     if looked.never is None:
         return looked.empty
     ledger.progress("looking for what never happens")
     untouched = tuple(_untouched(ledger))
-    missing = tuple(_missing(ledger, looked.never, looked.effort, of_all_rounds))
+    later = looked.never.later if of_all_rounds else frozenset()
+    left = replace(looked.never, claims=looked.never.claims - later)
+    missing = tuple(_missing(ledger, left, looked.effort, of_any_number))
     sure = [vacuity for vacuity in (*untouched, *missing) if vacuity.certain]
     told = {vacuity.subject for vacuity in sure if vacuity.what is not Emptiness.EVENT}
-    return (*looked.empty, *missing, *untouched, *_regardless(ledger, told))
+    regardless = list(_regardless(ledger, told))
+    if of_any_number:
+        regardless = any_number.true_of_anything(ledger, regardless)
+    detail = "it is true whatever the events do"
+    unbreakable = [
+        Vacuity(Emptiness.UNTOUCHED, claim.name, detail, certain=True, span=claim.stated.span)
+        for claim in regardless
+        if claim.stated is not None
+    ]
+    return (*looked.empty, *missing, *untouched, *unbreakable)
 
 
 def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:
@@ -106,20 +133,21 @@ def _start(system: System, seed: int, deadline: Deadline, effort: Effort) -> Vac
 
 
 def _missing(
-    ledger: Ledger, left: Unbroken, effort: Effort, of_all_rounds: bool
+    ledger: Ledger, left: Unbroken, effort: Effort, of_any_number: bool
 ) -> Iterator[Vacuity]:
     """Events that never run, and suppositions that are never true."""
     if left.stuck is not None:
         detail = f"no run gets through round {left.stuck}"
-        found = Vacuity(Emptiness.CONTRACTS, "", detail, certain=True)
-        yield _within(found, left.limits)
+        found = _within(Vacuity(Emptiness.CONTRACTS, "", detail, certain=True), left.limits)
+        everyone = not of_any_number or any_number.never_ends(ledger)
+        yield found if everyone else any_number.among(ledger, found)
         return
-    claims = left.claims - left.later if of_all_rounds else left.claims
-    if not left.known or not claims:
+    if not left.known or not left.claims:
         return
     verdict = ledger.verdicts.get(NO_FAULT)
     faults = verdict is not None and verdict.outcome is Outcome.VIOLATED
-    for told in unmet(ledger, claims, effort):
+    search = any_number.unmet_by_any if of_any_number else unmet
+    for told in search(ledger, left.claims, effort):
         # An event that faults ends the run, and so was not seen to run.
         full = replace(told, detail=f"{told.detail} without a fault") if faults else told
         yield full if told.certain else _within(full, left.limits)
@@ -163,7 +191,7 @@ def never_changes(program: core.Program, condition: core.Expr) -> bool:
     )
 
 
-def _regardless(ledger: Ledger, told: Collection[str]) -> Iterator[Vacuity]:
+def _regardless(ledger: Ledger, told: Collection[str]) -> Iterator[Claim]:
     """Invariants that are true of any configuration, but for those that were told of already.
 
     What nothing writes is as it was at the start; all else has any value of its type. Statements
@@ -190,7 +218,4 @@ def _regardless(ledger: Ledger, told: Collection[str]) -> Iterator[Vacuity]:
         if asked:
             answer = solver.check(question, ledger.deadline, effort, at_most=_AT_MOST)
         if answer is Answer.UNSAT and not unrolling.unknowns.limits:
-            assert claim.stated is not None
-            detail = "it is true whatever the events do"
-            span = claim.stated.span
-            yield Vacuity(Emptiness.UNTOUCHED, claim.name, detail, certain=True, span=span)
+            yield claim

@@ -103,7 +103,7 @@ def _with(
     """The system with all that wishes are stated with. It has the same runs."""
     program = system.program
     agents = tuple(
-        replace(agent, modules=(*agent.modules, _idle(modules[kind]))) if kind in modules else agent
+        replace(agent, modules=(*agent.modules, idle(modules[kind]))) if kind in modules else agent
         for kind, agent in enumerate(program.agents)
     )
     # Which robots may change places hangs on what is asked about them, so that is in it, too.
@@ -118,7 +118,7 @@ def _with(
     return replace(system, program=program)
 
 
-def _idle(contracts: Sequence[core.Contract]) -> core.Module:
+def idle(contracts: Sequence[core.Contract]) -> core.Module:
     """A module whose model does nothing."""
     return core.Module("wishes", (), (), 0, tuple(contracts))
 

@@ -661,6 +661,27 @@ VERIFY = (
         (VACUITY,),
     ),
     Mutant(
+        "what two robots cannot do no number can",
+        "verify/portfolio.py",
+        "if self.wanted and self.of_any_number:",
+        "if False:",
+        (VACUITY,),
+    ),
+    Mutant(
+        "what is true of a few robots whatever they do is true of all",
+        "verify/vacuity.py",
+        "        regardless = any_number.true_of_anything(ledger, regardless)\n",
+        "        pass\n",
+        (VACUITY,),
+    ),
+    Mutant(
+        "what no robots could do is true of anything they did in INIT",
+        "verify/any_number.py",
+        "replace(entry, initial=Start.ARBITRARY)",
+        "entry",
+        (VACUITY,),
+    ),
+    Mutant(
         "what excludes each other is supposed",
         "verify/suppositions.py",
         "if len(negated) != 1:",

@@ -296,3 +296,68 @@ def test_a_function_that_nobody_may_call_is_told() -> None:
     assert told(text + COUNTER) == [": no arguments of f can meet its `requires`"]
     text = "def fun f(int a) -> int: extern fresh\n  ensures: result > a and result < a\n"
     assert told(text + COUNTER) == [": no answer of f can meet its `ensures`"]
+
+
+# --- every number of robots -----------------------------------------------------------------------
+
+
+def told_of_any(text: str) -> list[tuple[str, bool]]:
+    """What is told of the program with any number of robots, and whether it is certain."""
+    report = ask(of_text(text), 2, 5, Choice.EVERY_N).report
+    return [(f"{v.subject}: {v.detail}", v.certain) for v in report.vacuities]
+
+
+SUM = """
+allwrite:
+  int total = 0
+local:
+  bool done = false
+Add:
+  pre: not done
+  eff: atomic:
+    total = total + 1
+    done = true
+"""
+
+
+def test_what_takes_more_robots_than_are_looked_at_may_happen() -> None:
+    """Two robots and six are looked at; that no number of them can is another thing."""
+    many = "Many:\n  pre: total >= {}\n  eff: done = true\n"
+    assert told_of_any(SUM + many.format(3)) == []
+    few = "Many: cannot run within 5 rounds, with 2 robots or 6 robots"
+    assert told_of_any(SUM + many.format(7)) == [(few, False)]
+    assert told_of_any(SUM + many.format("7 and total < 0")) == [("Many: can never run", True)]
+    assert told_of_any(SUM + "invariant Sure: total >= 3 implies total > 1\n") == []
+    assert told_of_any(SUM + "invariant Sure: total < 0 implies total == 5\n") == [
+        (f"Sure: {NEVER}", True)
+    ]
+
+
+def test_what_few_robots_cannot_break_more_may() -> None:
+    hollow = "it is true whatever the events do"
+    assert told_of_any(SUM + "invariant Sure: total > 3 or total < 4\n") == [
+        (f"Sure: {hollow}", True)
+    ]
+    # Of two robots two are always the same.
+    pairs = "forall i, j, k: i == j or j == k or k == i or total >= 0"
+    text = f"{SUM}invariant Low: total >= 0\ninvariant Sure: {pairs}\n"
+    assert ask(of_text(text), 2, 5, Choice.EVERY_N).outcome("Sure") is Outcome.HOLDS
+    assert told_of_any(text) == []
+    assert ask(of_text(text), 2).empty == [f"untouched Sure: {hollow}"]
+
+
+def test_assumptions_that_few_robots_cannot_meet_are_no_contradiction() -> None:
+    assert told_of_any(f"{SUM}assume Many: numAgents > 3\n") == []
+    start = "no initial configuration satisfies them all"
+    assert told_of_any(f"{SUM}assume Many: numAgents > 9\n") == [
+        (f": {start}, with 2 robots or 6 robots", False)
+    ]
+    assert told_of_any(f"{SUM}assume None: numAgents < 0\n") == [(f": {start}", True)]
+
+
+def test_contracts_that_no_number_of_robots_meets_contradict_each_other() -> None:
+    text = body("ensures: x' == x + 1.0", "ensures: x' == x - 1.0")
+    assert told_of_any(text)[0] == (": no run gets through round 1", True)
+    text = body("ensures: x' == x + 1.0", "ensures: numAgents < 7 implies x' == x - 1.0")
+    late = ": no run gets through round 1, with 2 robots or 6 robots"
+    assert told_of_any(text)[0] == (late, False)
