@@ -123,6 +123,9 @@ def unbroken(
         pending = [claim for claim in pending if claim in left.claims and claim not in met]
         few = _of_few(system, pending, rounds, deadline, effort, seed)
         pending = [claim for claim in pending if claim in few.claims]
+        if few.known and few.claims:
+            # What two of a kind cannot do all together seldom can, and that takes long to tell.
+            effort = Effort(effort.left // 4)
         left = _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
     return replace(left, later=left.claims & met.keys())
 
