@@ -204,7 +204,7 @@ def read(place: core.Place, of: Scope) -> str:
 
 
 def _is_set(value: str, type_: Type, of: Scope) -> str:
-    """Something true of values that are set, and an error of TLC's of others. [E-READ]"""
+    """Something true of values that are set, and an error of TLC's of others. [LOOKUP]"""
     match type_:
         case ArrayType(element=element):
             size, k = of.size(type_), f"k{next(of.fresh)}"
