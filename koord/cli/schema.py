@@ -18,6 +18,7 @@ DOCUMENTS = {
     "trace": "traces, as `--trace FILE` and `koord run --json` write them",
     "certificate": "certificates, as `koord verify --certificate` writes them",
     "recheck": "what `koord recheck --json` prints",
+    "replay": "what `koord replay --json` prints",
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -145,8 +146,7 @@ def _part(settling: Iterator[Settled]) -> Part:
     except NotRecheckedError as error:
         return Part(Outcome.UNKNOWN, tuple(settled), error.reason, error.span)
     except SolverEndedError as error:
-        reason = f"the obligation after {len(settled)} that are settled: {error} on it"
-        return Part(Outcome.UNKNOWN, tuple(settled), reason)
+        return Part(Outcome.UNKNOWN, tuple(settled), str(error))
     for one in settled:
         if one.answer is Answer.UNKNOWN:
             reason = f"{one.name}: {one.claim or 'not settled'} (no answer in time)"
@@ -164,11 +164,21 @@ def _for_everyone(
         settling = Settling(values, session, lambda: clock.left(QUESTION_S), progress)
         for obligation in EveryNumber(it.world, it.claims, values, it.consequences):
             progress(f"any number of robots: {obligation.name}")
-            one = instances.settled(settling, obligation)
+            with _named(obligation):
+                one = instances.settled(settling, obligation)
             if one.answer is not Answer.UNSAT and not looked:
                 looked = True
                 yield from _refuted_by_few(it, seed, clock, progress)
             yield one
+
+
+@contextmanager
+def _named(obligation: Obligation) -> Iterator[None]:
+    """While this lasts, a solver that ends does so in the name of an obligation."""
+    try:
+        yield
+    except SolverEndedError as error:
+        raise SolverEndedError(f"{obligation.name}: {error}") from error
 
 
 #: With so few robots a claim about every number of them is looked at that is not shown at once.
@@ -234,10 +244,11 @@ class _Pass:
             values, self.session, lambda: self.clock.left(QUESTION_S), self.progress
         )
         for obligation in obligations:
-            one = settling.settled(obligation)
-            if one.answer is Answer.UNKNOWN and self._derives(obligations, settling, one.claim):
-                exact = obligation.attempts[-1]()
-                one = settling.exactly(obligation.name, exact, self._derived)
+            with _named(obligation):
+                one = settling.settled(obligation)
+                if one.answer is Answer.UNKNOWN and self._derives(obligations, settling, one.claim):
+                    exact = obligation.attempts[-1]()
+                    one = settling.exactly(obligation.name, exact, self._derived)
             yield one
 
     def _derives(self, obligations: Obligations, settling: Settling, name: str) -> bool:

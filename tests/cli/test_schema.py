@@ -132,6 +132,21 @@ def test_traces_are_as_described(capsys: pytest.CaptureFixture[str]) -> None:
     valid(capsys, "trace", printed(capsys, "run", "holds.krd", "--rounds", "2", "--json"))
 
 
+def test_verdicts_on_traces_are_as_described(capsys: pytest.CaptureFixture[str]) -> None:
+    trace = printed(capsys, "run", "holds.krd", "--rounds", "2", "--json")
+    Path("t.json").write_text(json.dumps(trace), encoding="utf-8")
+    for words in ([], ["--compiled"]):
+        found = printed(capsys, "replay", "t.json", "--json", *words)
+        assert found["legal"] is True
+        assert (found["compiled"] is None) == (not words)
+        valid(capsys, "replay", found)
+    trace["run"]["rounds"][-1]["after"]["robots"][0]["locals"]["x"] = 7
+    Path("t.json").write_text(json.dumps(trace), encoding="utf-8")
+    found = printed(capsys, "replay", "t.json", "--json")
+    assert found["refused"]["differences"][0]["recorded"] == "7"
+    valid(capsys, "replay", found)
+
+
 def test_certificates_and_verdicts_on_them_are_as_described(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
