@@ -138,8 +138,7 @@ class Settling:
         try:
             yield
         finally:
-            if not self.session.is_over:
-                self.session.tell(["(pop 1)"])
+            self.session.tell(["(pop 1)"])
 
     def tell(self, facts: Sequence[Term]) -> None:
         """Assert something until what was pushed last is taken back."""

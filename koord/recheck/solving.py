@@ -78,12 +78,13 @@ class Session:
 
     _process: BaseProcess
     _line: Connection
+    _untold: list[str]  #: commands that print nothing: they go with the next that does
     _is_over: bool = False
     _question_s: float | None = None
 
     @staticmethod
     def start(seed: int = 0, logic: str = _ALL) -> Session:
-        """Raises MissingSolverError, and TextError if there is no such logic."""
+        """Raises MissingSolverError."""
         _cvc5()  # whoever is forked from this process has it then
         can_fork = "fork" in multiprocessing.get_all_start_methods()
         context = multiprocessing.get_context("fork" if can_fork else "spawn")
@@ -93,13 +94,7 @@ class Session:
         )
         process.start()
         theirs.close()
-        session = Session(process, ours)
-        try:
-            session.tell([logic])
-        except TextError:
-            session.close()
-            raise
-        return session
+        return Session(process, ours, [logic])
 
     def __enter__(self) -> Session:
         return self
@@ -120,17 +115,18 @@ class Session:
             self._process.join()
             self._line.close()
 
-    @property
-    def is_over(self) -> bool:
-        """Whether nothing can be asked any more."""
-        return self._is_over
+    def tell(self, commands: Iterable[str]) -> None:
+        """Have commands run that print nothing, before the next question."""
+        self._untold += commands
 
-    def tell(self, commands: Iterable[str], within_s: float | None = None) -> str:
+    def ask(self, commands: Iterable[str], within_s: float | None = None) -> str:
         """Run commands; what they print. Raises TextError, and SolverEndedError."""
         if self._is_over:
             raise SolverEndedError("cvc5 has ended")
+        self.tell(commands)
+        script, self._untold = "\n".join(self._untold), []
         try:
-            self._line.send("\n".join(commands))
+            self._line.send(script)
             if not self._line.poll(within_s):
                 self.close()
                 raise SolverEndedError("cvc5 did not end in time")
@@ -151,14 +147,14 @@ class Session:
 
     def check(self) -> Answer:
         """Whether what is asserted can hold."""
-        said = self.tell(["(check-sat)"], self._question_s).split()
+        said = self.ask(["(check-sat)"], self._question_s).split()
         return Answer(said[-1]) if said and said[-1] in ("sat", "unsat") else Answer.UNKNOWN
 
     def values(self, terms: Sequence[str]) -> list[str]:
         """What the model says of terms, after ``sat``."""
         found = []
         for term in terms:
-            said = self.tell([f"(get-value ({term}))"], _GRACE_S).strip()
+            said = self.ask([f"(get-value ({term}))"], _GRACE_S).strip()
             found.append(_value(said))
         return found
 
@@ -194,13 +190,13 @@ def _fraction(match: re.Match[str]) -> str:
 def read(script: Harmless) -> None:
     """Have cvc5 read a script that someone else wrote. Raises TextError, and SolverEndedError."""
     with Session.start(logic=script.logic or _ALL) as session:
-        session.tell(script.commands, _GRACE_S)
+        session.ask(script.commands, _GRACE_S)
 
 
 def answer_of(script: Harmless, seconds: float) -> Answer:
     """What cvc5 says of such a script. Raises what :func:`read` raises."""
     with Session.start(logic=script.logic or _ALL) as session:
-        session.tell(script.commands, _GRACE_S)
+        session.ask(script.commands, _GRACE_S)
         session.allow(seconds)
         return session.check()
 
