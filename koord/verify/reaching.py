@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from random import Random
 
@@ -10,7 +10,7 @@ from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
 from koord.semantics.execution import Step
 from koord.semantics.runs.policies import AtRandom, First, Play, Policy
-from koord.semantics.runs.running import new_run
+from koord.semantics.runs.running import Run, new_run
 from koord.semantics.runs.watching import Watch
 from koord.semantics.search.limits import FEW_STATES, Limits
 from koord.semantics.traces.recording import Recording
@@ -39,6 +39,15 @@ class _Onlooker(Watch):
         return None
 
 
+def runs_of(system: System, rounds: int, seed: int) -> Iterator[tuple[Run, Play]]:
+    """A few runs, still to be made whatever they break: the runtime's, and others by chance."""
+    for number, skips in enumerate((None, *SKIPS_PERCENT)):
+        rng = Random(seed + number)
+        policy: Policy = First() if skips is None else AtRandom(rng, skips)
+        run = new_run(system, Numbers.EXACT, rng)
+        yield run, Play(run, policy, rounds, _Onlooker(run.d, system, run.inputs))
+
+
 def seen(
     system: System, nevers: Iterable[Claim], rounds: int, deadline: Deadline, seed: int
 ) -> dict[Claim, int]:
@@ -49,19 +58,17 @@ def seen(
     """
     pending = set(nevers)
     broken: dict[Claim, int] = {}
-    for number, skips in enumerate((None, *SKIPS_PERCENT)):
-        rng = Random(seed + number)
-        policy: Policy = First() if skips is None else AtRandom(rng, skips)
-        run = new_run(system, Numbers.EXACT, rng)
-        watch = _Onlooker(run.d, system, run.inputs)
+    for _, play in runs_of(system, rounds, seed):
         try:
-            for taken in Play(run, policy, rounds, watch).steps():
+            for taken in play.steps():
                 configuration = taken.step.configuration
                 if taken.step.rule not in ("INIT", "ENV-TRANS") or configuration.fault is not None:
                     continue
                 unkept = {contract.name for _, contract in taken.step.stepped.promises}
                 hit = {c for c in pending if c.subject in unkept}
-                hit |= {c for c in pending if c.stated and not watch.holds(c.stated, configuration)}
+                hit |= {
+                    c for c in pending if c.stated and not play.watch.holds(c.stated, configuration)
+                }
                 broken |= dict.fromkeys(hit, configuration.round)
                 pending -= hit
                 if not pending or deadline.passed():

@@ -12,6 +12,7 @@ from koord.syntax.walk import reached
 from koord.verify import any_number
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import NO_FAULT, Claim, Findings, Phase
+from koord.verify.dead_ends import dead_end
 from koord.verify.footprint import footprint
 from koord.verify.ledger import Ledger
 from koord.verify.moments import Moment
@@ -67,7 +68,8 @@ def look(ledger: Ledger) -> Looked:
     never = unbroken(
         wished.system, nevers, rounds, deadline, effort, seed=seed, runs=runs, runs_s=RUNS_S
     )
-    return Looked(silent, never, effort)
+    ended = None if never.stuck is not None else dead_end(ledger.subject.original, deadline, seed)
+    return Looked(silent if ended is None else (*silent, ended), never, effort)
 
 
 def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> tuple[Vacuity, ...]:

@@ -682,6 +682,13 @@ VERIFY = (
         (VACUITY,),
     ),
     Mutant(
+        "readings that are not found at random are none",
+        "verify/dead_ends.py",
+        "if not _has_readings(system, robot, state, deadline, seed):",
+        "if not (state and False):",
+        (VACUITY,),
+    ),
+    Mutant(
         "what excludes each other is supposed",
         "verify/suppositions.py",
         "if len(negated) != 1:",

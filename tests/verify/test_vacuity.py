@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from koord.verify.portfolio import Choice
-from koord.verify.verdicts import Outcome
+from koord.verify.verdicts import Emptiness, Outcome
 from tests.verify.asking import ask, of_text
 
 COUNTER = """
@@ -224,6 +224,29 @@ invariant Small: forall Car c: Body.x@c <= 1 or true
 """
     assert told(text.format(car="false", drone="true")) == []
     assert told(text.format(car="false", drone="false")) == [f"contract Moves: {NEVER}"]
+
+
+def test_a_run_that_contracts_do_not_let_go_on_is_told_though_others_do() -> None:
+    """[ENV-CONTRACT]: they are contradictory where a robot comes to the border."""
+    moves = ("ensures: up implies x' == x + 1.0", "ensures: up or x' == x")
+    ends = "robot 0 in round 7 of some run, which ends there"
+    (ended,) = [
+        v
+        for v in ask(of_text(body(*moves, "ensures: x' <= 3.0"))).report.vacuities
+        if v.what is Emptiness.CONTRACTS
+    ]
+    assert ended.detail == f"no turn of the environment meets those of {ends}"
+    assert not ended.certain
+    for free in ("ensures: x <= 3.0 implies x' <= 4.0", "requires: x > 0.0"):
+        contracts = [v.what for v in ask(of_text(body(*moves, free))).report.vacuities]
+        assert Emptiness.CONTRACTS not in contracts
+
+
+def test_readings_that_are_hard_to_come_by_are_no_dead_end() -> None:
+    """Runs at random do not find them, but there are some."""
+    nowhere = "gone implies x' == x and x' == x + 1.0"
+    text = body("ensures: x' * 48271.0 == 7.0 + x - x'", f"ensures: {nowhere}")
+    assert [v for v in ask(of_text(text)).report.vacuities if v.what is Emptiness.CONTRACTS] == []
 
 
 # --- what nothing touches -------------------------------------------------------------------------
