@@ -43,7 +43,7 @@ def harmless(text: str) -> Harmless:
     """What a script declares and asserts. Raises NotACommandError."""
     if _NOT_TEXT.search(text):
         raise NotACommandError("it is not text")
-    logic, kept, names, heads = "", [], set[str](), list[str]()
+    logic, kept, names, heads = "", [], set[str](), set[str]()
     for command in _commands(text):
         words = command.strip("() \t\r\n").split(None, 2)
         head = words[0] if words else ""
@@ -51,7 +51,7 @@ def harmless(text: str) -> Harmless:
             raise NotACommandError("something comes after its question")
         if "exit" in heads:
             raise NotACommandError("something comes after its exit")
-        if head == "set-logic" and not set(heads) - {"set-info"}:
+        if head == "set-logic" and heads <= {"set-info"}:
             logic = command
         elif head in _DECLARING or head == "assert":
             kept.append(command)
@@ -65,7 +65,7 @@ def harmless(text: str) -> Harmless:
                 raise NotACommandError("it says of itself that it can be satisfied")
         elif head not in ("check-sat", "exit"):
             raise NotACommandError(f"it has a command that is not to be run: {head[:40] or '()'}")
-        heads.append(head)
+        heads.add(head)
     if "assert" not in heads:
         raise NotACommandError("it asserts nothing")
     if "check-sat" not in heads:
