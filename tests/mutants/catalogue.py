@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.mutants.catalogue_bits import BITS
 from tests.mutants.catalogue_certified import CERTIFIED
 from tests.mutants.catalogue_compiled import COMPILED
+from tests.mutants.catalogue_exported import EXPORTED
 from tests.mutants.catalogue_liveness import LIVENESS
 from tests.mutants.deployed import DEPLOYED
 from tests.mutants.every_n import EVERY_N
@@ -726,6 +727,7 @@ MUTANTS = (
     *HORN,
     *BITS,
     *CERTIFIED,
+    *EXPORTED,
     *LIVENESS,
     *PROTOCOL,
     *WIRE_MISTAKES,
