@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 from koord.cli.terminal import visible
-from koord.refinement.rerunning import Departure
 from koord.semantics.traces.changes import Change
 from koord.semantics.traces.json_reader import shortened
 from koord.semantics.traces.trace import BEFORE_ROUNDS
+
+if TYPE_CHECKING:
+    from koord.refinement.rerunning import Departure
 
 _WIDEST = 40
 

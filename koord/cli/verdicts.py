@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TypeAlias, assert_never
+from typing import TYPE_CHECKING, TypeAlias, assert_never
 
 from koord.cli import departures
 from koord.cli.terminal import Paint, Style
-from koord.refinement.rerunning import Departure
 from koord.semantics.configurations import System
 from koord.verify.claims import ClaimKind
 from koord.verify.verdicts import (
@@ -22,6 +21,9 @@ from koord.verify.verdicts import (
     Ways,
     as_invariant,
 )
+
+if TYPE_CHECKING:
+    from koord.refinement.rerunning import Departure
 
 #: So many invariants that were found are shown; files have all of them.
 MOST_SHOWN = 12
@@ -182,7 +184,7 @@ def _robots(system: System, report: Report) -> str:
 
 
 #: What the compiled program did of a counterexample.
-Departed: TypeAlias = Callable[[Verdict, Counterexample], Departure | None]
+Departed: TypeAlias = "Callable[[Verdict, Counterexample], Departure | None]"
 
 
 def as_json(
