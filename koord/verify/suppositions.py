@@ -102,13 +102,16 @@ class Reading:
 def _implication(e: core.Expr) -> tuple[core.Expr, core.Expr] | None:
     """A disjunction of which exactly one part is negated: that part without ``not``, and the rest.
 
-    With several, as in ``not A or not B``, none of them is the one that is supposed.
+    With several, as in ``not A or not B``, none of them is the one that is supposed; and in
+    ``C or not (A and B)``, A and B may as well exclude each other.
     """
     parts = list(_disjuncts(e))
     negated = [part for part in parts if _is_negation(part)]
     if len(negated) != 1:
         return None
     (supposed,) = (part.operand for part in negated if isinstance(part, core.Unary))
+    if isinstance(supposed, core.Binary) and supposed.op is BinaryOp.AND:
+        return None
     rest = [part for part in parts if part is not negated[0]]
     return supposed, reduce(lambda a, b: core.Binary(BinaryOp.OR, a, b, BOOL), rest)
 

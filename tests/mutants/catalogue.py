@@ -697,6 +697,13 @@ VERIFY = (
         (VACUITY,),
     ),
     Mutant(
+        "what excludes each other but for something is supposed",
+        "verify/suppositions.py",
+        "if isinstance(supposed, core.Binary) and supposed.op is BinaryOp.AND:",
+        "if False:",
+        (VACUITY,),
+    ),
+    Mutant(
         "all that a function supposes is meant wherever it is called",
         "verify/suppositions.py",
         "if self._calls[e.function] == 1 and admits(e):",

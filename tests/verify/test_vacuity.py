@@ -73,6 +73,8 @@ def test_what_statements_suppose_is_to_come_true(condition: str) -> None:
         "x == 3 or busy == false",
         "not (busy and x == 2)",
         "not busy or not (x == 7)",
+        "numAgents < 2 or not (busy@0 and busy@1)",
+        "not (x == 2 and busy) or x == 7",
         "x <= 3 implies x <= 3 or not busy",
         "x < 0 or x >= 0",
     ],
