@@ -47,7 +47,7 @@ ROUNDING = 1e-9
 #: So many locations that differ are told.
 _MOST_TOLD = 20
 
-
+#: What is told besides, where that may be why a program departs.
 _ROUNDED = "; it computes with doubles, and the recording is of exact numbers"
 
 
@@ -197,7 +197,7 @@ class _Rerun:
             raise _DepartedError(Departure(number, ended.fault.detail))
         found = self.observer.configuration(self.fleet)
         if ended is not None:
-            found = replace(found, fault=_fault(ended, recorded))
+            found = replace(found, fault=_fault(ended))
         elif inside is not None:
             found = _within(found, recorded, inside.order)
         if self.trace.numbers is Numbers.EXACT:
@@ -207,7 +207,7 @@ class _Rerun:
             raise _DepartedError(Departure(number, "it comes to another configuration", told))
 
 
-def _fault(ended: Ended, recorded: Configuration[Constant]) -> Fault:
+def _fault(ended: Ended) -> Fault:
     """The fault in the semantics' words; its place is not compared."""
     return Fault(FaultName(ended.fault.kind.value), ended.robot, NOWHERE, ended.fault.detail)
 
