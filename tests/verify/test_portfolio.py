@@ -570,7 +570,9 @@ def test_an_event_whose_round_cannot_end_is_told() -> None:
     asked = ask(b.program(), robots=1, rounds=3)
     assert asked.outcome("Low") is Outcome.HOLDS
     why = "but no round in which it does can end: contracts rule it out"
+    where = "robot 0 in round 1 of some run, which ends there"
     assert asked.empty == [
+        f"contracts: no turn of the environment meets those of {where}",
         f"event Start: can run, {why}",
         f"supposition contract Rises: can come true, {why}",
     ]
