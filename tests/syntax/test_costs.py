@@ -15,6 +15,7 @@ from koord.semantics.patience import ENDLESS, Patience
 from koord.semantics.runs.answering import SampledInputs
 from koord.semantics.runs.lengths import MOST_LISTED
 from koord.semantics.turns import program_turn
+from koord.semantics.values import MOST_ROOM
 from koord.syntax import core
 from koord.syntax.costs import MOST_DEEP, MOST_PARTS, MOST_STEPS, excesses
 from koord.syntax.costs.limits import DEEPEST_TYPE, count
@@ -239,6 +240,7 @@ def test_the_documentation_tells_the_limits() -> None:
             MOST_ROUNDS,
             LONGEST_NUMBER_BITS,
             MOST_LISTED,
+            MOST_ROOM,
         )
     ]
 
