@@ -383,6 +383,18 @@ def test_how_far_an_engine_came_is_not_forgotten() -> None:
     assert ledger.verdict(first).reason == "out of memory"
 
 
+def test_what_was_not_looked_at_whole_does_not_hold() -> None:
+    """All rounds were looked at, but for something: then there is a reason."""
+    system = dealt(growing().program(), 1)
+    first, *_ = claims = claims_of(system)
+    ledger = Ledger(Subject(system, _judge, system), Bounds(9), Deadline.after(None), claims)
+    ledger.leave([first], Reach(Engine.BMC, 9, "not covered: long lists", 0.1))
+    assert ledger.verdict(first).outcome is Outcome.UNKNOWN
+    assert ledger.verdict(first).reason == "not covered: long lists"
+    ledger.leave([first], Reach(Engine.SEARCH, 9, "", 0.1))
+    assert ledger.verdict(first).outcome is Outcome.HOLDS
+
+
 def _judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
     raise AssertionError("nothing is replayed")
 
