@@ -17,6 +17,7 @@ from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.machine import NotFiniteError
 from koord.verify.bits.exporting import Format, exported, machine_of
+from koord.verify.bits.graph import FALSE
 from koord.verify.bits.transition import Circuit, circuit_of
 from koord.verify.claims import claims_of
 from tests.verify.asking import bounded
@@ -61,6 +62,34 @@ def test_aiger_steps_as_the_circuit_does() -> None:
             state = after if random.random() < 0.5 else [random.random() < 0.5 for _ in after]
             count += 1
     assert count >= 400
+
+
+def test_what_init_breaks_is_bad_before_it_is_over_and_never_again() -> None:
+    """Whatever the inputs of INIT are later on."""
+    early = late = 0
+    for seed in SEEDS:
+        of = circuit(seed)
+        if of is None:
+            continue
+        g, machine, random = of.d.graph, machine_of(of), Random(seed)
+        begun, valid, *_ = (latch.literal for latch in machine.latches)
+        phases = [(of.bad_start.get(c, FALSE), [x for _, x in p]) for c, p in of.bad.items()]
+        free = [
+            literal >> 1 for literal in (*machine.inputs, *(x.literal for x in machine.latches))
+        ]
+        for _ in range(40):
+            given = {node: random.random() < 0.5 for node in free}
+            given[valid >> 1] = given[begun >> 1]
+            found = g.values([x for _, x in machine.bad], given)
+            for is_bad, (at_start, inside) in zip(found, phases, strict=True):
+                first, lost, steps, *breaks = g.values(
+                    [at_start, of.lost, of.steps, *inside], given
+                )
+                over = any(breaks) or (lost and steps)
+                assert is_bad == (over if given[begun >> 1] else first), seed
+                early += first and not given[begun >> 1]
+                late += first and given[begun >> 1] and not over
+    assert min(early, late) >= 5
 
 
 @pytest.mark.parametrize("rounds", [0, 2])
