@@ -96,7 +96,7 @@ BITS = (
         "verify/bits/narrowing.py",
         "steps = g.all_of(kept)",
         "steps = g.all_of(kept) ^ 1",
-        (GENERATED, ENGINE),
+        ("tests/verify/bits/test_narrowing.py",),
     ),
     # clauses and rounds
     Mutant(
