@@ -10,8 +10,8 @@ from koord.semantics.configurations import System
 from koord.semantics.crowds import NotFiniteError
 from koord.verify.abstraction import abstracted
 from koord.verify.bits.exporting import Format, exported
-from koord.verify.bits.transition import Circuit, circuit_of
-from koord.verify.claims import claims_of
+from koord.verify.bits.transition import circuit_of
+from koord.verify.claims import Claim, claims_of
 from koord.verify.scripts import script
 
 
@@ -31,15 +31,19 @@ def problem(
     Values that merely flow are opaque. SMT-LIB has Booleans alone where these say everything, and
     else integers and reals. Raises NotFiniteError for what cannot be said, and OutOfPatienceError.
     """
+    abstraction = abstracted(system.program)
+    if abstraction is not None:
+        system = replace(system, program=abstraction.program)
+    claims = [claim for claim in claims_of(system) if not names or claim.name in names]
     try:
-        circuit = _circuit(system, names)
+        circuit = circuit_of(system, claims)
     except NotFiniteError:
         if format_ is not Format.SMT2:
             raise
-        return _question(system, names, rounds, comment)
+        return _question(system, claims, rounds, comment)
     if format_ is Format.SMT2 and (circuit.d.looser or circuit.strays or circuit.limits):
         with suppress(NotFiniteError):  # what formulas cannot say, a circuit leaves open
-            return _question(system, names, rounds, comment)
+            return _question(system, claims, rounds, comment)
     better = "" if format_ is Format.SMT2 else " (--export smt2 has integers and reals)"
     notes = [f"not covered: {limit}" for limit in circuit.limits]
     if circuit.d.looser:
@@ -60,15 +64,7 @@ def _listed(names: Iterable[str]) -> str:
     return ", ".join(sorted({name.split("@")[0] for name in names}))
 
 
-def _circuit(system: System, names: Sequence[str]) -> Circuit:
-    abstraction = abstracted(system.program)
-    if abstraction is not None:
-        system = replace(system, program=abstraction.program)
-    claims = [claim for claim in claims_of(system) if not names or claim.name in names]
-    return circuit_of(system, claims)
-
-
-def _question(system: System, names: Sequence[str], rounds: int, comment: str) -> Problem:
-    found = script(system, names, rounds)
+def _question(system: System, claims: Sequence[Claim], rounds: int, comment: str) -> Problem:
+    found = script(system, claims, rounds)
     notes = tuple(f"not covered: {limit}" for limit in found.limits)
     return Problem(f"; {comment}\n{found.text}".encode(), notes)

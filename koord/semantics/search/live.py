@@ -332,7 +332,7 @@ class _Search:
                 loop = short_loop(graph, region.nodes, entry, ends, wanted, most, _MOST_TRIES)
                 if loop is not None:
                     best = _Lasso(entry, stems.to(entry), loop)
-        return None if best is None else self._recording(best.stem, best.loop, best.entry)
+        return None if best is None else self._recording(best)
 
     def _as_good_as(self, node: int) -> list[int]:
         """The nodes of the same state that owe no more: a loop that ends there is one for ever."""
@@ -341,15 +341,13 @@ class _Search:
         found = (nodes.numbers.get((nodes.states[node], owed)) for owed in less)
         return [number for number in found if number is not None]
 
-    def _recording(
-        self, before: list[tuple[int, Edge]], loop: list[tuple[int, Edge]], entry: int
-    ) -> Recording:
+    def _recording(self, lasso: _Lasso) -> Recording:
         nodes = self._nodes
         tracer = Tracer(self._system, self._vault, self._commits, self._joints, _as_it_is)
-        start = before[0][0] if before else entry
+        start = lasso.stem[0][0] if lasso.stem else lasso.entry
         recording = tracer.run([nodes.states[start]])
-        taken = [self._round(tracer, node, edge) for node, edge in [*before, *loop]]
-        return replace(recording, rounds=tuple(taken), loop=len(before))
+        taken = [self._round(tracer, node, edge) for node, edge in [*lasso.stem, *lasso.loop]]
+        return replace(recording, rounds=tuple(taken), loop=len(lasso.stem))
 
     def _round(self, tracer: Tracer, node: int, edge: Edge) -> Round:
         """A round along an edge that has its label."""
