@@ -113,7 +113,7 @@ class Fleet:
     # --- orders ---------------------------------------------------------------------------------
 
     def follow(self, robot: int, path: Sequence[Point]) -> None:
-        """Have a robot follow a path; one without points is no order."""
+        """Have a robot follow a path; one without points leaves it where it is."""
         members, row = self._at(robot)
         position, heading = members.fixes(self.now_s)
         members.group.follow(row, as_path(path), float(heading[row]), position[row])

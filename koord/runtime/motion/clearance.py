@@ -34,9 +34,6 @@ Path: TypeAlias = tuple[Point, ...]
 #: What rounding may take a point off its path.
 _ROUNDING_M = 1e-9
 
-#: A path that goes so far below the ground is no path: no way was found.
-_ABYSS_M = 1000.0
-
 
 @dataclass(frozen=True, slots=True)
 class Clearance:
@@ -55,9 +52,6 @@ class Clearance:
         first, second = (
             (_known(one), _known(other)) if one <= other else (_known(other), _known(one))
         )
-        lowest = self.ground_m - _ABYSS_M / 2
-        if first.low[2] < lowest or second.low[2] < lowest:
-            return False
         reach = self.safety_m + self._reach(first) + self._reach(second)
         gap = 0.0
         for a, b, c, d in zip(first.low, first.high, second.low, second.high, strict=True):
@@ -74,8 +68,9 @@ class Clearance:
         return path_distance(first.points, second.points) > reach
 
     def path_is_clear(self, routes: Sequence[Path], path: Path, me: int) -> bool:
-        """Whether a path of robot ``me`` is clear of the routes of all others."""
-        return all(self.paths_clear(route, path) for j, route in enumerate(routes) if j != me)
+        """Whether there is a path that robot ``me`` may take, clear of the routes of all others."""
+        others = (route for j, route in enumerate(routes) if j != me)
+        return bool(path) and all(self.paths_clear(route, path) for route in others)
 
     def on_path(self, p: Point, path: Path, slack_m: float = 0.0) -> bool:
         """Whether a robot at a point is on a path."""
@@ -89,12 +84,6 @@ class Clearance:
         """Whether two robots are at a safe distance."""
         return math.dist(p, q) > self.safety_m
 
-    def no_way(self, start: Point, goal: Point) -> Path:
-        """What stands for a path where there is none: it begins and ends as it should, and is clear
-        of no path, because it leads through the earth; no robot follows it.
-        """
-        return start, (start[0], start[1], self.ground_m - _ABYSS_M), goal
-
     def _reach(self, known: _Known) -> float:
         return self.tracking_m if known.leads else self.resting_m
 
@@ -103,11 +92,6 @@ def clearance_of(bodies: Sequence[Body], tracking_m: float, ground_m: float = 0.
     """The clearance at which no two bodies touch, whichever way they point."""
     largest = sorted((body.radius_m for body in bodies), reverse=True)[:2]
     return Clearance(sum(largest), tracking_m, min(0.1, tracking_m), ground_m)
-
-
-def leads_nowhere(path: Floats, ground_m: float) -> bool:
-    """Whether a path is one that stands for none (:meth:`Clearance.no_way`)."""
-    return bool(path[:, 2].min() < ground_m - _ABYSS_M / 2)
 
 
 @dataclass(frozen=True, slots=True)

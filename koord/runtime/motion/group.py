@@ -15,7 +15,6 @@ from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.automaton import State, Visit
 from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
-from koord.runtime.motion.clearance import leads_nowhere
 from koord.runtime.motion.field import field
 from koord.runtime.motion.planning import Planner, Pose, suits
 from koord.runtime.motion.routes import Pace, Routes
@@ -73,17 +72,17 @@ class Group:
         heading_rad: float = 0.0,
         psn: Floats | None = None,
     ) -> None:
-        """Follow a path, shape ``(k, 3)``; one without points is no order, one that stands for
-        none leaves the robot where it is. From ``psn`` a robot goes to the path's start first.
+        """Follow a path, shape ``(k, 3)``; one without points leaves the robot where it is, and it
+        never reaches its end. From ``psn`` a robot goes to the path's start first.
         """
-        if not len(path) or self.state(robot) is State.STOPPED:
+        if self.state(robot) is State.STOPPED:
+            return
+        self.targets.pop(robot, None)
+        if not len(path):
+            self._orders.failed[robot], self._orders.routed[robot] = True, False
             return
         if psn is not None and np.linalg.norm(psn - path[0]) > self._beside_m:
             path = np.concatenate([psn[None], path])
-        self.targets.pop(robot, None)
-        if leads_nowhere(path, self.world.ground):
-            self._orders.failed[robot], self._orders.routed[robot] = True, False
-            return
         moves = self.speed[robot] > 0
         velocity = self._velocity(np.array([robot]))[0] if moves else _STILL
         self.routes.put(robot, path, heading_rad)

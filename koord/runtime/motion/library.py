@@ -3,7 +3,7 @@
 One :class:`Library` serves the robots that it is told of: all of them in the simulator, one on a
 deployed robot. Positions are triples of floats, paths tuples of positions, maps dictionaries. Every
 answer meets the summary that the prelude gives of its function, which is what verification relies
-on. Where no way is found, the answer is :meth:`.clearance.Clearance.no_way`.
+on. Where no way is found, the answer is a path of no points.
 """
 
 from __future__ import annotations
@@ -91,18 +91,15 @@ class Library:
 
     def find_path(self, robot: int, start: Point, goal: Point) -> Path:
         """``findPath(start, goal)``: from start to goal, around what stands in the world."""
-        return self._planned(robot, start, goal) or self.clearance.no_way(start, goal)
+        return self._planned(robot, start, goal) or ()
 
     def find_path_around(
         self, robot: int, start: Point, goal: Point, obstacles: Sequence[Point]
     ) -> Path:
-        """``findPath(start, goal, obstacles)``: around the points as well. If no way is found the
-        path ends where it begins.
-        """
+        """``findPath(start, goal, obstacles)``: around the points as well."""
         if not obstacles:
-            return self._planned(robot, start, goal) or (start,)
-        made = self._plan(self._robots[robot], self._pose_at(robot, start), goal, obstacles)
-        return made or (start,)
+            return self.find_path(robot, start, goal)
+        return self._plan(self._robots[robot], self._pose_at(robot, start), goal, obstacles) or ()
 
     def path_from_task(self, robot: int, target: Point) -> Path:
         """``getPathFromTask(task)``: from where the robot is to the task."""

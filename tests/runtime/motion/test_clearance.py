@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koord.runtime.motion.bodies import Car, Drone
-from koord.runtime.motion.clearance import Clearance, Path, clearance_of, leads_nowhere
+from koord.runtime.motion.clearance import Clearance, Path, clearance_of
 from koord.runtime.motion.geometry import path_distance
 from koord.runtime.motion.world import Point
 
@@ -78,16 +78,14 @@ def test_a_robot_is_on_the_path_that_it_is_at(p: Point) -> None:
     assert not CLEAR.on_path(p, ())
 
 
-@given(PATH, POINT, POINT)
-def test_no_way_is_clear_of_nothing_but_no_path(a: Path, start: Point, goal: Point) -> None:
-    none = CLEAR.no_way(start, goal)
-    assert none[0] == start
-    assert none[-1] == goal
-    assert not CLEAR.paths_clear(none, a)
-    assert not CLEAR.paths_clear(a, none)
-    assert CLEAR.paths_clear(none, ())
-    assert leads_nowhere(np.array(none), 0.0)
-    assert not leads_nowhere(np.array(a), 0.0)
+@given(PATH)
+def test_no_path_is_in_nobodys_way_and_nobody_may_take_it(a: Path) -> None:
+    """No way was found: whoever asks for a clear path is told that there is none, alone or not."""
+    assert CLEAR.paths_clear(a, ())
+    assert CLEAR.paths_clear((), a)
+    assert not CLEAR.path_is_clear([a], (), 0)
+    assert not CLEAR.path_is_clear([a, ()], (), 1)
+    assert CLEAR.path_is_clear([a], a, 0)
 
 
 def test_the_own_route_does_not_count() -> None:

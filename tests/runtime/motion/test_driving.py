@@ -136,20 +136,14 @@ def test_a_car_that_missed_the_end_of_its_route_says_so() -> None:
     assert ride.group.automata.reached[0]
 
 
-def test_paths_that_stand_for_none_are_not_followed() -> None:
+def test_who_is_given_no_path_stays_and_never_reaches() -> None:
     ride = Ride(Steering.PURSUIT, np.zeros((1, 3)), np.zeros(1), 0)
-    ride.group.follow(0, np.array([[0.0, 0, 0], [0, 0, -1000], [2, 2, 0]]))
+    ride.group.follow(0, np.zeros((0, 3)))
     for _ in range(20):
         ride.tick()
     assert np.array_equal(ride.cars.position, np.zeros((1, 3)))
-    assert not ride.group.automata.reached[0]
-
-
-def test_orders_without_points_are_none() -> None:
-    ride = Ride(Steering.PURSUIT, np.zeros((1, 3)), np.zeros(1), 0)
-    ride.group.follow(0, np.zeros((0, 3)))
-    ride.tick()
     assert ride.group.state(0) is State.IDLE
+    assert not ride.group.automata.reached[0]
 
 
 def test_the_predictive_controller_is_optimal_without_limits() -> None:

@@ -37,18 +37,18 @@ def library(seed: int = 1, plans: int = 100) -> Library:
 def test_find_path_leads_from_start_to_goal(robot: int, goal: Point) -> None:
     start = POSES[robot].position
     path = library().find_path(robot, start, goal)
-    assert len(path) > 0
-    assert path[0] == start
-    assert path[-1] == goal
+    if path != ():
+        assert path[0] == start
+        assert path[-1] == goal
 
 
 @given(GOAL, st.lists(GOAL, max_size=4))
 def test_find_path_around_points_begins_at_its_start(goal: Point, points: list[Point]) -> None:
     start = POSES[DRONE].position
     path = library().find_path_around(DRONE, start, goal, points)
-    assert len(path) > 0
-    assert path[0] == start
-    if path != (start,):
+    if path != ():
+        assert path[0] == start
+        assert path[-1] == goal
         for x, y, _ in points:
             assert min(math.hypot(x - p[0], y - p[1]) for p in path[1:-1] or [goal]) > 0.5 - 0.25
 
@@ -56,8 +56,9 @@ def test_find_path_around_points_begins_at_its_start(goal: Point, points: list[P
 @given(st.sampled_from([CAR, DRONE]), GOAL)
 def test_paths_to_tasks_end_at_them(robot: int, goal: Point) -> None:
     path = library().path_from_task(robot, goal)
-    assert path[0] == POSES[robot].position
-    assert path[-1] == goal
+    if path != ():
+        assert path[0] == POSES[robot].position
+        assert path[-1] == goal
 
 
 def test_who_finds_no_way_will_collide() -> None:
@@ -65,8 +66,8 @@ def test_who_finds_no_way_will_collide() -> None:
     assert made.will_collide(DRONE, (0.0, 0.0, 1.0))
     assert not made.will_collide(DRONE, (2.0, 0.0, 1.0))
     assert made.will_collide(CAR, (2.0, 0.0, 1.0))
-    none = made.find_path(CAR, POSES[CAR].position, (2.0, 0.0, 1.0))
-    assert not made.path_clear(none, (POSES[DRONE].position,))
+    assert made.find_path(CAR, POSES[CAR].position, (2.0, 0.0, 1.0)) == ()
+    assert made.find_path_around(CAR, POSES[CAR].position, (2.0, 0.0, 1.0), [(9.0, 9.0, 0.0)]) == ()
 
 
 def test_plans_are_limited_and_then_repeated() -> None:
@@ -80,10 +81,10 @@ def test_plans_are_limited_and_then_repeated() -> None:
     again = made.find_path(CAR, near, goal)
     assert again[0] == near
     assert again[1:] == second[1:]
-    other = made.find_path(CAR, start, (2.2, 2.2, 0.0))
-    assert other[1][2] < -100  # no plan left, none known: no way this round
+    other = (2.2, 2.2, 0.0)
+    assert made.find_path(CAR, start, other) == ()  # no plan left, none known: no way this round
     made.begin_round()
-    assert made.find_path(CAR, start, (2.2, 2.2, 0.0))[1][2] == 0.0
+    assert made.find_path(CAR, start, other)[-1] == other
 
 
 def test_seeds_repeat_answers() -> None:
@@ -128,7 +129,7 @@ def test_what_robots_know_of_a_world_grows_until_they_know_it() -> None:
         here = at[0].position
         goal = functions.pick_frontier(0, known, here)
         path = functions.find_path(0, here, goal)
-        if path[1][2] < 0:
+        if path == ():
             continue
         at[0] = Pose(goal)
     free = set(range(world.grid.cells)) - walls
