@@ -114,7 +114,7 @@ def _unanswered(system: System, request: Request) -> Asked:
 def _bounds(request: Request) -> Bounds:
     from koord.verify.verdicts import Bounds
 
-    return Bounds(request.rounds, request.timeout_s, request.violations, request.claim_s)
+    return Bounds(request.rounds, request.left_s(), request.violations, request.claim_s)
 
 
 def _asked(
@@ -132,12 +132,12 @@ def _asked(
     from koord.verify.verdicts import Report
 
     known = [claim.name for claim in (*claims_of(system), *liveness_of(system))]
-    deadline, shadows = Deadline.after(request.timeout_s), None
+    shadows = None
     between: list[str] = []
     if request.instants:
         from koord.verify import instants
 
-        shadows = instants.shadowed(system, deadline, request.seed)
+        shadows = instants.shadowed(system, Deadline.after(request.left_s()), request.seed)
         between = [*shadows.names, *(claim.name for claim, _ in shadows.unsaid)]
     check_names(request.properties, [*known, *between])
     every_n = request.fleets[0].any_number
@@ -158,10 +158,9 @@ def _asked(
         )
     if shadows is None or report.interrupted:
         return Asked(system, bounds, report)
-    left = bounds if request.timeout_s is None else replace(bounds, timeout_s=deadline.left_s())
     found = instants.verified(
         shadows,
-        left,
+        _bounds(request),
         choice,
         wanted=lambda name: not request.properties or name in request.properties,
         seed=request.seed,
@@ -182,7 +181,8 @@ def resting(
         return None
     try:
         with LiveLine(sys.stderr) as line:
-            return rested(system, report.verdicts, bounds, seed=request.seed, progress=line.show)
+            left = replace(bounds, timeout_s=request.left_s())
+            return rested(system, report.verdicts, left, seed=request.seed, progress=line.show)
     except KeyboardInterrupt:
         return None
 

@@ -16,7 +16,7 @@ from koord.cli.terminal import cells, is_terminal, style_of, visible
 TICK_S = 0.2
 
 #: A Ctrl-C that nobody has looked at for so long insists by itself.
-INSIST_S = 2.0
+INSIST_S = 1.0
 
 #: Windows has none.
 _HAS_TIMER = hasattr(signal, "setitimer")
@@ -147,3 +147,40 @@ class Interruption:
         self.requested = True
         if _HAS_TIMER:
             signal.setitimer(signal.ITIMER_REAL, INSIST_S)
+
+
+class TimeUpError(Exception):
+    """The time for something is up."""
+
+
+@dataclass(slots=True)
+class TimeLimit:
+    """Lets work that asks nobody whether to go on end in time: raises TimeUpError inside it.
+
+    What is half done by then is lost. Where there are no timers, it takes as long as it takes.
+    """
+
+    seconds: float | None
+    _previous: object = field(default=None, repr=False)
+
+    def __enter__(self) -> TimeLimit:
+        is_main = threading.current_thread() is threading.main_thread()
+        if self.seconds is not None and _HAS_TIMER and is_main:
+            self._previous = signal.signal(signal.SIGALRM, self._on_signal)
+            # A timer of zero would never ring.
+            signal.setitimer(signal.ITIMER_REAL, max(1e-6, self.seconds))
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._previous is not None:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.signal(signal.SIGALRM, self._previous)  # type: ignore[arg-type]
+            self._previous = None
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        raise TimeUpError

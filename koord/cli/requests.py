@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 
@@ -33,7 +34,7 @@ class Request:
     delta_s: Fraction
     engine: Engine
     properties: tuple[str, ...]  #: their names; none means all
-    timeout_s: float | None
+    timeout_s: float | None  #: for everything together
     claim_s: float | None  #: the time for each property
     jobs: int
     violations: int  #: how many different ones of each claim
@@ -46,6 +47,14 @@ class Request:
     instants: bool  #: ask of the time between the ends of rounds too
     explain: bool  #: show the steps that break claims which are not inductive
     as_json: bool
+    #: when it was asked for, as :func:`time.monotonic` counts
+    asked_at: float = field(default_factory=time.monotonic, compare=False)
+
+    def left_s(self) -> float | None:
+        """What is left of the time for everything together; None: no limit."""
+        if self.timeout_s is None:
+            return None
+        return max(0.0, self.asked_at + self.timeout_s - time.monotonic())
 
 
 def request_of(arguments: argparse.Namespace) -> Request:

@@ -72,7 +72,7 @@ def tell(
     if request.certificate is not None and not report.interrupted:
         from koord.cli.certifying import certify
 
-        certify(program, system, asked.at_ends, request.certificate, request.timeout_s)
+        certify(program, system, asked.at_ends, request.certificate, request.left_s())
     return _exit(report)
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import islice
 
 from koord.cli.arguments import (
@@ -25,6 +27,7 @@ from koord.cli.exits import Exit, gravest
 from koord.cli.exporting import add_export, export
 from koord.cli.files import DASH
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
+from koord.cli.progress import TimeLimit, TimeUpError
 from koord.cli.requests import Engine, Request, request_of
 from koord.cli.systems import system_of
 from koord.cli.watching import watched
@@ -52,14 +55,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="verify this property only; may be given several times",
     )
     parser.add_argument(
-        "--timeout", metavar="SECONDS", type=seconds, help="give up after this time (never)"
+        "--timeout",
+        metavar="SECONDS",
+        type=seconds,
+        help="end after this time, whatever is asked, with what is known by then (never)",
     )
     parser.add_argument(
         "--property-timeout",
         dest="claim_s",
         metavar="SECONDS",
         type=seconds,
-        help="give up each property after this time, and go on with the others (never)",
+        help="give up each property after this time, and go on with the others (never); all that "
+        "is done for a property counts, by any engine, and so does what is done for all together",
     )
     parser.add_argument(
         "--jobs",
@@ -128,13 +135,18 @@ def main(arguments: argparse.Namespace) -> int:
     paths = [*arguments.files, *arguments.properties]
     if DASH in paths:
         raise argparse.ArgumentTypeError("--watch needs files; standard input cannot change")
-    return watched(paths, lambda: _once(arguments, request))
+    return watched(paths, lambda: _once(arguments, replace(request, asked_at=time.monotonic())))
 
 
 def _once(arguments: argparse.Namespace, request: Request) -> int:
     """Read the programs and verify them."""
     report = Report()
-    programs = load_programs(arguments.files, Reading.of(arguments), report)
+    try:
+        with TimeLimit(request.left_s()):
+            programs = load_programs(arguments.files, Reading.of(arguments), report)
+    except TimeUpError:
+        print("koord verify: timeout before all programs were read", file=sys.stderr)
+        return Exit.UNKNOWN
     if report.errors and request.as_json:
         report.print(sys.stdout, as_json=True)
     else:

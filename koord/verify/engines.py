@@ -72,6 +72,7 @@ class ByUnrolling:
             most = effort or (self.afterwards if ledger.is_violated else None)
             proved = ledger.proved() if self.relying else []
             ledger.settle(bounded.check(claims, proved, number, ledger.deadline, most))
+            self._leave(bounded, ledger)  # known from now on, however this ends
             if bounded.tired:
                 return
 

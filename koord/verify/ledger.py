@@ -5,10 +5,11 @@ Engines work on a ledger and write down each answer as it comes, so that stoppin
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import NumberTooLongError
@@ -54,6 +55,10 @@ class Reach:
     step: BrokenStep | None = None  #: why an invariant is not inductive
 
 
+#: From when to when, as :func:`time.monotonic` counts, which is the same in all processes.
+Interval: TypeAlias = "tuple[float, float]"
+
+
 @dataclass(frozen=True, slots=True)
 class Said:
     """What was found out about some claims on a ledger of its own, to be put into another one."""
@@ -62,6 +67,7 @@ class Said:
     reaches: Mapping[Claim, Sequence[Reach]]
     stopped: str
     interrupted: bool
+    spans: Mapping[Claim, Sequence[Interval]] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -77,7 +83,17 @@ class Ledger:
     verdicts: dict[Claim, Verdict] = field(default_factory=dict)
     stopped: str = ""  #: why all engines were stopped, if they were
     interrupted: bool = False  #: whether that was Ctrl-C
+    #: is told of each claim of which more is known than before
+    noted: Callable[[Verdict], None] = lambda verdict: None
+    #: what was spent on claims before, in seconds
+    before: Mapping[Claim, float] = field(default_factory=dict)
+    clock: Callable[[], float] = time.monotonic
     _reaches: dict[Claim, dict[Engine, Reach]] = field(default_factory=dict)
+    _spans: dict[Claim, list[Interval]] = field(default_factory=dict)
+    _since: float | None = None  #: up to when time is put down; None while others work
+
+    def __post_init__(self) -> None:
+        self._since = self.clock()
 
     @property
     def system(self) -> System:
@@ -126,7 +142,11 @@ class Ledger:
         return [c for c, v in settled if v.outcome is Outcome.HOLDS and v.rounds is None]
 
     def settle(self, verdicts: Mapping[Claim, Verdict]) -> None:
-        self.verdicts.update(verdicts)
+        """Put down answers, with all that was spent on their claims, by whomever."""
+        timed = {claim: replace(v, seconds=self.spent(claim)) for claim, v in verdicts.items()}
+        self.verdicts.update(timed)
+        for verdict in timed.values():
+            self.noted(verdict)
 
     def leave(self, claims: Iterable[Claim], reach: Reach) -> None:
         """Note how far an engine came with claims, unless it came farther before."""
@@ -135,6 +155,37 @@ class Ledger:
             before = of_engines.get(reach.engine)
             if before is None or _rounds(before) <= _rounds(reach):
                 of_engines[reach.engine] = reach
+                if claim not in self.verdicts:
+                    self.noted(self.verdict(claim))
+
+    # --- what is spent ---------------------------------------------------------------------------
+
+    def spent(self, claim: Claim) -> float:
+        """For how many seconds somebody worked on a claim, alone or together with others."""
+        self._put_down_time()
+        return self.before.get(claim, 0.0) + _together(self._spans.get(claim, ()))
+
+    @contextmanager
+    def waiting(self) -> Iterator[None]:
+        """While this lasts others work on claims, on ledgers of their own."""
+        self._put_down_time()
+        self._since = None
+        try:
+            yield
+        finally:
+            self._since = self.clock()
+
+    def _put_down_time(self) -> None:
+        if self._since is None:
+            return
+        now = self.clock()
+        for claim in self.open():
+            spans = self._spans.setdefault(claim, [])
+            if spans and spans[-1][1] == self._since:
+                spans[-1] = (spans[-1][0], now)
+            else:
+                spans.append((self._since, now))
+        self._since = now
 
     # --- ledgers of some claims -----------------------------------------------------------------
 
@@ -143,20 +194,34 @@ class Ledger:
         known = dict(self.verdicts)
         kept = tuple(claim for claim in self.claims if claim in known or claim in claims)
         reaches = {c: dict(r) for c, r in self._reaches.items() if c in claims}
-        return replace(self, claims=kept, report=report, verdicts=known, _reaches=reaches)
+        self._put_down_time()
+        spans = {c: list(s) for c, s in self._spans.items()}
+        # Nobody hears what is noted elsewhere: it is noted when it is taken.
+        return replace(
+            self,
+            claims=kept,
+            report=report,
+            verdicts=known,
+            noted=lambda verdict: None,
+            _reaches=reaches,
+            _spans=spans,
+        )
 
     def said(self, claims: Iterable[Claim]) -> Said:
         """What is known of claims by now."""
         asked = list(claims)
         verdicts = {claim: self.verdicts[claim] for claim in asked if claim in self.verdicts}
         reaches = {claim: [*self._reaches.get(claim, {}).values()] for claim in asked}
-        return Said(verdicts, reaches, self.stopped, self.interrupted)
+        self._put_down_time()
+        spans = {claim: tuple(self._spans.get(claim, ())) for claim in asked}
+        return Said(verdicts, reaches, self.stopped, self.interrupted, spans)
 
     def take(self, said: Said) -> None:
         """Put down what was found out elsewhere about claims that are open here."""
         self.stopped = self.stopped or said.stopped
         self.interrupted = self.interrupted or said.interrupted
         for claim in self.open():
+            self._spans.setdefault(claim, []).extend(said.spans.get(claim, ()))
             if claim in said.verdicts:
                 self.settle({claim: replace(said.verdicts[claim], claim=claim)})
             for reach in said.reaches.get(claim, ()):
@@ -170,7 +235,7 @@ class Ledger:
         reaches = list(self._reaches.get(claim, {}).values())[::-1]
         if not reaches:
             reason = self.stopped or "not decided"
-            return Verdict(claim, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=reason)
+            return Verdict(claim, Outcome.UNKNOWN, Engine.NONE, self.spent(claim), reason=reason)
         farthest = max(reaches, key=_rounds)
         engine = Engine.NONE if farthest.rounds is None else farthest.engine
         outcome, reason = Outcome.HOLDS, ""
@@ -183,7 +248,7 @@ class Ledger:
             claim,
             outcome,
             engine,
-            farthest.seconds,
+            self.spent(claim),
             farthest.rounds,
             reason=reason,
             step=next(steps, None),
@@ -197,6 +262,15 @@ def reach_of(verdict: Verdict) -> Reach:
 
 def _rounds(reach: Reach) -> int:
     return -1 if reach.rounds is None else reach.rounds
+
+
+def _together(spans: Iterable[Interval]) -> float:
+    """How long some intervals are, where they overlap once."""
+    total, end = 0.0, float("-inf")
+    for first, last in sorted(spans):
+        total += max(0.0, last - max(first, end))
+        end = max(end, last)
+    return total
 
 
 class Works(Protocol):

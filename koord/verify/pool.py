@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from select import select
 from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Generic, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeAlias, TypeVar
 
 from koord.syntax.diagnostics import Diagnostic, KoordError
 
@@ -32,14 +32,38 @@ K = TypeVar("K")
 #: Says what is being done.
 Progress: TypeAlias = Callable[[str], None]
 
+
+class Teller(Protocol):
+    """What work says before it is done: what it is at, and what it knows by then."""
+
+    def __call__(self, text: str) -> None: ...
+
+    def note(self, value: object) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Here:
+    """The teller of work for which there is no process."""
+
+    progress: Progress
+    note: Callable[[object], None]
+
+    def __call__(self, text: str) -> None:
+        self.progress(text)
+
+
 #: How long answers are waited for at a time.
 _WAIT_S = 0.05
 
 #: How often a process says what it is doing.
 _TELL_S = 0.2
 
-#: After Ctrl-C: when processes that did not hear it are told, and when they are ended.
-_TOLD_S, _ENDED_S = 0.3, 1.5
+#: After Ctrl-C: when processes that did not hear it are told, and when they are ended: those that
+#: a process has forked sooner than itself, so that it can still say what it heard of them.
+_TOLD_S, _ENDED_S, _SOONER_S = 0.2, 1.0, 0.2
+
+#: How many processes stand between this one and the one that was started first.
+_depth = 0
 
 #: `prctl` of Linux: which signal comes when the process that forked this one is gone.
 _PR_SET_PDEATHSIG = 1
@@ -56,15 +80,25 @@ def can_fork() -> bool:
 
 @dataclass(eq=False, slots=True)
 class Job(Generic[T]):
-    """Work that was handed in. ``name`` is for who looks on."""
+    """Work that was handed in. ``name`` is for who looks on.
+
+    ``lasts_s`` is for how long its process may go on, and ``until`` when it is ended if it is not
+    done (as :func:`time.monotonic` counts): then it ``is_late``. ``noted`` is what it told of
+    before it was done, which stays known however it ends; ``told`` is what it was at last.
+    """
 
     name: str
-    work: Callable[[Progress], T]
+    work: Callable[[Teller], T]
+    lasts_s: float | None = None
+    until: float | None = None
     process: BaseProcess | None = None
     line: Connection | None = None
     is_done: bool = False
+    is_late: bool = False
     found: T | None = None
     failure: Exception | None = None
+    noted: list[object] = field(default_factory=list)
+    told: str = ""
 
 
 @dataclass(slots=True)
@@ -97,11 +131,18 @@ class Pool:
             _end(job)
         self._running.clear()
 
-    def hand_in(self, name: str, work: Callable[[Progress], T]) -> Job[T]:
+    def hand_in(
+        self,
+        name: str,
+        work: Callable[[Teller], T],
+        *,
+        lasts_s: float | None = None,
+        until: float | None = None,
+    ) -> Job[T]:
         """Have work done. Whoever hands it in must not change what it reads before it is done."""
         if not self._running and not self._waiting:
             self._done = 0
-        job: Job[T] = Job(name, work)
+        job: Job[T] = Job(name, work, lasts_s, until)
         self._waiting.append(job)  # type: ignore[arg-type]
         if can_fork():
             self._listen(0)
@@ -116,22 +157,24 @@ class Pool:
             _end(job)
 
     def answer(self, job: Job[T]) -> T | None:
-        """What work found out; None if its process died, as for want of memory.
+        """What work found out; None if its process died, as for want of memory, or was ended.
 
         Raises what the work raised, and KeyboardInterrupt if it could not end in good order.
         """
         if not can_fork():
             self._waiting = [other for other in self._waiting if other is not job]
-            return job.work(self.progress)
-        try:
-            while not job.is_done:
-                if self._stopped_at is not None or self.interrupted():
-                    self._stop(job)
+            return job.work(_Here(self.progress, job.noted.append))
+        while not job.is_done:
+            if self._stopped_at is not None or self.interrupted():
+                self._stop(job)
+            try:
                 self._fill(self.jobs)
                 self._listen(_WAIT_S)
-        except KeyboardInterrupt:
-            self._stopped_at = self._stopped_at or time.monotonic()
-            raise
+                self._end_late()
+            except KeyboardInterrupt:
+                if self._stopped_at is not None:
+                    raise
+                self._stop_all()
         if job.failure is not None:
             raise job.failure
         if job.found is None and self.interrupted():
@@ -167,6 +210,9 @@ class Pool:
             process = context.Process(target=_worked, args=(job.work, sends, os.getpid()))
             process.start()
             sends.close()
+            if job.lasts_s is not None:
+                ends = time.monotonic() + job.lasts_s
+                job.until = ends if job.until is None else min(ends, job.until)
             job.process, job.line = process, receives
             self._running.append(job)
 
@@ -180,16 +226,34 @@ class Pool:
                 said = line.recv()
             except (EOFError, OSError):
                 said = _Found(None)  # it died: nothing comes
-            if isinstance(said, str):
-                self._tell(job, said)
-                continue
-            job.found, job.failure = said.answer, said.failure
-            job.is_done = True
-            self._running.remove(job)
-            self._done += 1
-            _join(job)
+            match said:
+                case str():
+                    self._tell(job, said)
+                case _Noted(value=value):
+                    job.noted.append(value)
+                case _Found():
+                    job.found, job.failure = said.answer, said.failure
+                    self._put_away(job)
+
+    def _put_away(self, job: Job[object]) -> None:
+        job.is_done = True
+        self._running.remove(job)
+        self._done += 1
+        _join(job)
+
+    def _end_late(self) -> None:
+        """End the processes whose time is over: what they told of counts."""
+        now = time.monotonic()
+        for job in [job for job in self._running if job.until is not None and job.until <= now]:
+            self._listen(0)  # it may have been done just now
+            if not job.is_done:
+                assert job.process is not None
+                job.process.kill()
+                job.is_late = True
+                self._put_away(job)
 
     def _tell(self, job: Job[object], text: str) -> None:
+        job.told = text
         told = text if job.name in text else f"{job.name}: {text}"
         of = len(self._running) + len(self._waiting) + self._done
         if of > 1:
@@ -201,18 +265,21 @@ class Pool:
 
         On a terminal it reached them as well. Raises KeyboardInterrupt if this job has no answer.
         """
-        now = time.monotonic()
-        if self._stopped_at is None:
-            self._stopped_at = now
-            self._waiting.clear()
-        since = now - self._stopped_at
+        self._stop_all()
+        assert self._stopped_at is not None
+        since = time.monotonic() - self._stopped_at
         is_running = any(other is job for other in self._running)
-        if not is_running or since > _ENDED_S:
+        if not is_running or since > _ENDED_S - _depth * _SOONER_S:
             raise KeyboardInterrupt
         if since > _TOLD_S and not self._told:
             self._told = True
             for other in self._running:
                 _interrupt(other)
+
+    def _stop_all(self) -> None:
+        if self._stopped_at is None:
+            self._stopped_at = time.monotonic()
+            self._waiting.clear()
 
 
 def _interrupt(job: Job[object]) -> None:
@@ -253,13 +320,15 @@ class _Found:
         return KoordError(self.diagnostics) if self.diagnostics else self.raised
 
 
-def _worked(work: Callable[[Progress], T], sends: Connection, parent: int) -> None:
+def _worked(work: Callable[[Teller], T], sends: Connection, parent: int) -> None:
     """Do work and send what it finds out. Nothing is left to do then: not even to flush."""
+    global _depth
+    _depth += 1
     try:
         _die_with(parent)
         signal.signal(signal.SIGINT, _heard)
         try:
-            found = pickle.dumps(_Found(work(_Teller(sends).tell)))
+            found = pickle.dumps(_Found(work(_Line(sends))))
         except KoordError as error:
             found = pickle.dumps(_Found(None, error.diagnostics))
         except KeyboardInterrupt:
@@ -290,21 +359,39 @@ def _raised(error: Exception) -> bytes:
     return found
 
 
+@dataclass(frozen=True, slots=True)
+class _Noted:
+    """Something that a process knows before it is done."""
+
+    value: object
+
+
 @dataclass(slots=True)
-class _Teller:
-    """Sends what is being done: not too often, and not if nobody listens for long."""
+class _Line:
+    """The teller of a process. What is being done is told not too often, nor if nobody listens."""
 
     sends: Connection
     last: float = 0.0
 
-    def tell(self, text: str) -> None:
+    def note(self, value: object) -> None:
+        self._send(_Noted(value))
+
+    def _send(self, message: object) -> None:
+        """Ctrl-C waits until all of it is sent."""
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self.sends.send(message)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+    def __call__(self, text: str) -> None:
         now = time.monotonic()
         if now - self.last < _TELL_S:
             return
         self.last = now
         _, there_is_room, _ = select([], [self.sends], [], 0)
         if there_is_room:
-            self.sends.send(text)
+            self._send(text)
 
 
 def _die_with(parent: int) -> None:

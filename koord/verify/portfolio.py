@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
@@ -57,6 +57,7 @@ def verify(
     jobs: int = 1,
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
+    noted: Callable[[Verdict], None] = lambda verdict: None,
 ) -> Report:
     """Verdicts on all claims about a system, or on the named ones.
 
@@ -78,7 +79,14 @@ def verify(
         beside = _Beside(pool, wanted=not known, of_any_number=choice is Choice.EVERY_N)
         own = frozenset(names) if _are_all_of_states(system, names) else frozenset()
         ask = partial(
-            _ask, deadline=deadline, bounds=bounds, choice=choice, seed=seed, pool=pool, names=own
+            _ask,
+            deadline=deadline,
+            bounds=bounds,
+            choice=choice,
+            seed=seed,
+            pool=pool,
+            names=own,
+            noted=noted,
         )
         subject = _abstract_subject(system) or _plain_subject(system)
         found, ledger = ask(subject, _before(system, known, names) if known else None, beside)
@@ -103,7 +111,10 @@ def verify(
             cut = cut or hollow.interrupted
         if of_runs:
             asked = None if cut else choice
-            live = _of_whole_runs(system, bounds, asked, deadline, names, held, seed, pool)
+            spent = {v.claim.name: v.seconds for v in known}
+            live = _of_whole_runs(
+                system, bounds, asked, deadline, names, held, seed, pool, spent, noted
+            )
             one = Ways(complete=False, reason="of runs without end one is looked for")
             several = bounds.violations > 1
             verdicts += tuple(
@@ -227,6 +238,7 @@ def _ask(
     seed: int,
     pool: Pool,
     names: Collection[str],
+    noted: Callable[[Verdict], None],
 ) -> tuple[_Known, Ledger]:
     """Verdicts on the claims about a subject; if there are ``names``, until those are settled.
 
@@ -234,9 +246,20 @@ def _ask(
     hold counts even if the time is up.
     """
     claims = claims_of(subject.system)
-    ledger = Ledger(subject, bounds, deadline, claims, seed, pool.progress)
+    before = known.verdicts if known is not None else ()
+    originals = dict(zip(claims, claims_of(subject.original), strict=True))
+    ledger = Ledger(
+        subject,
+        bounds,
+        deadline,
+        claims,
+        seed,
+        pool.progress,
+        noted=lambda verdict: noted(replace(verdict, claim=originals[verdict.claim])),
+        before={claim: verdict.seconds for claim, verdict in zip(claims, before, strict=False)},
+    )
     left = known.left if known is not None else frozenset()
-    for n, verdict in enumerate(known.verdicts if known is not None else ()):
+    for n, verdict in enumerate(before):
         if verdict.outcome is not Outcome.UNKNOWN or n in left:
             ledger.settle({claims[n]: replace(verdict, claim=claims[n])})
         else:
@@ -370,6 +393,8 @@ def _of_whole_runs(
     proved: Sequence[Claim],
     seed: int,
     pool: Pool,
+    spent: Mapping[str, float],
+    noted: Callable[[Verdict], None],
 ) -> Settled:
     """Verdicts on what is claimed of whole runs, by the engines that can tell."""
     from koord.verify.live.settling import Ways, settled
@@ -382,5 +407,14 @@ def _of_whole_runs(
     }
     asked = ways.get(choice, Ways.NONE) if choice is not None else Ways.NONE
     return settled(
-        system, bounds, asked, deadline, names=names, proved=proved, seed=seed, pool=pool
+        system,
+        bounds,
+        asked,
+        deadline,
+        names=names,
+        proved=proved,
+        seed=seed,
+        pool=pool,
+        before=spent,
+        noted=noted,
     )

@@ -102,15 +102,16 @@ class ByRounds:
     def _taken(self, ledger: Ledger, jobs: Mapping[Claim, Job[_Looked]]) -> list[Claim]:
         """Put down what was found out; the claims of which there is more to be found."""
         tired: list[Claim] = []
-        for claim, looked in self.pool.answers(jobs):
-            if looked is None:
-                ledger.leave([claim], Reach(Engine.BMC, None, DIED, 0.0))
-                continue
-            ledger.take(looked.said)
-            if looked.unreplayed is not None:
-                self.unrolling.of(ledger).unreplayed[claim] = looked.unreplayed
-            if looked.tired and claim not in ledger.verdicts:
-                tired.append(claim)
+        with ledger.waiting():
+            for claim, looked in self.pool.answers(jobs):
+                if looked is None:
+                    ledger.leave([claim], Reach(Engine.BMC, None, DIED, 0.0))
+                    continue
+                ledger.take(looked.said)
+                if looked.unreplayed is not None:
+                    self.unrolling.of(ledger).unreplayed[claim] = looked.unreplayed
+                if looked.tired and claim not in ledger.verdicts:
+                    tired.append(claim)
         if ledger.interrupted:
             raise KeyboardInterrupt
         return tired
@@ -144,11 +145,12 @@ def singly(
         return own.said([claim])
 
     jobs = {claim: pool.hand_in(claim.name, partial(ask, claim)) for claim in claims}
-    for claim, said in pool.answers(jobs):
-        if said is None:
-            ledger.leave([claim], Reach(Engine.NONE, None, DIED, 0.0))
-        else:
-            ledger.take(said)
+    with ledger.waiting():
+        for claim, said in pool.answers(jobs):
+            if said is None:
+                ledger.leave([claim], Reach(Engine.NONE, None, DIED, 0.0))
+            else:
+                ledger.take(said)
     if ledger.interrupted:
         raise KeyboardInterrupt
 

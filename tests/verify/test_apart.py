@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from collections.abc import Callable
 from dataclasses import replace
 from textwrap import dedent
@@ -13,7 +14,7 @@ import pytest
 from koord.semantics.configurations import System, dealt
 from koord.syntax.load import load
 from koord.syntax.source import Source
-from koord.verify import apart
+from koord.verify import apart, pool
 from koord.verify.apart import verify_apart
 from koord.verify.claims import claims_of, liveness_of
 from koord.verify.portfolio import Choice, verify
@@ -150,3 +151,71 @@ def test_what_is_proved_by_then_stays_and_helps(
     monkeypatch.setattr(apart, "verify", asked)
     report = verify_apart(system, AMPLE)
     assert outcomes(report) == outcomes(plain)
+
+
+# --- nothing takes longer than it may ------------------------------------------------------------
+
+
+def deaf(system: System, bounds: Bounds, choice: Choice, **more: Any) -> Report:
+    """Tells of one verdict, and then hears nothing and looks at no clock."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    first = claims_of(system)[0]
+    more["noted"](Verdict(first, Outcome.UNKNOWN, Engine.BMC, 0.1, 4))
+    if not more.get("known"):
+        more["noted"](Verdict(claims_of(system)[1], Outcome.HOLDS, Engine.INDUCTION, 0.1))
+    while True:
+        pass
+
+
+def test_who_does_not_end_in_time_is_ended(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it had told of by then counts."""
+    monkeypatch.setattr(apart, "verify", deaf)
+    report = verify_apart(system, replace(AMPLE, claim_s=None, timeout_s=0.01))
+    shown = {v.claim.name: (v.outcome, v.rounds, v.reason) for v in report.verdicts}
+    assert shown["Within"] == (Outcome.UNKNOWN, 4, "timeout")
+    assert shown["Idle"] == (Outcome.HOLDS, None, "")
+    assert shown["Done"] == (Outcome.UNKNOWN, None, "timeout")
+    assert all(v.seconds > 0 for v in report.verdicts)
+    assert not report.interrupted
+    assert multiprocessing.active_children() == []
+
+
+def test_who_does_not_hear_ctrl_c_is_ended(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(apart, "verify", deaf)
+    monkeypatch.setattr(pool, "_ENDED_S", 0.3)
+    monkeypatch.setattr(pool, "_TOLD_S", 0.1)
+    report = verify_apart(system, replace(AMPLE, claim_s=None), interrupted=counting(2))
+    assert report.interrupted
+    assert {v.claim.name: v.outcome for v in report.verdicts}["Idle"] is Outcome.HOLDS
+    assert multiprocessing.active_children() == []
+
+
+def test_all_that_is_done_for_a_claim_counts(
+    system: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is spent on all together is no more there for each by itself."""
+    given: list[float] = []
+
+    def asked(tell: Any, bounds: Bounds, **more: Any) -> Report:
+        assert bounds.timeout_s is not None
+        given.append(bounds.timeout_s)
+        clock[0] += bounds.timeout_s
+        return nothing(system)
+
+    def together(self: Any, seconds: float, jobs: int, names: Any = ()) -> Report:
+        return asked(None, replace(AMPLE, timeout_s=seconds))
+
+    def each(self: Any, names: Any, seconds: float, *more: Any) -> bool:
+        given.append(seconds)
+        return False
+
+    clock = [0.0]
+    monkeypatch.setattr("koord.verify.apart.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr(apart._Asking, "together", together)
+    monkeypatch.setattr(apart._Asking, "each", each)
+    verify_apart(system, replace(AMPLE, claim_s=10.0))
+    assert sum(given) <= 10.0 * 1.01
+    alone = replace(system, program=replace(system.program, properties=()))
+    given.clear()
+    verify_apart(alone, replace(AMPLE, claim_s=10.0))
+    assert sum(given) <= 10.0 * 1.01

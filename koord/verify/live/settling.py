@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
@@ -20,7 +20,7 @@ from koord.verify.live.lassos import replayed_lasso
 from koord.verify.live.search import FEW_EDGES, LiveBySearch
 from koord.verify.pool import DIED, Pool, Progress
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Bounds, Counterexample, Engine, Vacuity, Verdict
+from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Vacuity, Verdict
 
 
 class Ways(Enum):
@@ -51,10 +51,13 @@ def settled(
     proved: Sequence[Claim] = (),
     seed: int = 0,
     pool: Pool | None = None,
+    before: Mapping[str, float] | None = None,
+    noted: Callable[[Verdict], None] = lambda verdict: None,
 ) -> Settled:
     """Ask about everything that a program claims of whole runs, or what is named.
 
-    ``proved`` are claims that hold in every round: proofs may rely on them.
+    ``proved`` are claims that hold in every round: proofs may rely on them. ``before`` is what was
+    spent on claims already, by their names; ``noted`` is told of what is known of each by and by.
     """
     claims = tuple(c for c in liveness_of(system) if not names or c.name in names)
     if not claims:
@@ -65,6 +68,8 @@ def settled(
     pool = pool or Pool()
     bits = LiveByBits(pool, sparing=ways is Ways.ALL)
     ledger = Ledger(_plainly(system), bounds, deadline, claims, seed, pool.progress)
+    ledger.noted = noted
+    ledger.before = {c: before.get(c.name, 0.0) for c in claims} if before else {}
     if ways is Ways.NONE:
         ledger.stopped = "liveness is decided by search and bits, for some number of robots"
     with ledger.stopping():
@@ -90,17 +95,29 @@ def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
     lemmas = tuple(lemma for lemma, claim in pairs if claim in known)
     asked = tuple(c for c, claim in originals.items() if claim in ledger.open())
     inner = Ledger(subject, ledger.bounds, ledger.deadline, asked, ledger.seed, ledger.progress)
+    inner.noted = lambda verdict: _put_down(ledger, verdict, originals[verdict.claim], inner)
     bits.lemmas = lemmas
-    try:
-        _without_lemmas_first(inner, bits)
-    finally:
-        for claim in asked:
-            verdict = replace(inner.verdict(claim), claim=originals[claim])
-            if claim in inner.verdicts:
-                ledger.settle({verdict.claim: verdict})
-            else:
-                reach = Reach(Engine.BITS, None, verdict.reason, verdict.seconds)
-                ledger.leave([verdict.claim], reach)
+    with ledger.waiting():
+        try:
+            _without_lemmas_first(inner, bits)
+        finally:
+            for claim in inner.open():
+                inner.noted(inner.verdict(claim))
+
+
+def _put_down(ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger) -> None:
+    """What became known of a claim on a ledger of its own."""
+    said = inner.said([verdict.claim])
+    reach = Reach(Engine.BITS, None, verdict.reason, verdict.seconds)
+    settled = verdict.outcome is not Outcome.UNKNOWN
+    ledger.take(
+        replace(
+            said,
+            verdicts={claim: verdict} if settled else {},
+            reaches={} if settled else {claim: [reach]},
+            spans={claim: said.spans[verdict.claim]},
+        )
+    )
 
 
 def _without_lemmas_first(ledger: Ledger, bits: LiveByBits) -> None:
