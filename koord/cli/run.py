@@ -259,8 +259,7 @@ _SAFETY = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
 
 
 def _when(rounds: int, run: Run) -> str:
-    begun = len(run.waiting) < run.system.robots
-    return f"in round {rounds + 1}" if rounds or begun else "at the start"
+    return f"in round {rounds + 1}" if run.begun else "at the start"
 
 
 def _after(violation: Violation, run: Run) -> str:

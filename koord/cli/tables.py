@@ -73,9 +73,11 @@ class Table:
     def start(self, step: Step) -> Iterator[str]:
         """The configuration after INIT."""
         yield self.style.paint("start", Paint.BOLD)
-        rows = self._whole(step.configuration)
+        rows = [] if step.configuration.fault is not None else self._whole(step.configuration)
         rows += [_Row("", "", (), (line,)) for line in _written(step.stepped.output)]
-        yield from self._laid_out(rows or [_Row("all", "", ("there are no variables",))])
+        if not rows and step.configuration.fault is None:
+            rows = [_Row("all", "", ("there are no variables",))]
+        yield from self._laid_out(rows)
         yield from self._fault(step)
 
     def configuration(self, configuration: Configuration[Constant]) -> Iterator[str]:
@@ -123,7 +125,7 @@ class Table:
     def round(self, number: int, steps: list[Shown]) -> Iterator[str]:
         """The steps of a round, whole or broken off. Rounds count from 1 for those who read."""
         rows = list(self._rows(steps))
-        if not rows:
+        if not rows and steps[-1].step.configuration.fault is None:
             self._idle.append(number + 1)
             return
         yield from self.idle()

@@ -11,17 +11,16 @@ from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.execution import RecordedInputs, Step, execute
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.replay import Planned, Refused, Replayed, replay, same_output
+from koord.semantics.replay import Planned, Refused, Replayed, replay
 from koord.semantics.rounds import (
     IllegalStepError,
-    Stepped,
     evolved,
     initialised,
     run_event,
     run_skip,
 )
 from koord.semantics.traces.recording import Answer, Concrete, Recording, Round
-from koord.semantics.traces.trace import BEFORE_ROUNDS, Emitted, Trace
+from koord.semantics.traces.trace import Trace
 from koord.semantics.values import default
 from koord.syntax import core
 from koord.syntax.types import Type
@@ -84,11 +83,10 @@ def _elsewhere(step: Step, place: str) -> Refused | None:
 
 
 def completed(trace: Trace) -> Trace:
-    """A trace that ends in a fault, with all that the rules would ask for behind it.
+    """A trace that ends in a fault, with all that evaluation asks for behind it.
 
-    Evaluation by the rules is total: it goes on behind a fault, with answers and output that have
-    no meaning. A program that runs ends at once. So answers that are missing in the last step are
-    made up, and its output may be the beginning of what the rules give.
+    Evaluation by the rules is total: it goes on behind a fault, with answers that have no meaning.
+    A program that runs ends at once. So answers that are missing in the last step are made up.
     """
     try:
         return _completed(trace)
@@ -102,27 +100,25 @@ def _completed(trace: Trace) -> Trace:
     if not rounds:
         starts = RecordedInputs(starts=opening.starts)
         inputs = _Completing(system, opening.answers, opening.answers, starts)
-        stepped = initialised(DOUBLES, system, inputs, opening.order)
+        initialised(DOUBLES, system, inputs, opening.order)
         whole = Recording(replace(opening, answers=tuple(inputs.answers)), ())
-        return _with_output(trace, whole, BEFORE_ROUNDS, None, stepped)
+        return replace(trace, recording=whole)
     before = Recording(opening, rounds[:-1])
     *_, start = execute(DOUBLES, system, before)
     configuration, last = start.configuration, rounds[-1]
     answers = (*opening.answers, *(a for round_ in rounds for a in round_.answers))
     inputs = _Completing(system, answers, last.answers, RecordedInputs(readings=last.readings))
-    configuration, robot, found = _turns(system, configuration, last, inputs)
-    if not last.cut and found is None:
-        robot, found = None, evolved(DOUBLES, system, configuration, inputs)
+    configuration = _turns(system, configuration, last, inputs)
+    if not last.cut and configuration.fault is None:
+        evolved(DOUBLES, system, configuration, inputs)
     whole = Recording(opening, (*rounds[:-1], replace(last, answers=tuple(inputs.answers))))
-    if found is None:
-        return replace(trace, recording=whole)
-    return _with_output(trace, whole, len(rounds) - 1, robot, found)
+    return replace(trace, recording=whole)
 
 
 def _turns(
     system: System, configuration: Configuration[Constant], last: Round, inputs: _Completing
-) -> tuple[Configuration[Constant], int | None, Stepped[Constant] | None]:
-    """The program turns of the last round, up to the fault."""
+) -> Configuration[Constant]:
+    """The configuration after the program turns of the last round, up to the fault."""
     for robot in last.order:
         position = last.events[robot]
         if position is None:
@@ -131,20 +127,8 @@ def _turns(
             stepped = run_event(DOUBLES, system, configuration, robot, position, inputs)
         configuration = stepped.configuration
         if configuration.fault is not None:
-            return configuration, robot, stepped
-    return configuration, None, None
-
-
-def _with_output(
-    trace: Trace, recording: Recording, round_: int, robot: int | None, last: Stepped[Constant]
-) -> Trace:
-    """The trace with the output of its last step as the rules have it, if it begins so."""
-    earlier = [e for e in trace.outputs if (e.round, e.robot) != (round_, robot)]
-    recorded = [e for e in trace.outputs if (e.round, e.robot) == (round_, robot)]
-    whole = [Emitted(round_, robot, written) for written in last.output]
-    if len(recorded) <= len(whole) and all(map(same_output, recorded, whole)):
-        recorded = whole
-    return replace(trace, recording=recording, outputs=(*earlier, *recorded))
+            break
+    return configuration
 
 
 @dataclass

@@ -170,13 +170,9 @@ class _Rerun:
                 raise _DepartedError(Departure(number, reason))
 
     def check_outputs(self) -> None:
-        """What was written to streams, in the same order; of a turn that faulted, what began it."""
+        """What was written to streams, in the same order."""
         made, recorded = tuple(self.made.emitted(self.fleet.shown)), self.trace.outputs
-        fault = self.trace.configurations[-1].fault
-        ended = None if fault is None else (len(self.trace.recording.rounds) - 1, fault.robot)
         for one, other in zip_longest(made, recorded):
-            if one is None and other is not None and (other.round, other.robot) == ended:
-                continue
             if one is None or other is None or not self._is_same_output(one, other):
                 wrote, was = ("nothing" if e is None else quoted(e) for e in (one, other))
                 number = min(e.round for e in (one, other) if e is not None)

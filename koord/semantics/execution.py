@@ -16,11 +16,12 @@ from koord.semantics.rounds import (
     IllegalStepError,
     Stepped,
     evolved,
+    faulted_start,
     initialised,
     run_event,
     run_skip,
 )
-from koord.semantics.traces.recording import Answer, Concrete, Reading, Recording, Start
+from koord.semantics.traces.recording import Answer, Concrete, Reading, Recording, Round, Start
 from koord.semantics.turns import holds_in
 from koord.syntax import core
 from koord.syntax.core import Home
@@ -150,6 +151,7 @@ def execute(
     stepped = initialised(d, system, inputs, opening.order)
     if stepped.configuration.fault is None:
         _assumed(d, system, stepped.configuration, inputs)
+    stepped = faulted_start(d, system, stepped)
     yield Step("INIT", -1, None, None, stepped)
     for number, round_ in enumerate(recording.rounds):
         if stepped.configuration.fault is not None:
@@ -175,6 +177,21 @@ def execute(
             return
         stepped = evolved(d, system, stepped.configuration, inputs)
         yield Step("ENV-TRANS", number, None, None, stepped)
+
+
+def until(recording: Recording, last: Step) -> Recording:
+    """The part of a recording that leads to a step, as the recording of a run that ends there."""
+    if last.rule == "INIT":
+        return Recording(recording.opening)
+    rounds = recording.rounds[: last.round + 1]
+    if last.robot is None:
+        return Recording(recording.opening, rounds)
+    *before, round_ = rounds
+    order = round_.order[: round_.order.index(last.robot) + 1]
+    events = tuple(event if i in order else None for i, event in enumerate(round_.events))
+    answers = tuple(a for a in round_.answers if a.phase is Phase.PROG and a.robot in order)
+    cut = Round(order, events, answers=answers, cut=True)
+    return Recording(recording.opening, (*before, cut))
 
 
 def _assumed(

@@ -82,11 +82,12 @@ def condition(m: Machine[V], e: core.Expr) -> V:
 
 def statement(m: Machine[V], e: core.Expr) -> V:
     """Whether a statement of a property holds: true, and evaluated without a fault. [PROP-FAULT]"""
-    faults, m.faults = m.faults, []
+    faults, faulted = m.faults, m.faulted
+    m.faults = []
     holds = condition(m, e)
     for fault, _ in m.faults:
         holds = m.both(holds, m.negated(fault))
-    m.faults = faults
+    m.faults, m.faulted = faults, faulted
     return holds
 
 

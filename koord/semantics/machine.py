@@ -120,6 +120,8 @@ class Machine(Generic[V]):
     in_summary: bool = False
     trail: list[int] = field(default_factory=list)
     faults: list[tuple[V, Fault]] = field(default_factory=list)
+    #: Whether a fault is certain: then nothing more is written to streams. [FAULT]
+    faulted: bool = False
     legality: list[Legality[V]] = field(default_factory=list)
     entered: dict[int, V] = field(default_factory=dict)
     allread_masks: dict[int, Mask[V]] = field(default_factory=dict)
@@ -162,6 +164,7 @@ class Machine(Generic[V]):
         condition = self.both(self.guard, self.negated(legal))
         if self.d.known(condition) is not False:
             self.faults.append((condition, Fault(kind, self.robot, span, detail)))
+            self.faulted = self.faulted or self.d.known(condition) is True
 
     def require(self, rule: str, condition: V, what: str, span: Span) -> None:
         """Log what a recorded answer must satisfy on this path. Behind a fault nothing counts."""

@@ -17,6 +17,7 @@ from koord.semantics.configurations import (
     Fault,
     Robot,
     Status,
+    Store,
     System,
     Turn,
     Written,
@@ -24,6 +25,7 @@ from koord.semantics.configurations import (
 from koord.semantics.domain import Domain
 from koord.semantics.machine import Legality
 from koord.semantics.oracle import Inputs
+from koord.semantics.storage import Storage, unset
 from koord.semantics.turns import (
     Evolved,
     Turned,
@@ -62,7 +64,11 @@ class Stepped(Generic[V]):
 def initialised(
     d: Domain[V], system: System, inputs: Inputs[V], order: Iterable[int] | None = None
 ) -> Stepped[V]:
-    """The configuration after INIT, with the robots' turns in an order. [INIT]"""
+    """The configuration after INIT, with the robots' turns in an order. [INIT]
+
+    After a fault it is the one that evaluation comes to when it goes on, which assumptions are
+    asked about; a run that shows it ends in :func:`faulted_start`. [FAULT]
+    """
     store, faults = declared(d, system, inputs)
     turns = [initial_turn(d, system, i, store, inputs) for i in range(system.robots)]
     final = store
@@ -70,11 +76,38 @@ def initialised(
     found = _first(d, faults)
     for i in order if order is not None else range(system.robots):
         _check(d, turns[i].legality)
-        found = found or _first(d, turns[i].faults)
         final = committed(d, final, turns[i])
-        output += _shown(d, turns[i])
+        if found is None:
+            output += _shown(d, turns[i])
+            found = _first(d, turns[i].faults)
     robots = tuple(replace(t.robot, copy=final, turn=Turn.PROG) for t in turns)
     return Stepped(Configuration(robots, final, 0, fault=found), tuple(output))
+
+
+def faulted_start(d: Domain[V], system: System, stepped: Stepped[V]) -> Stepped[V]:
+    """INIT as a run has it: where it faults, nothing is set, as no robot has started. [FAULT]"""
+    fault = stepped.configuration.fault
+    if fault is None:
+        return stepped
+    program, size = system.program, system.size
+
+    def nothing(declarations: Iterable[core.Declaration]) -> tuple[Storage[V], ...]:
+        return tuple(unset(d, entry.variable.type, size) for entry in declarations)
+
+    store = Store(nothing(program.allread), nothing(program.allwrite))
+    running, none = d.const(int(Status.RUNNING), INT), d.const(NO_EVENT, INT)
+    robots = tuple(
+        Robot(
+            kind,
+            nothing(program.agents[kind].locals),
+            nothing(port.declaration for port in program.agents[kind].ports),
+            store,
+            running,
+            none,
+        )
+        for kind in system.kinds
+    )
+    return replace(stepped, configuration=Configuration(robots, store, 0, fault=fault))
 
 
 def enabled(
@@ -132,15 +165,16 @@ def run_event(
         raise IllegalStepError("SELECT", f"the pre of {name} does not hold for robot {robot}")
     _check(d, turned.legality)
     found = _first(d, turned.faults)
+    if found is not None:
+        return Stepped(replace(configuration, fault=found), _shown(d, turned))
     entered = frozenset(c for c, condition in turned.entered.items() if d.known(condition) is True)
-    if found is None and entered & configuration.taken:
+    if entered & configuration.taken:
         raise IllegalStepError("ATOMIC", f"{name} of robot {robot} enters a taken lock class")
     after = replace(
         configuration,
         robots=_with(_opened(d, configuration), robot, turned.robot),
         store=committed(d, configuration.store, turned),
         taken=configuration.taken | entered,
-        fault=found,
     )
     return Stepped(_ended(d, after), _shown(d, turned))
 
@@ -171,7 +205,9 @@ def evolved(
         found = found or _first(d, turned.faults)
         broken += [(i, contract) for kept, contract in turned.promises if d.known(kept) is False]
         robots.append(replace(state, ports=turned.ports, copy=configuration.store, turn=Turn.PROG))
-    after = Configuration(tuple(robots), configuration.store, configuration.round + 1, fault=found)
+    if found is not None:
+        return Stepped(replace(configuration, fault=found))
+    after = Configuration(tuple(robots), configuration.store, configuration.round + 1)
     return Stepped(after, promises=tuple(broken))
 
 

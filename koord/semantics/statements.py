@@ -115,7 +115,8 @@ def execute(m: Machine[V], s: core.Stmt) -> None:
             # [OUTPUT]
             values = tuple(evaluate(m, v) for v in s.values)
             types = tuple(v.type for v in s.values)
-            m.output.append((m.guard, Written(s.stream, values, types)))
+            if not m.faulted:
+                m.output.append((m.guard, Written(s.stream, values, types)))
         case core.Append():
             append(m, s)
         case core.Remove():

@@ -8,7 +8,7 @@ from itertools import combinations
 import koord.verify.solving as solving
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.execution import RecordedInputs, Step, execute
+from koord.semantics.execution import RecordedInputs, Step, execute, until
 from koord.semantics.expressions import statement
 from koord.semantics.machine import machine
 from koord.semantics.oracle import Phase as Asked
@@ -208,8 +208,11 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
     if found is not None:
         raise NotReplayedError(f"no {found.function} keeps its summary with these answers")
     last = steps[-1]
-    number = len(recording.rounds)
     fault = last.configuration.fault
+    if fault is not None:
+        # A run ends at its fault; an engine may have said what the other robots would do.
+        recording, phase = until(recording, last), _phase_of(last)
+    number = len(recording.rounds)
     if claim.kind is ClaimKind.FAULT:
         assert fault is not None
         who = f"robot {fault.robot}: " if fault.robot is not None else ""
@@ -232,6 +235,16 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
             if contract.name == claim.subject
         )
     return Counterexample(recording, number, phase, detail, robot, span)
+
+
+def _phase_of(step: Step) -> Phase:
+    match step.rule:
+        case "INIT":
+            return Phase.INIT
+        case "ENV-TRANS":
+            return Phase.END
+        case _:
+            return Phase.INSIDE
 
 
 def _falsified(

@@ -7,6 +7,7 @@ from tests.mutants.catalogue_certified import CERTIFIED
 from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.catalogue_exported import EXPORTED
 from tests.mutants.catalogue_liveness import LIVENESS
+from tests.mutants.catalogue_shown import SHOWN
 from tests.mutants.deployed import DEPLOYED
 from tests.mutants.every_n import EVERY_N
 from tests.mutants.horn import HORN
@@ -740,4 +741,5 @@ MUTANTS = (
     *WIRE_MISTAKES,
     *DEPLOYED,
     *COMPILED,
+    *SHOWN,
 )

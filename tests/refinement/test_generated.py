@@ -6,7 +6,13 @@ from collections import Counter
 
 import pytest
 
+from koord.cli.tables import Shown, Table
+from koord.cli.terminal import PLAIN
 from koord.refinement.cases import Tried, generated, tried
+from koord.semantics.domain import DOUBLES
+from koord.semantics.execution import execute
+from koord.semantics.traces.changes import changes
+from koord.semantics.traces.names import Names
 from koord.syntax import core
 from koord.syntax.walk import nodes
 from tests.refinement.running import seeds
@@ -32,6 +38,30 @@ def test_runs_come_far_enough_to_say_something(outcomes: list[Tried]) -> None:
     assert len(faults) > FEW // 10
     given_up = [o for o in outcomes if o.ran is not None and o.ran.gave_up is not None]
     assert len(given_up) < FEW // 5
+
+
+def test_of_a_step_that_faults_nothing_is_seen_but_the_fault(outcomes: list[Tried]) -> None:
+    """[FAULT]: what the table of a run and its trace show ends with the configuration before it."""
+    rules: Counter[str] = Counter()
+    for outcome in outcomes:
+        judged = outcome.judged
+        if judged is None or judged.trace.configurations[-1].fault is None:
+            continue
+        trace, names = judged.trace, Names(judged.trace.system)
+        *earlier, last = execute(DOUBLES, trace.system, trace.recording)
+        rules[last.rule] += 1
+        table = Table(names, PLAIN)
+        if earlier:
+            before = earlier[-1].configuration
+            assert list(changes(names, before, last.configuration)) == []
+            shown = list(table.round(last.round, [Shown(last, before)]))
+        else:
+            shown = list(table.start(last))
+            held = [*shown, *table.configuration(last.configuration)]
+            assert not any(" = " in line for line in held)
+        assert not any("→" in line for line in shown)
+        assert sum("fault: " in line for line in shown) == 1
+    assert set(rules) == {"INIT", "EVENT-TRANS", "ENV-TRANS"}
 
 
 def test_all_of_the_language_is_used(outcomes: list[Tried]) -> None:

@@ -96,6 +96,21 @@ def test_a_fault_is_shown_where_it_is_and_hides_what_it_hides() -> None:
         replayed(system, rounds((None, None)), NO_FAULT, Phase.MIDDLE)
 
 
+def test_what_is_kept_of_a_run_ends_at_its_fault() -> None:
+    """[FAULT] [REPLAY]: an engine may say what the others do; a fault has no successors."""
+    b = Build()
+    n = b.local("n", INT, 0)
+    b.event("Slip", TRUE, n.set(e(1, INT) / n))
+    system = dealt(b.program(), 3)
+    found = rounds((None, None, None), (None, 0, None), cut=False)
+    for order, moved in (((0, 1, 2), (0, 1)), ((2, 1, 0), (2, 1))):
+        first, last = found.rounds
+        recording = replace(found, rounds=(first, replace(last, order=order)))
+        shown = replayed(system, recording, NO_FAULT, Phase.END)
+        assert (shown.round, shown.phase, shown.robot) == (2, Phase.INSIDE, 1)
+        assert shown.recording.rounds == (first, Round(moved, (None, 0, None), cut=True))
+
+
 def test_a_lost_update_needs_two_writes_that_meet_and_an_update() -> None:
     """[LOST-UPDATE]"""
     b = Build()

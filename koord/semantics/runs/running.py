@@ -17,6 +17,7 @@ from koord.semantics.rounds import (
     IllegalStepError,
     enabled,
     evolved,
+    faulted_start,
     may_skip,
     run_event,
     run_skip,
@@ -97,6 +98,11 @@ class Run:
         return tuple(i for i, state in enumerate(robots) if state.turn is Turn.PROG)
 
     @property
+    def begun(self) -> bool:
+        """Whether somebody has had a turn since INIT."""
+        return bool(self._rounds or self._now.moves)
+
+    @property
     def all_stopped(self) -> bool:
         return all(state.status == Status.STOPPED for state in self.configuration.robots)
 
@@ -105,7 +111,9 @@ class Run:
     def begin(self, order: tuple[int, ...] | None = None) -> Step:
         """INIT, with the robots in an order. Raises KoordError if no start can be found."""
         order = order if order is not None else tuple(range(self.system.robots))
-        stepped = settled_start(self.d, self.system, self.inputs, order)
+        stepped = faulted_start(
+            self.d, self.system, settled_start(self.d, self.system, self.inputs, order)
+        )
         self._opening = Opening(
             order, self.inputs.recorded_starts(), self.inputs.recorded_answers(checks=True)
         )

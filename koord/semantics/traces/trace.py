@@ -7,19 +7,16 @@ the configurations that the run went through, so that the replay has something t
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
-from koord.semantics.configurations import Configuration, Robot, Store, System, Written
+from koord.semantics.configurations import Configuration, System, Written
 from koord.semantics.domain import DOUBLES, EXACT, Constant, Domain
 from koord.semantics.execution import Step, execute
-from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.traces.recording import Recording
-from koord.semantics.values import default
-from koord.syntax import core
 from koord.syntax.source import Source
 from koord.syntax.types import ArrayType, RecordType, Type
 
@@ -142,8 +139,7 @@ class Tracer:
         if len(gathered) == len(recording.rounds):
             # The last round is one that was cut before anybody moved.
             gathered.append(gathered[-1])
-        configurations = tuple(cleaned(system, numbers, c) for c in gathered)
-        outputs = tuple(self.outputs)
+        configurations, outputs = tuple(gathered), tuple(self.outputs)
         return Trace(sources, system, numbers, recording, configurations, outputs, violation)
 
 
@@ -179,49 +175,6 @@ def assembled(
     for step in steps:
         tracer.add(step)
     return tracer.trace(sources, system, numbers, recording, violation)
-
-
-# --- what unset atoms hold ----------------------------------------------------------------------
-
-
-def cleaned(
-    system: System, numbers: Numbers, configuration: Configuration[Constant]
-) -> Configuration[Constant]:
-    """The configuration with nothing in its unset atoms: a fault may leave remains there."""
-    if configuration.fault is None:
-        return configuration
-    d = numbers.domain
-
-    def clean(storage: Storage[Constant], type_: Type) -> Storage[Constant]:
-        if isinstance(storage, Tree):
-            types = part_types(type_, len(storage.parts))
-            pairs = zip(storage.parts, types, strict=True)
-            return Tree(tuple(clean(part, t) for part, t in pairs))
-        return storage if storage.is_set else Cell(False, default(d, type_, system.robots))
-
-    def all_clean(
-        storages: tuple[Storage[Constant], ...], declared: Iterable[core.Declaration]
-    ) -> tuple[Storage[Constant], ...]:
-        pairs = zip(storages, declared, strict=True)
-        return tuple(clean(storage, entry.variable.type) for storage, entry in pairs)
-
-    def store(of: Store[Constant]) -> Store[Constant]:
-        program = system.program
-        return Store(
-            all_clean(of.allread, program.allread), all_clean(of.allwrite, program.allwrite)
-        )
-
-    def robot(number: int, of: Robot[Constant]) -> Robot[Constant]:
-        agent = system.agent(number)
-        return replace(
-            of,
-            locals=all_clean(of.locals, agent.locals),
-            ports=all_clean(of.ports, (port.declaration for port in agent.ports)),
-            copy=store(of.copy),
-        )
-
-    robots = tuple(robot(i, of) for i, of in enumerate(configuration.robots))
-    return replace(configuration, robots=robots, store=store(configuration.store))
 
 
 def part_types(type_: Type, count: int) -> tuple[Type, ...]:
