@@ -31,6 +31,7 @@ from koord.verify.every_n.proving import SPARING, prove
 from koord.verify.portfolio import Choice
 from koord.verify.solving import Deadline, Effort
 from koord.verify.verdicts import Engine, Outcome, Verdict
+from tests.generators.large import large
 from tests.generators.staged import staged
 from tests.semantics.driving import NO_TEXT
 from tests.verify.asking import ask, bounded, inductive, of_text
@@ -56,6 +57,7 @@ FAMILIES = {
     "finite": Family(partial(system, profile=FINITE), 2),
     "symmetric": Family(partial(system, profile=SYMMETRIC), 2),
     "staged": Family(staged, 5),
+    "large": Family(large, 3),
 }
 
 
@@ -257,6 +259,13 @@ def test_a_start_that_was_not_looked_at_whole_is_no_round() -> None:
     assert compare(FAMILIES["symmetric"], 50_138)["search: too many ways to start"] == 1
 
 
+@pytest.mark.parametrize("seeds", [range(20, 40), range(40, 60)])
+def test_all_engines_agree_with_the_search_where_numbers_are_large(seeds: range) -> None:
+    count = many(FAMILIES["large"], seeds)
+    assert count["systems"] >= 17, count
+    assert count["violated"] >= 8, count
+
+
 #: What is read is any member of an enumeration, what is chosen any number between two.
 RANGES = """
 enum Mode: {members}
@@ -304,6 +313,7 @@ MANY = [
     *(("finite", range(50_000 + 100 * n, 50_100 + 100 * n)) for n in range(35)),
     *(("symmetric", range(50_000 + 100 * n, 50_100 + 100 * n)) for n in range(25)),
     *(("staged", range(50_000 + 100 * n, 50_100 + 100 * n)) for n in range(45)),
+    *(("large", range(50_000 + 100 * n, 50_100 + 100 * n)) for n in range(10)),
 ]
 
 

@@ -49,6 +49,27 @@ BITS = (
         (NUMBERS,),
     ),
     Mutant(
+        "choices that are too wide to be kept are all the same",
+        "verify/bits/domain.py",
+        "if made.loose == TRUE:  # too wide",
+        "if made.loose < FALSE:",
+        (NUMBERS, ENGINE),
+    ),
+    Mutant(
+        "comparisons forget that a factor makes numbers wider",
+        "verify/bits/numbers.py",
+        "return _product(g, a, _constant(factor, 0))._replace(scale=scale)",
+        "return multiplied(g, a, _constant(factor, 0))._replace(scale=scale)",
+        (NUMBERS,),
+    ),
+    Mutant(
+        "a quotient that is too wide to be kept is zero",
+        "verify/bits/numbers.py",
+        "return result._replace(loose=g.either(loose, result.loose))",
+        "return result._replace(loose=loose)",
+        (NUMBERS,),
+    ),
+    Mutant(
         "a choice of the graph takes the wrong side",
         "verify/bits/graph.py",
         "if constant & 1:\n                return self.either(condition, other)",

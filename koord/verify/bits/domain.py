@@ -8,7 +8,7 @@ infinitely many values are possible: these are *loose*, and comparisons with the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import NamedTuple, TypeAlias
@@ -90,7 +90,7 @@ class BitDomain:
         assert isinstance(operand, Number)
         match op:
             case UnaryOp.NEG:
-                return numbers.settled(self._another(numbers.negated(self.graph, operand)))
+                return self._settled(numbers.negated(self.graph, operand))
             case UnaryOp.ABS:
                 if operand.low >= 0 and operand.loose == FALSE:
                     return operand
@@ -99,7 +99,7 @@ class BitDomain:
                 low = 0 if operand.low <= 0 <= operand.high else min(map(abs, operand[1:3]))
                 high = max(operand.high, -operand.low)
                 made = numbers.fitted(size.literals, low, high, operand.scale, operand.loose)
-                return numbers.settled(self._another(made))
+                return self._settled(made)
             case UnaryOp.WIDEN:
                 return operand._replace(scale=1)
         raise AssertionError(op)
@@ -125,12 +125,11 @@ class BitDomain:
             case BinaryOp.LT:
                 return boolean(self._at_most(b, a) ^ 1)
             case BinaryOp.MIN:
-                return self._extreme(a, b, numbers.chosen(self.graph, self._at_most(a, b), a, b))
+                return self._extreme(a, b, self._at_most(a, b), min)
             case BinaryOp.MAX:
-                best = numbers.chosen(self.graph, self._at_most(a, b), b, a)
-                return self._extreme(a, b, best, least=False)
+                return self._extreme(a, b, self._at_most(b, a), max)
             case _:
-                return numbers.settled(self._another(self._calculated(op, a, b)))
+                return self._settled(self._calculated(op, a, b))
 
     def ite(self, condition: Bits, then: Bits, other: Bits) -> Bits:
         if not isinstance(condition, Bit):
@@ -147,6 +146,8 @@ class BitDomain:
         if a == b:
             return then
         made = numbers.chosen(g, when, a, b)
+        if made.loose == TRUE:  # too wide
+            made = self._another(made)
         if made.loose != FALSE:
             self._remember(made, when, a, b)
         return numbers.settled(made)
@@ -175,7 +176,7 @@ class BitDomain:
                 return self.opaques.fresh(sort, name)
             case IntType():
                 low, high = self.ranges.get(name, (None, None))
-                if low is not None and high is not None:
+                if low is not None and high is not None and numbers.is_kept(low, high):
                     return self.between(name, low, high)
                 return self._any(name, 0)
             case FloatType():
@@ -196,15 +197,16 @@ class BitDomain:
         return number
 
     def vector(self, name: str, low: int, high: int, scale: int) -> Number:
-        """A fresh vector with as many inputs as a range needs."""
+        """A fresh vector with as many inputs as a range needs, however wide that is."""
         size = numbers.width(low, high)
         unsigned = low >= 0 or high < 0
         made = [self.graph.input(f"{name}.{k}") for k in range(size - unsigned)]
-        return numbers.fitted((*made, FALSE) if unsigned else tuple(made), low, high, scale, FALSE)
+        return numbers.exactly((*made, FALSE) if unsigned else tuple(made), low, high, scale, FALSE)
 
     def in_range(self, number: Number) -> list[int]:
         """What it takes that a vector is in its range, which operators take for granted."""
-        wide = number._replace(low=-(1 << WIDE), high=1 << WIDE, scale=0)
+        size = 1 << len(number.literals)
+        wide = number._replace(low=-size, high=size, scale=0)
         low, high = numbers.lifted(number.low), numbers.lifted(number.high)
         g = self.graph
         return [numbers.at_most(g, low, wide), numbers.at_most(g, wide, high)]
@@ -340,6 +342,10 @@ class BitDomain:
             return numbers.lifted(Fraction(0))
         return numbers.multiplied(self.graph, a, numbers.lifted(1 / Fraction(divisor)))
 
+    def _settled(self, number: Number) -> Bits:
+        """What was calculated, as a scalar."""
+        return numbers.settled(self._another(number))
+
     def _another(self, number: Number) -> Number:
         """A number that was calculated: where it is loose, it is none that was there before."""
         if number.loose == FALSE:
@@ -348,13 +354,17 @@ class BitDomain:
             return self.wild("calculated", number.scale)
         return number._replace(loose=self.graph.both(number.loose, self._mark("calculated")))
 
-    def _extreme(self, a: Number, b: Number, best: Number, *, least: bool = True) -> Bits:
-        """The range of a minimum or maximum is narrower than that of a choice."""
-        a, b = numbers.aligned(self.graph, a, b)
-        pick = min if least else max
+    def _extreme(self, a: Number, b: Number, first: int, pick: Callable[[int, int], int]) -> Bits:
+        """The one or the other number: its range is narrower than that of a choice."""
+        g = self.graph
+        a, b = numbers.aligned(g, a, b)
         low, high = pick(a.low, b.low), pick(a.high, b.high)
-        loose = self.graph.either(a.loose, b.loose)
-        return numbers.settled(numbers.fitted(best.literals, low, high, best.scale, loose))
+        size = numbers.width(low, high)
+        pairs = zip(numbers.resized(a, size), numbers.resized(b, size), strict=True)
+        literals = tuple(g.choose(first, x, y) for x, y in pairs)
+        loose = g.either(a.loose, b.loose)
+        made = numbers.fitted(literals, low, high, max(a.scale, b.scale), loose)
+        return self._settled(made)
 
     # --- comparisons ----------------------------------------------------------------------------
 
@@ -443,9 +453,6 @@ DEEP = 12
 
 #: So many arguments of a function are told apart.
 FEW = 16
-
-#: Wider than any range that a vector is made for.
-WIDE = 60
 
 
 def boolean(value: int) -> Bits:

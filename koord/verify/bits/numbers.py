@@ -42,6 +42,11 @@ def width(low: int, high: int) -> int:
     return max(high.bit_length(), (~low).bit_length() if low < 0 else 0) + 1
 
 
+def is_kept(low: int, high: int) -> bool:
+    """Whether a number of that range is worth its while."""
+    return width(low, high) <= WIDEST
+
+
 def anything(scale: int) -> Number:
     """Any number at all."""
     return Number((FALSE,), 0, 0, scale, TRUE)
@@ -69,10 +74,18 @@ def settled(number: Number) -> Number | Constant:
 
 
 def fitted(literals: tuple[int, ...], low: int, high: int, scale: int, loose: int) -> Number:
-    """A number of these literals, cut to what its range needs."""
-    size = width(low, high)
-    if size > WIDEST:
+    """A number of these literals, cut to what its range needs; any number where that is too much.
+
+    What is any number is none that was there before: whoever keeps it has to give it a mark.
+    """
+    if not is_kept(low, high):
         return anything(scale)
+    return exactly(literals, low, high, scale, loose)
+
+
+def exactly(literals: tuple[int, ...], low: int, high: int, scale: int, loose: int) -> Number:
+    """The same, however wide its range is."""
+    size = width(low, high)
     cut = literals[:size] if len(literals) >= size else extended(literals, size)
     if low >= 0:
         cut = (*cut[:-1], FALSE)
@@ -95,11 +108,11 @@ def aligned(g: Graph, a: Number, b: Number) -> tuple[Number, Number]:
 
 
 def rescaled(g: Graph, a: Number, scale: int) -> Number:
-    """The same number with a multiple of its scale."""
+    """The same number with a multiple of its scale, exactly: comparisons rely on it."""
     factor = scale // (a.scale or 1)
     if factor == 1:
         return a._replace(scale=scale)
-    return multiplied(g, a, _constant(factor, 0))._replace(scale=scale)
+    return _product(g, a, _constant(factor, 0))._replace(scale=scale)
 
 
 # --- arithmetic -----------------------------------------------------------------------------------
@@ -134,14 +147,27 @@ def _sum(g: Graph, a: tuple[int, ...], b: tuple[int, ...], carry: int) -> tuple[
 
 
 def multiplied(g: Graph, a: Number, b: Number) -> Number:
+    if not is_kept(*_corners(a, b)):
+        return anything(_scale_of_product(a, b))
+    return _product(g, a, b)
+
+
+def _corners(a: Number, b: Number) -> tuple[int, int]:
+    """The least and the greatest product."""
     corners = [x * y for x in (a.low, a.high) for y in (b.low, b.high)]
-    low, high = min(corners), max(corners)
-    # Integers have scale 0; a product of rationals has the product of their scales.
-    scale = a.scale * b.scale if a.scale and b.scale else a.scale or b.scale
+    return min(corners), max(corners)
+
+
+def _scale_of_product(a: Number, b: Number) -> int:
+    """Integers have scale 0; a product of rationals has the product of their scales."""
+    return a.scale * b.scale if a.scale and b.scale else a.scale or b.scale
+
+
+def _product(g: Graph, a: Number, b: Number) -> Number:
+    """The product, however wide its range is."""
+    low, high = _corners(a, b)
+    scale, size = _scale_of_product(a, b), width(low, high)
     loose = g.either(a.loose, b.loose)
-    size = width(low, high)
-    if size > WIDEST:
-        return anything(scale)
     if len(b.literals) > len(a.literals):
         a, b = b, a
     left = extended(a.literals, size) if len(a.literals) < size else a.literals[:size]
@@ -155,7 +181,7 @@ def multiplied(g: Graph, a: Number, b: Number) -> Number:
             total = _sum(g, total, tuple(x ^ 1 for x in part), TRUE)
         else:
             total = _sum(g, total, part, FALSE)
-    return fitted(total, low, high, scale, loose)
+    return exactly(total, low, high, scale, loose)
 
 
 def divided(g: Graph, a: Number, b: Number, made: Callable[[int, int], int]) -> Number:
@@ -170,7 +196,7 @@ def divided(g: Graph, a: Number, b: Number, made: Callable[[int, int], int]) -> 
             if here != FALSE:
                 by = _tabulated(g, a, lambda x, d=divisor: made(x, d))  # type: ignore[misc]
                 result = chosen(g, here, by, result)
-    return result._replace(loose=loose)
+    return result._replace(loose=g.either(loose, result.loose))
 
 
 def _tabulated(g: Graph, a: Number, function: Callable[[int], int]) -> Number:

@@ -305,11 +305,14 @@ def names_of(system: System) -> Names:
 
 
 def _landmarks(system: System, most: int) -> tuple[int, ...]:
-    """Integers of the text and around it: where ranges may end."""
+    """Integers of the text and around them: where ranges may end."""
     found = {-most - 1, most, 0, system.robots}
     for node in nodes(system.program):
         if isinstance(node, core.Const) and isinstance(node.value, int):
-            found |= {int(node.value) + k for k in (-1, 0, 1)}
+            # What cannot even be doubled is no end of a range: sums would be of any value at once.
+            size = abs(int(node.value)) + 1
+            if numbers.is_kept(-2 * size, 2 * size):
+                found |= {int(node.value) + k for k in (-1, 0, 1)}
     return tuple(sorted(found))
 
 
@@ -407,11 +410,11 @@ class _Landing:
         strays = g.either(strays, inside ^ 1)
         if fresh.loose != FALSE:
             self._set(f"{path} strays", fresh.loose, strays)
-        kept = numbers.chosen(g, strays, low, plain)
-        literals = numbers.resized(kept, len(fresh.literals))
-        for k, (latch, x) in enumerate(zip(fresh.literals, literals, strict=True)):
+        size = len(fresh.literals)
+        otherwise, kept = numbers.resized(low, size), numbers.resized(plain, size)
+        for k, (latch, x, y) in enumerate(zip(fresh.literals, otherwise, kept, strict=True)):
             if latch > 1:
-                self._set(f"{path}.{k}", latch, x)
+                self._set(f"{path}.{k}", latch, g.choose(strays, x, y))
 
 
 def _tokens(

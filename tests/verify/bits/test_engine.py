@@ -81,6 +81,79 @@ invariant Free: forall i: odd@i or not odd@i
 """
 
 
+WIDE = """
+using Dial:
+    sensors:
+        int level = 1267650600228229401496703205376
+    environment:
+        level = 1267650600228229401496703205377
+
+local:
+    int x = 0
+    int y = 0
+    int z = 1267650600228229401496703205376
+    int stage = 0
+    bool p = false
+
+One:
+    pre: not p
+    eff:
+        p = true
+        x = 1152921504606846976
+
+Other:
+    pre: stage > 5
+    eff: y = 1152921504606846976
+
+On:
+    pre: stage < 2
+    eff: stage = stage + 1
+
+Grow:
+    pre: stage == 2
+    eff: z = z + min(stage, 1152921504606846976)
+
+invariant Same: forall i: x@i == y@i
+invariant Large: forall i: stage@i == 1 implies z@i < 5
+invariant Least: forall i: z@i >= 1267650600228229401496703205376
+invariant Late: forall i: stage@i < 2
+"""
+
+
+@pytest.mark.parametrize(("name", "round_"), [("Same", 1), ("Large", 1), ("Late", 2)])
+def test_numbers_that_are_too_wide_to_be_followed_are_not_taken_for_others(
+    name: str, round_: int
+) -> None:
+    """In round 1 x becomes 2^60, and the stage goes on; z, 2^100 at first, comes later."""
+    verdict = said(WIDE, name, robots=1)
+    assert verdict.outcome is Outcome.VIOLATED
+    assert verdict.counterexample is not None
+    assert verdict.counterexample.round == round_
+    assert said(WIDE, "Least", robots=1).outcome is not Outcome.VIOLATED
+
+
+@pytest.mark.parametrize("power", [46, 47, 48, 60, 64, 200])
+def test_numbers_grow_as_far_as_they_like(power: int) -> None:
+    """What doubles for ever is followed, or open: never an error, and never a wrong verdict."""
+    for other in (0, 1):
+        text = DOUBLING.format(number=3 * 2**power + other)
+        assert said(text, "Never", robots=1, rounds=4).outcome is not Outcome.VIOLATED
+        assert said(text, "Less", robots=1, rounds=4).outcome is not Outcome.HOLDS
+
+
+DOUBLING = """
+local:
+    int x = 3
+
+Double:
+    pre: true
+    eff: x = x * 2
+
+invariant Never: forall i: 4 * x@i != {number} or {number} % 2 == 0
+invariant Less: forall i: x@i <= {number}
+"""
+
+
 def test_numbers_without_end_are_open_where_it_matters() -> None:
     assert said(ENDLESS, "Free").outcome is Outcome.HOLDS
     even = said(ENDLESS, "Even", rounds=4)

@@ -153,3 +153,74 @@ def test_a_graph_keeps_each_conjunction_once() -> None:
         x, y, z = literals
         made = [g.choose(a, b, c), g.differ(a, b), g.either(a, c), g.choose(a, a, c)]
         assert g.values(made, given) == [y if x else z, x != y, x or z, x or z]
+
+
+def _wide(d: BitDomain, p: Bits) -> list[tuple[Bits, tuple[object, object]]]:
+    """Scalars, some of them too wide to be kept, with what they are where ``p`` holds and not."""
+    plain: list[tuple[Bits, tuple[object, object]]] = []
+    for one, other in [
+        (1, 3),
+        (2**45, 0),
+        (2**60, 0),
+        (2**60, -(2**60)),
+        (2**60, 2**60 + 1),
+        (-(2**47), 5),
+        (2**200, 2),
+    ]:
+        plain.append((d.ite(p, one, other), (one, other)))
+        plain.append((one, (one, one)))
+    half, third = Fraction(2**50, 2), Fraction(2**50, 3)
+    plain += [(d.ite(p, half, third), (half, third)), (third, (third, third))]
+    return plain
+
+
+@pytest.mark.parametrize("op", CALCULATED, ids=lambda op: op.name)
+def test_numbers_too_wide_to_be_kept_are_never_mistaken_for_others(op: BinaryOp) -> None:
+    """Whatever a comparison says of them, what is so is allowed."""
+    d = BitDomain()
+    choice = d.graph.input("p")
+    wide = _wide(d, Bit(choice))
+    kept = 0
+    for (a, xs), (b, ys) in product(wide, wide):
+        if op is BinaryOp.MOD and any(isinstance(x, Fraction) for x in (*xs, *ys)):
+            continue
+        made = d.binary(op, a, b)
+        truths = [EXACT.binary(op, x, y) for x, y in zip(xs, ys, strict=True)]
+        if op in COMPARED:
+            assert admits(d, made, choice, truths), (op, xs, ys)
+            continue
+        for compare, (c, zs) in product((BinaryOp.EQ, BinaryOp.LE), wide[::3]):
+            found = d.binary(compare, made, c)
+            expected = [EXACT.binary(compare, x, z) for x, z in zip(truths, zs, strict=True)]
+            assert admits(d, found, choice, expected), (op, xs, ys, compare, zs)
+            kept += found is True or found is False
+    assert op in COMPARED or kept > 100
+
+
+@pytest.mark.parametrize("op", [UnaryOp.NEG, UnaryOp.ABS], ids=lambda op: op.name)
+def test_signs_of_numbers_too_wide_to_be_kept(op: UnaryOp) -> None:
+    d = BitDomain()
+    choice = d.graph.input("p")
+    wide = _wide(d, Bit(choice))
+    for (a, xs), (c, zs) in product(wide, wide):
+        found = d.binary(BinaryOp.LE, d.unary(op, a), c)
+        truths = zip([EXACT.unary(op, x) for x in xs], zs, strict=True)
+        assert admits(d, found, choice, [EXACT.binary(BinaryOp.LE, x, z) for x, z in truths])
+
+
+def admits(d: BitDomain, found: Bits, choice: int, truths: list[object]) -> bool:
+    """Whether a Boolean may be what it should be where the choice holds, and where not."""
+    if not isinstance(found, Bit):
+        return truths == [found, found]
+    always = {x >> 1: True for x in d.required}
+    inputs = {x for x in d.graph.cone([found.literal]) if d.graph.is_input(x)}
+    free = sorted(inputs - always.keys() - {choice >> 1})
+    for here, truth in zip((True, False), truths, strict=True):
+        given = always | {choice >> 1: here}
+        values = {
+            d.graph.values([found.literal], given | dict(zip(free, bits, strict=True)))[0]
+            for bits in product((False, True), repeat=len(free))
+        }
+        if truth not in values:
+            return False
+    return True
