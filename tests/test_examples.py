@@ -25,10 +25,10 @@ Scalar = int | float | bool | str
 class Run:
     """One configuration of one program, as expected.yaml has it."""
 
-    robots: int | str
-    rounds: int
     exit: int
-    delta: Scalar = 0.1
+    robots: int | str | None = None
+    rounds: int | None = None
+    delta: Scalar | None = None
     set: dict[str, object] = field(default_factory=dict)
     flags: list[str] = field(default_factory=list)
     says: dict[str, str] = field(default_factory=dict)
@@ -36,9 +36,14 @@ class Run:
     slow: bool = False
 
     def command(self, file: str) -> list[str]:
-        words = ["verify", str(EXAMPLES / file), "--json"]
-        words += ["--robots", str(self.robots), "--rounds", str(self.rounds)]
-        words += ["--delta", str(self.delta), *self.flags]
+        return ["verify", str(EXAMPLES / file), "--json", *self.chosen()]
+
+    def chosen(self) -> list[str]:
+        """The flags that say what is to be verified; none is what the program states."""
+        words = list(self.flags)
+        for flag in ("robots", "rounds", "delta"):
+            given = getattr(self, flag)
+            words += [] if given is None else [f"--{flag}", str(given)]
         for name, value in self.set.items():
             words += ["--set", f"{name}={json.dumps(value)}"]
         return words

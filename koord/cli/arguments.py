@@ -17,11 +17,11 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from koord.cli.files import DASH
+from koord.syntax.core import MOST_ROBOTS, USUAL_ROBOTS
 
 if TYPE_CHECKING:
     from koord.syntax.elaborate.settings import ParamValue
 
-MOST_ROBOTS = 10_000
 MOST_ROUNDS = 1_000_000_000
 MOST_VIOLATIONS = 1_000
 #: Processes of one verification.
@@ -44,11 +44,16 @@ class Fleet:
     """How many robots: a number of them, or a number of each kind (``Car=2,Drone=1``).
 
     ``any_number`` stands for every number of them: ``total`` is then no more than an example.
+    ``as_stated`` is what is meant without the flag: what the program states, or else ``total``.
     """
 
     total: int
     kinds: tuple[tuple[str, int], ...] = ()
     any_number: bool = False
+    as_stated: bool = False
+
+
+AS_STATED = Fleet(USUAL_ROBOTS, as_stated=True)
 
 
 def fleet(text: str) -> Fleet:
@@ -289,13 +294,14 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 def add_bounds(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
     """``--robots``, ``--rounds``, ``--delta``, ``--seed``. Several fleets make a sweep."""
-    sweep = ", or 2..10 for one after the other" if several else ""
+    more = "; 2..10: one after the other; any: every number of them at once" if several else ""
     parser.add_argument(
         "--robots",
         metavar="N",
         type=fleets if several else fleet,
-        default=(Fleet(3),) if several else Fleet(3),
-        help=f"how many robots, or how many of each kind: Car=2,Drone=1{sweep} (3)",
+        default=(AS_STATED,) if several else AS_STATED,
+        help=f"how many robots, or how many of each kind: Car=2,Drone=1{more} "
+        f"(as the program states with `param int numAgents`; else {USUAL_ROBOTS})",
     )
     parser.add_argument(
         "--rounds", metavar="R", type=rounds, default=20, help="how many rounds (20)"
@@ -304,8 +310,8 @@ def add_bounds(parser: argparse.ArgumentParser, *, several: bool = False) -> Non
         "--delta",
         metavar="SECONDS",
         type=delta,
-        default=Fraction(1, 10),
-        help="the length of a round, exactly: 0.1 or 1/30 (0.1)",
+        help="the length of a round, exactly: 0.1 or 1/30 (as the program states with "
+        "`param float delta`; else 0.1)",
     )
     parser.add_argument(
         "--seed", metavar="S", type=seed, default=0, help="what every random choice hangs on (0)"

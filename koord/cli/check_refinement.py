@@ -7,25 +7,38 @@ import json
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import cycle, islice
 from pathlib import Path
 from random import Random
 
-from koord.cli.arguments import add_json, add_settings, check_files, delta, rounds, runs, seed
+from koord.cli.arguments import (
+    AS_STATED,
+    Fleet,
+    add_json,
+    add_settings,
+    check_files,
+    delta,
+    rounds,
+    runs,
+    seed,
+)
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.protocol_check import NETWORKS
+from koord.cli.systems import system_of
 from koord.cli.terminal import Paint, style_of, visible
 from koord.cli.traces import sources_of
 from koord.refinement.cases import Case, Target, Tried, all_generated, generated, of_program, tried
 from koord.refinement.running import Compiled, ready
 from koord.refinement.shrinking import TRIES, shrunk
 from koord.runtime.compile import compiled
-from koord.semantics.configurations import System, dealt
+from koord.semantics.configurations import System
 from koord.semantics.traces.codec import encode
+from koord.syntax import core
 
 #: So many robots, in turn.
 _ROBOTS = (1, 2, 3, 4)
@@ -91,7 +104,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--rounds", metavar="R", type=rounds, default=8, help="how many rounds a run (8)"
     )
     parser.add_argument(
-        "--delta", metavar="SECONDS", type=delta, default=delta("0.1"), help="of a round (0.1)"
+        "--delta",
+        metavar="SECONDS",
+        type=delta,
+        help="of a round (as the program states; else 0.1)",
     )
     parser.add_argument(
         "--faults",
@@ -203,11 +219,18 @@ def _all(arguments: argparse.Namespace, programs: tuple[LoadedProgram, ...]) -> 
                 yield _smallest(tried(case), None)
         for loaded in programs:
             made = ready(loaded.program)
-            systems = (dealt(loaded.program, n, arguments.delta) for n in cycle(_ROBOTS))
+            systems = _systems(loaded.program, arguments.delta)
             of = sources_of(loaded)
             cases = of_program(of, systems, most, Random(seed), target, faults)
             for case in islice(cases, runs):
                 yield _smallest(tried(case, made), made)
+
+
+def _systems(program: core.Program, delta_s: Fraction | None) -> Iterator[System]:
+    """The program with the robots that it states; else with one number of them after the other."""
+    stated = program.instance
+    fleets = [AS_STATED] if stated.kinds else [Fleet(total) for total in _ROBOTS]
+    return (system_of(program, fleet, delta_s) for fleet in cycle(fleets))
 
 
 def _smallest(outcome: Tried, made: Compiled | None) -> Tried:

@@ -55,4 +55,6 @@ def story(configuration: Configuration) -> str:
     count = f"{len(robots)} {'robot' if len(robots) == 1 else 'robots'} ({', '.join(vehicles)})"
     talk = configuration.talk
     shared = f" to {talk.shared}" if talk.shared is not None else ""
-    return f"{count}, {talk.carrier.value}{shared}, rounds of {configuration.delta_s:g} s"
+    length = configuration.delta_s
+    rounds = "as long as the program states" if length is None else f"of {length:g} s"
+    return f"{count}, {talk.carrier.value}{shared}, rounds {rounds}"

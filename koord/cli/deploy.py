@@ -30,7 +30,7 @@ from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable
 from koord.cli.inputs import Reading, load_programs
-from koord.cli.systems import kinds_by_role
+from koord.cli.systems import kinds_by_role, suited, unlike
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.model import Configuration
@@ -125,17 +125,20 @@ def _job(arguments: argparse.Namespace, report: Report) -> Job | None:
     roles = [robot.kind for robot in configuration.robots]
     kinds, problems = kinds_by_role(program, roles, configuration.name)
     report.add(problems)
+    if arguments.delta is None and not problems:
+        report.add(unlike(configuration, program, kinds))
+    configuration = suited(configuration, program, arguments.delta)
+    assert configuration.delta_s is not None
     _check_functions(classes, configuration, report)
     key, run = _secret(arguments, configuration, report)
-    delta_s = arguments.delta if arguments.delta is not None else configuration.delta_s
     return Job(
         classes,
         kinds,
         configuration,
         key,
         run,
-        delta_s=float(delta_s),
-        pace_s=0.0 if arguments.as_fast_as_possible else float(delta_s),
+        delta_s=configuration.delta_s,
+        pace_s=0.0 if arguments.as_fast_as_possible else configuration.delta_s,
         rounds=arguments.rounds,
         journals=None,
     )

@@ -8,8 +8,10 @@ from koord.syntax.catalogue_entry import Entry
 from koord.syntax.diagnostics import Severity
 
 
-def _entry(code: str, title: str, story: str) -> tuple[str, Entry]:
-    return code, Entry(code, title, Severity.ERROR, story, bad="", good="")
+def _entry(
+    code: str, title: str, story: str, severity: Severity = Severity.ERROR
+) -> tuple[str, Entry]:
+    return code, Entry(code, title, severity, story, bad="", good="")
 
 
 INPUT_CATALOGUE = dict(
@@ -194,6 +196,16 @@ INPUT_CATALOGUE = dict(
             "cluster, and at this address none answers.\n\n"
             "`dask scheduler` starts one and tells its address; `dask worker ADDRESS --nthreads 1` "
             "adds a worker, which needs koord installed as well.",
+        ),
+        _entry(
+            "K936",
+            "a configuration is of another instance than the program is meant for",
+            "A program may state how many robots it is meant for, and how long its rounds are "
+            "(`param int numAgents = 9`, `param float delta = 40`). The configuration says "
+            "otherwise, and it is what counts: but what was verified without flags was the "
+            "instance that the program states.\n\n"
+            "Verify what is run, with `--robots` and `--delta`, or let the two say the same.",
+            Severity.WARNING,
         ),
         _entry(
             "K940",

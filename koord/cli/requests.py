@@ -31,7 +31,7 @@ class Request:
 
     fleets: tuple[Fleet, ...]  #: several make a sweep
     rounds: int
-    delta_s: Fraction
+    delta_s: Fraction | None  #: None: as the program states
     engine: Engine
     properties: tuple[str, ...]  #: their names; none means all
     timeout_s: float | None  #: for everything together

@@ -65,7 +65,7 @@ class Request:
 
     fleet: Fleet
     rounds: int
-    delta_s: Fraction
+    delta_s: Fraction | None  #: None: as the program states
     policy: Policy
     seed: int
     interactive: bool

@@ -7,7 +7,6 @@ import sys
 from typing import TYPE_CHECKING
 
 from koord.cli.arguments import (
-    MOST_ROBOTS,
     add_files,
     add_json,
     add_settings,
@@ -23,6 +22,7 @@ from koord.cli.arguments import (
 )
 from koord.cli.exits import Exit
 from koord.cli.keeping import add_outputs, check_outputs, watched
+from koord.syntax.core import MOST_ROBOTS
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from koord.cli.arguments import settings
+from koord.cli.arguments import AS_STATED, Fleet, settings
 from koord.cli.diagnostics import Report
 from koord.cli.files import DASH, read_program
 from koord.cli.inputs import LoadedProgram, Reading, no_program
-from koord.cli.systems import kinds_by_role
+from koord.cli.systems import kinds_by_role, suited, system_of, unlike
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Sort, Watched, watched
@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
 Run = TypeVar("Run", bound=Simulation)
 
-#: So many robots and tasks there are where nobody says how many.
-_ROBOTS, _TASKS = 3, 20
+#: So many tasks there are where nobody says how many.
+_TASKS = 20
 
 #: A run ends after so long: of a program that can stop, and of one that cannot.
 _LONG_S, _ENDLESS_S = 600.0, 120.0
@@ -199,7 +199,7 @@ class Asked:
     configuration: Configuration | None  #: None: the plainest that suits the program
     properties: tuple[Source, ...]
     params: Mapping[str, ParamValue]
-    delta_s: float | None = None  #: None: as the configuration says
+    delta_s: Fraction | None = None  #: None: as the configuration says, or the program
 
     @uncollected()
     def job(self, report: Report, robots: int | None, seed: int | None) -> Job | None:
@@ -213,16 +213,17 @@ class Asked:
             return None
         chosen = dict(self.params)
         if self.configuration is None:
-            configuration = _default(program, robots or _ROBOTS)
+            configuration = _default(program, robots)
         else:
             configuration = self.configuration
             chosen = {**params(configuration), **chosen}
-        if self.delta_s is not None:
-            configuration = replace(configuration, delta_s=self.delta_s)
         configuration = _with_tasks(configuration, program, sized="tasks" in chosen)
+        configuration = suited(configuration, program, self.delta_s)
         made = scene(configuration, seed, robots)
         kinds, problems = kinds_by_role(program, made.roles, configuration.name)
         report.add(problems)
+        if self.configuration is not None and self.delta_s is None and not problems:
+            report.add(unlike(configuration, program, kinds if robots is None else None))
         tasks = made.world.tasks
         chosen |= self._sizes(program, chosen, len(tasks))
         places = tuple((Fraction(x), Fraction(y), Fraction(z)) for x, y, z in tasks)
@@ -282,8 +283,8 @@ def asked(arguments: argparse.Namespace, report: Report) -> Asked | None:
         except KoordError as error:
             report.add(error.diagnostics, text)
             return None
-    delta_s = None if arguments.delta is None else float(arguments.delta)
-    return Asked(source, configuration, properties, settings(arguments.settings), delta_s)
+    chosen = settings(arguments.settings)
+    return Asked(source, configuration, properties, chosen, arguments.delta)
 
 
 def _beside(path: str) -> str | None:
@@ -292,17 +293,20 @@ def _beside(path: str) -> str | None:
     return str(beside) if path != DASH and beside.is_file() else None
 
 
-def _default(program: core.Program, robots: int) -> Configuration:
-    """Cars and drones in turn, or what the kinds of robots of a program are called after."""
-    names = [agent.name for agent in program.agents]
+def _default(program: core.Program, robots: int | None) -> Configuration:
+    """Cars and drones in turn, or what the kinds of robots of a program are called after.
+
+    Without a number, there are the robots that the program states, or the usual ones.
+    """
+    fleet = AS_STATED if robots is None else Fleet(robots)
     lines = []
-    for pid in range(robots):
-        name = names[pid % len(names)]
+    for pid, kind in enumerate(system_of(program, fleet, None).kinds):
+        name = program.agents[kind].name
         device = ("car", "drone")[pid % 2]
         if name:
             device = "car" if "car" in name.lower() else "drone"
-        kind = f", kind: {name}" if name else ""
-        lines.append(f"    - {{pid: {pid}, on_device: {device}{kind}}}")
+        of = f", kind: {name}" if name else ""
+        lines.append(f"    - {{pid: {pid}, on_device: {device}{of}}}")
     return load_configuration(Source(NO_FILE, _DEFAULT.format(agents="\n".join(lines))))
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from argparse import ArgumentTypeError
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from koord.cli.arguments import Fleet
 from koord.semantics.configurations import System, dealt
@@ -13,13 +16,17 @@ from koord.syntax.costs import excesses
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import whole_file
 
+if TYPE_CHECKING:
+    from koord.runtime.configuration.model import Configuration
 
-def system_of(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
-    """The program with its robots.
+
+def system_of(program: core.Program, fleet: Fleet, delta_s: Fraction | None) -> System:
+    """The program with its robots; without a δ, with that which it states, or the usual one.
 
     Raises ArgumentTypeError for kinds it does not have, and KoordError where it is too much for so
     many robots.
     """
+    delta_s = program.instance.used_delta_s if delta_s is None else delta_s
     system = _robots(program, fleet, delta_s)
     found = excesses(program, system.kinds)
     if found:
@@ -28,6 +35,8 @@ def system_of(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
 
 
 def _robots(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
+    if fleet.as_stated and program.instance.kinds:
+        return System(program, program.instance.kinds, delta_s)
     if not fleet.kinds:
         least = len(program.agents) if fleet.any_number else 1
         return dealt(program, max(fleet.total, least), delta_s)
@@ -41,6 +50,43 @@ def _robots(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
             raise ArgumentTypeError(f"--robots: there is no agent {name} here; {known}")
         kinds += [names.index(name)] * count
     return System(program, tuple(kinds), delta_s)
+
+
+def suited(
+    configuration: Configuration, program: core.Program, delta_s: Fraction | None
+) -> Configuration:
+    """The configuration with δ: as the flag says, or it does itself, or the program states it."""
+    if delta_s is not None:
+        return replace(configuration, delta_s=float(delta_s))
+    if configuration.delta_s is None:
+        return replace(configuration, delta_s=float(program.instance.used_delta_s))
+    return configuration
+
+
+def unlike(
+    configuration: Configuration, program: core.Program, kinds: Sequence[int] | None
+) -> tuple[Diagnostic, ...]:
+    """Warnings where a configuration is another instance than the program is meant for. It wins.
+
+    ``kinds`` are those of its robots, or None where a flag says how many there are.
+    """
+    meant, found = program.instance, []
+    if meant.kinds and kinds is not None and Counter(meant.kinds) != Counter(kinds):
+        here = System(program, tuple(kinds)).fleet
+        found.append((("agents",), System(program, meant.kinds).fleet, f"here are {here}"))
+    delta_s = configuration.delta_s
+    if meant.delta_s is not None and delta_s is not None and float(meant.delta_s) != delta_s:
+        found.append((("delta",), f"δ = {float(meant.delta_s):g} s", f"it is {delta_s:g} s here"))
+    return tuple(
+        Diagnostic(
+            "K936",
+            Severity.WARNING,
+            configuration.place(*path),
+            f"the program is meant for {wanted}; {other}",
+            "what was verified for the one need not hold of the other",
+        )
+        for path, wanted, other in found
+    )
 
 
 def kinds_by_role(

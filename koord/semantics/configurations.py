@@ -129,7 +129,7 @@ class System:
 
     program: core.Program
     kinds: tuple[int, ...]
-    delta_s: Fraction = Fraction(1, 10)
+    delta_s: Fraction = core.USUAL_DELTA_S
     crowd: Crowd[Any] | None = None
     patience: Patience = field(default=ENDLESS, compare=False, repr=False)
 
@@ -145,18 +145,20 @@ class System:
 
     @property
     def fleet(self) -> str:
-        """The robots in words, by kind: ``3 robots``, ``2 Car, 1 Drone``."""
+        """The robots in words, by kind: ``3 robots``, ``3 robots (2 Car, 1 Drone)``."""
         agents = self.program.agents
+        together = f"{self.robots} robot{'' if self.robots == 1 else 's'}"
         if len(agents) == 1:
-            return f"{self.robots} robot{'' if self.robots == 1 else 's'}"
-        return ", ".join(f"{self.kinds.count(k)} {a.name}" for k, a in enumerate(agents))
+            return together
+        each = ", ".join(f"{self.kinds.count(k)} {a.name}" for k, a in enumerate(agents))
+        return f"{together} ({each})"
 
     def agent(self, robot: int) -> core.Agent:
         """The kind of one robot."""
         return self.program.agents[self.kinds[robot]]
 
 
-def dealt(program: core.Program, robots: int, delta_s: Fraction = Fraction(1, 10)) -> System:
+def dealt(program: core.Program, robots: int, delta_s: Fraction = core.USUAL_DELTA_S) -> System:
     """A system of that many robots, of the kinds in order of declaration, round-robin."""
     kinds = tuple(i % len(program.agents) for i in range(robots))
     return System(program, kinds, delta_s)

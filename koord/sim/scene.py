@@ -29,6 +29,7 @@ from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import Placed
 from koord.sim.kinds import Kind, Level
 from koord.sim.lidar import Lidar
+from koord.syntax.core import USUAL_DELTA_S
 from koord.syntax.diagnostics import Diagnostic, KoordError
 from koord.syntax.elaborate.settings import ParamValue
 
@@ -121,7 +122,7 @@ def scene(
         scanners,
         clearance,
         slack if slack is not None else POINT_SLACK_M if ideal else SLACK_M,
-        configuration.delta_s,
+        float(USUAL_DELTA_S) if configuration.delta_s is None else configuration.delta_s,
         seed,
     )
 

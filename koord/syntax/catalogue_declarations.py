@@ -1,4 +1,4 @@
-"""The stories of K232 to K246: declarations of programs, modules, functions, params."""
+"""The stories of K232 to K250: declarations of programs, modules, functions, params."""
 
 from __future__ import annotations
 
@@ -275,6 +275,34 @@ ENTRIES: dict[str, Entry] = {
             Finish:
               pre: allAssigned(list)
               eff: stop
+            """,
+        ),
+        error(
+            "K250",
+            "what a program is meant for is stated wrongly",
+            """`param int numAgents = 4` states how many robots a program is meant for, and `param
+            float delta = 40` how many seconds a round of them takes: what holds without
+            `--robots` and `--delta`. Kinds of robot state the number in their `agent` blocks, each
+            its own. There are 1 to 10,000 robots, and a round is longer than 0 seconds.""",
+            """
+            agent Car:
+              param int numAgents = 2
+              Drive:
+                eff: stop
+            agent Drone:
+              Fly:
+                eff: stop
+            """,
+            """
+            param float delta = 0.5
+            agent Car:
+              param int numAgents = 2
+              Drive:
+                eff: stop
+            agent Drone:
+              param int numAgents = 1
+              Fly:
+                eff: stop
             """,
         ),
     )

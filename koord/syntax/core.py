@@ -655,6 +655,31 @@ class LockClass:
     variables: tuple[str, ...]  #: the allwrite variables its blocks write
 
 
+#: So many robots one run has at most.
+MOST_ROBOTS = 10_000
+
+#: Robots, and the length of a round in seconds, where neither a program nor anybody else says them.
+USUAL_ROBOTS = 3
+USUAL_DELTA_S = Fraction(1, 10)
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """The instance that a program is meant for, as far as its text says: ``kinds[i]`` is robot i's
+    position in ``Program.agents``, and there are none if the text says nothing of robots.
+
+    It is no part of what a program means: whoever runs or verifies one chooses the instance.
+    """
+
+    kinds: tuple[int, ...] = ()
+    delta_s: Fraction | None = None
+
+    @property
+    def used_delta_s(self) -> Fraction:
+        """The length of a round, if nobody says otherwise."""
+        return USUAL_DELTA_S if self.delta_s is None else self.delta_s
+
+
 @dataclass(frozen=True, slots=True)
 class Program(Node):
     """A whole program.
@@ -675,6 +700,7 @@ class Program(Node):
     properties: tuple[Property, ...]
     parameters: tuple[tuple[str, object], ...] = ()
     expectations: tuple[Property, ...] = ()
+    instance: Instance = Instance()
 
     def function(self, name: str) -> Function:
         return next(f for f in self.functions if f.name == name)

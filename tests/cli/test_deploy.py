@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from pathlib import Path
 
 import pytest
 
+from koord.cli import deploy
+from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.main import main
 
@@ -193,3 +196,31 @@ def test_a_run_in_which_all_robots_stop_is_done(
     program.write_text("Stop:\n    pre: true\n    eff: stop\n", encoding="utf-8")
     assert main(["deploy", str(program), three, "--all-local", "--rounds", "500"]) == Exit.OK
     assert "all robots have stopped" in capsys.readouterr().out
+
+
+def test_rounds_are_as_long_as_the_program_states_if_the_configuration_does_not_say(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program, config = tmp_path / "p.krd", tmp_path / "c.yaml"
+    text = "param int numAgents = 3\nparam float delta = 0.03\nGo:\n    eff: stop\n"
+    program.write_text(text, encoding="utf-8")
+    config.write_text("num_robots: 2\n", encoding="utf-8")
+    words = ["deploy", str(program), str(config), "--all-local", "--rounds", "2", "--json"]
+    assert main(words) == Exit.OK
+    _, err = capsys.readouterr()
+    assert "K936: the program is meant for 3 robots; here are 2 robots" in err
+    assert "δ" not in err
+    arguments = argparse.Namespace(
+        file=str(program),
+        config=str(config),
+        settings=[],
+        properties=[],
+        delta=None,
+        run=None,
+        all_local=True,
+        as_fast_as_possible=False,
+        rounds=2,
+    )
+    job = deploy._job(arguments, Report())
+    assert job is not None
+    assert (job.delta_s, job.pace_s) == (0.03, 0.03)

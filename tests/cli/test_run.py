@@ -232,7 +232,7 @@ def test_kinds_of_robots(koord: Koord) -> None:
     """[CONFIG]"""
     code, out = koord("run", "kinds.krd", "--robots", "Car=1,Drone=2", "--rounds", "1")
     assert code == Exit.OK
-    assert out.startswith("kinds.krd: 1 Car, 2 Drone, δ = 0.1 s")
+    assert out.startswith("kinds.krd: 3 robots (1 Car, 2 Drone), δ = 0.1 s")
     assert "  0 Car    Drive  fuel: 2 → 1\n" in out
     assert "  2 Drone  Climb  height: 0 → 1\n" in out
     code, _ = koord("run", "kinds.krd", "--robots", "Boat=1")
@@ -409,3 +409,32 @@ def test_the_end_of_the_input_ends_the_run(koord: Koord, typed: str) -> None:
 def test_hand_and_json_do_not_go_together(koord: Koord) -> None:
     assert koord("run", "sum.krd", "--interactive", "--json")[0] == Exit.BAD_INPUT
     assert "--interactive and --json do not go together" in koord.err
+
+
+# --- the instance that a program states -----------------------------------------------------------
+
+MEANT = """\
+param float delta = 0.5
+agent Car:
+  param int numAgents = 2
+  Drive:
+    eff: stop
+agent Drone:
+  param int numAgents = 1
+  Fly:
+    eff: stop
+"""
+
+
+def test_what_a_program_states_counts_where_no_flag_does(koord: Koord, write: Path) -> None:
+    (write / "meant.krd").write_text(MEANT, encoding="utf-8")
+    for words, said in (
+        ((), "3 robots (2 Car, 1 Drone), δ = 0.5 s"),
+        (("--robots", "3"), "3 robots (2 Car, 1 Drone), δ = 0.5 s"),
+        (("--robots", "4", "--delta", "3"), "4 robots (2 Car, 2 Drone), δ = 3 s"),
+        (("--robots", "Car=0,Drone=1"), "1 robot (0 Car, 1 Drone), δ = 0.5 s"),
+    ):
+        assert koord("run", "meant.krd", *words)[1].startswith(f"meant.krd: {said}")
+    assert "  0 Car " in koord("run", "meant.krd")[1]
+    assert "  1 Car " in koord("run", "meant.krd")[1]
+    assert "  1 Drone " in koord("run", "meant.krd", "--robots", "3")[1]  # dealt in turn

@@ -288,13 +288,14 @@ def test_programs_without_vehicles_begin_as_they_assume(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     trace = str(tmp_path / "trace.json")
-    code, run = simulated(capsys, example("hvac.krd"), "--time", "20", "--trace", trace)
+    quick = ("--robots", "3", "--delta", "0.1", "--time", "20")
+    code, run = simulated(capsys, example("hvac.krd"), *quick, "--trace", trace)
     assert (code, run["ending"], run["by_chance"]) == (Exit.OK, "limit", [])
     assert run["claims"]["invariant Comfort"] > 0
     assert main(["replay", trace]) == Exit.OK
     capsys.readouterr()
     # Of rounds that are too long it says itself that a room gets too warm.
-    slow = ("--delta", "125", "--time", "1000")
+    slow = ("--robots", "3", "--delta", "125", "--time", "1000")
     code, run = simulated(capsys, example("hvac.krd"), *slow)
     assert code == Exit.VIOLATED
     assert run["broken"][0]["claim"] == "invariant Comfort"
@@ -377,3 +378,55 @@ def test_flags_that_do_not_go_together_are_refused(
 ) -> None:
     assert main(["sim", example("task.krd"), *flags]) == Exit.BAD_INPUT
     assert story in capsys.readouterr().err
+
+
+# --- the instance that a program states -----------------------------------------------------------
+
+STATED = """\
+param int numAgents = 2
+param float delta = 0.5
+local:
+    int n = 0
+Count:
+    pre: n < 3
+    eff: n = n + 1
+"""
+
+
+def stated(tmp_path: Path, configuration: str | None = None) -> list[str]:
+    program = tmp_path / "stated.krd"
+    program.write_text(STATED, encoding="utf-8")
+    if configuration is not None:
+        program.with_suffix(".yaml").write_text(configuration, encoding="utf-8")
+    return ["sim", str(program), "--rounds", "2", "--no-html"]
+
+
+def test_what_a_program_states_is_simulated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(stated(tmp_path)) == Exit.OK
+    out, err = capsys.readouterr()
+    assert "2 robots (1 car, 1 drone), δ = 0.5 s" in out
+    assert err == ""
+
+
+def test_a_configuration_wins_over_what_a_program_states_and_that_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    device = "device: {bot_type: IDEAL, planner: STRAIGHT}\n"
+    assert main(stated(tmp_path, f"num_robots: 3\ndelta: 0.1\n{device}")) == Exit.OK
+    out, err = capsys.readouterr()
+    assert "3 robots" in out
+    assert "δ = 0.1 s" in out
+    assert "K936: the program is meant for 2 robots; here are 3 robots" in err
+    assert "stated.yaml:2:8: warning K936: the program is meant for δ = 0.5 s; it is 0.1 s" in err
+    # flags are wished for, and what is not said is no difference
+    assert main([*stated(tmp_path), "--robots", "4", "--delta", "0.2"]) == Exit.OK
+    out, err = capsys.readouterr()
+    assert "4 robots" in out
+    assert "δ = 0.2 s" in out
+    assert err == ""
+    assert main(stated(tmp_path, f"num_robots: 2\n{device}")) == Exit.OK
+    out, err = capsys.readouterr()
+    assert "δ = 0.5 s" in out
+    assert err == ""

@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator
 
 from koord.cli import asking, requests, run, verified, verify, watching
 from koord.cli import main as frame
-from koord.cli.arguments import Fleet
+from koord.cli.arguments import AS_STATED, Fleet
 from koord.cli.exits import Exit
 from koord.cli.inputs import LoadedProgram
 
@@ -94,7 +94,7 @@ def test_the_defaults_are_those_of_the_documentation(
     assert frame.main(["verify", program]) == Exit.OK
     (request,) = seen
     assert (request.fleets, request.rounds, request.engine) == (
-        (Fleet(3),),
+        (AS_STATED,),
         20,
         requests.Engine.AUTO,
     )

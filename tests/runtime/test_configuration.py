@@ -102,7 +102,7 @@ def test_the_paper_s_listing_is_three_equal_robots() -> None:
         ("127.0.0.1", DEFAULT_PORT + 1 + pid) for pid in range(3)
     ]
     assert configuration.talk.shared == DEFAULT_GROUP
-    assert configuration.delta_s == 0.1
+    assert configuration.delta_s is None
 
 
 def test_the_form_of_several_robots_names_a_device_for_each() -> None:

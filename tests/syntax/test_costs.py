@@ -8,7 +8,7 @@ from textwrap import dedent
 
 import pytest
 
-from koord.cli.arguments import MOST_ROBOTS, MOST_ROUNDS
+from koord.cli.arguments import MOST_ROUNDS
 from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT, LONGEST_NUMBER_BITS
 from koord.semantics.patience import ENDLESS, Patience
@@ -17,6 +17,7 @@ from koord.semantics.runs.lengths import MOST_LISTED
 from koord.semantics.turns import program_turn
 from koord.semantics.values import MOST_ROOM
 from koord.syntax import core
+from koord.syntax.core import MOST_ROBOTS
 from koord.syntax.costs import MOST_DEEP, MOST_PARTS, MOST_STEPS, excesses
 from koord.syntax.costs.limits import DEEPEST_TYPE, count
 from koord.syntax.costs.ranges import starting_lengths

@@ -224,7 +224,7 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     mutex_handler: str | None = None  #: of the published middleware; lock classes need none
     udp_bcast_ip: str | None = None
     udp_port: Port | None = None
-    delta: Positive = 0.1
+    delta: Positive | None = None  #: as the program states; else 0.1
     seed: Natural = 0
     positions: dict[int, Coordinates] = {}
     params: dict[Name, Any] = {}  #: values for the program's params

@@ -73,7 +73,7 @@ class Configuration:
     robots: tuple[RobotPlace, ...]
     talk: Talk
     world: World | None
-    delta_s: float
+    delta_s: float | None  #: None: as the program states
     seed: int
     leader: int
     params: Mapping[str, Any] = field(default_factory=dict)

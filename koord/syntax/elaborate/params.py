@@ -63,8 +63,19 @@ def param_value(session: Session, decl: ast.VarDecl) -> core.Expr | None:
             f"give it one here, or with `--set {decl.name.name}=…`",
         )
         return None
-    found = body.expr(decl.initial, type_)
-    found = fit(body, found, type_, decl.initial.span, f"`{decl.name.name}`")
+    return _initial(body, decl, decl.initial, type_)
+
+
+def declared_value(session: Session, decl: ast.VarDecl, initial: ast.Expr) -> core.Expr | None:
+    """The value that a declaration gives, whatever the settings say; None if it is wrong."""
+    body = Body(session, Where.CONSTANT, None, session.findings)
+    type_ = resolve(body, decl.type)
+    return None if type_ is None else _initial(body, decl, initial, type_)
+
+
+def _initial(body: Body, decl: ast.VarDecl, initial: ast.Expr, type_: Type) -> core.Expr | None:
+    found = body.expr(initial, type_)
+    found = fit(body, found, type_, initial.span, f"`{decl.name.name}`")
     return _constant(body, found, decl) if found is not None else None
 
 

@@ -14,6 +14,7 @@ from koord.syntax.elaborate import (
     events,
     function_order,
     functions,
+    instance,
     locks,
     modules,
     properties,
@@ -177,6 +178,7 @@ def _define(
         stated,
         session.parameters,
         expectations,
+        instance.instance(session, sections),
         span=program.span,
     )
 

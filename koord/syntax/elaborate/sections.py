@@ -11,6 +11,9 @@ from koord.syntax.elaborate.findings import Findings
 
 Stated = ast.Invariant | ast.Eventually | ast.LeadsTo
 
+#: The params that state the instance a program is meant for, and the flags that choose another.
+FLAGS = {"numAgents": "--robots", "Nsys": "--robots", "delta": "--delta"}
+
 
 @dataclass(slots=True)
 class Kind:
@@ -25,6 +28,7 @@ class Kind:
     assumptions: list[ast.Assume] = field(default_factory=list)
     expectations: list[ast.LeadsTo] = field(default_factory=list)
     properties: list[Stated] = field(default_factory=list)
+    of_run: list[ast.VarDecl] = field(default_factory=list)  #: params that state the instance
 
 
 @dataclass(slots=True)
@@ -59,6 +63,7 @@ class Sections:
             or common.assumptions
             or common.expectations
             or common.properties
+            or common.of_run
         )
 
     @property
@@ -87,6 +92,8 @@ def _place(section: ast.Section, into: Sections, kind: Kind, findings: Findings)
             into.allread.extend(decls)
         case ast.VarSection(kind=ast.VarKind.ALLWRITE, decls=decls):
             into.allwrite.extend(decls)
+        case ast.ParamDecl(decl=decl) if decl.name.name in FLAGS:
+            kind.of_run.append(decl)
         case ast.ParamDecl(decl=decl):
             into.params.append(decl)
         case ast.RecordDef():

@@ -10,6 +10,7 @@ from koord.syntax.diagnostics import Note
 from koord.syntax.elaborate.body import Body, Where
 from koord.syntax.elaborate.params import param_value
 from koord.syntax.elaborate.resolve_types import resolve
+from koord.syntax.elaborate.sections import FLAGS
 from koord.syntax.elaborate.session import Session
 from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import (
@@ -108,7 +109,14 @@ def declare_params(session: Session, decls: list[ast.VarDecl]) -> tuple[tuple[st
         if value is not None:
             used.append((decl.name.name, plain(value)))
     for name in session.settings.params:
-        if not isinstance(session.shared.get(name), ParamSymbol) and not session.partial:
+        if name in FLAGS:
+            session.findings.error(
+                "K236",
+                whole_file("--set"),
+                f"`{name}` is of the run, and no `param` of the program",
+                f"say it with `{FLAGS[name]}`",
+            )
+        elif not isinstance(session.shared.get(name), ParamSymbol) and not session.partial:
             known = [decl.name.name for decl in decls]
             hint = did_you_mean(name, known) or f"declare it: `param int {name} = …`"
             session.findings.error(
