@@ -41,7 +41,7 @@ def advanced(body: str, level: str, steering: str, count: int, seconds: float) -
     from koord.runtime.motion.automaton import State
     from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
     from koord.runtime.motion.driving import Steering
-    from koord.runtime.motion.planning import PlannerName
+    from koord.runtime.motion.names import PlannerName
     from koord.runtime.motion.world import World
     from koord.sim.fleet import Fleet, Placed
     from koord.sim.kinds import Kind, Level
@@ -76,7 +76,8 @@ def planned(name: str, count: int) -> dict[str, Any]:
 
     from koord.runtime.motion.bodies import Car, Drone
     from koord.runtime.motion.field import field
-    from koord.runtime.motion.planning import PlannerName, Pose, planner
+    from koord.runtime.motion.names import PlannerName
+    from koord.runtime.motion.planning import Pose, planner
     from koord.runtime.motion.world import Box, Disc, Polygon, World
 
     obstacles = (

@@ -27,7 +27,7 @@ from koord.cli.simulating import Asked
 from koord.cli.sweeps import check_drawable, keep_figure
 from koord.cli.terminal import Paint, style_of, visible
 from koord.runtime.motion.libraries import require
-from koord.sim.running import Ending, run
+from koord.sim.running import Ending, run, still_words
 from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
 from koord.syntax.elaborate.settings import ParamValue
 
@@ -75,6 +75,7 @@ class Row:
     blocked: int
     messages: int
     broken: int
+    stuck: int  #: robots that stand still at the end and should go
     digest: str
     wall_s: float
 
@@ -120,7 +121,9 @@ def campaign(arguments: argparse.Namespace, asked: Asked, first_seed: int) -> in
             print(text)
     if interruption.requested:
         return Exit.INTERRUPTED
-    return Exit.VIOLATED if any(_is_bad(row) for row in rows) else Exit.OK
+    if any(_is_bad(row) for row in rows):
+        return Exit.VIOLATED
+    return Exit.STUCK if any(row.stuck for row in rows) else Exit.OK
 
 
 # --- runs -----------------------------------------------------------------------------------------
@@ -270,6 +273,7 @@ def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
         sum(robot.blocked for robot in robots),
         figures.messages,
         len(simulation.broken),
+        len(simulation.standing),
         figures.digest,
         wall_s,
     )
@@ -341,6 +345,11 @@ def _table(program: str, name: str, rows: Sequence[Row]) -> Iterator[str]:
     for line in lines:
         yield "  " + "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
     bad = [row for row in rows if _is_bad(row)]
+    for row in [row for row in rows if row.stuck][:10]:
+        yield (
+            f"{style.paint('stuck', Paint.ERROR)}: {row.robots} robots, seed {row.seed}: "
+            f"{still_words(row.stuck)}"
+        )
     for row in bad[:10]:
         what = f"{row.broken} claims broken" if row.broken else row.ending
         yield f"{style.paint('broken', Paint.ERROR)}: {row.robots} robots, seed {row.seed}: {what}"

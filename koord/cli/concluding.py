@@ -60,4 +60,6 @@ def _code(simulation: Simulation) -> Exit:
     if simulation.ending is Ending.INTERRUPTED:
         return Exit.INTERRUPTED
     broken = bool(simulation.broken) or simulation.fault is not None
-    return Exit.VIOLATED if broken else Exit.OK
+    if broken:
+        return Exit.VIOLATED
+    return Exit.STUCK if simulation.standing else Exit.OK

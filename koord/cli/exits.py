@@ -14,6 +14,7 @@ class Exit(IntEnum):
     BAD_INPUT = 2  #: a mistake in a program, a file or a flag
     UNKNOWN = 3  #: no verdict within the limits
     VACUOUS = 4  #: every property holds, but says less than it seems to
+    STUCK = 5  #: a robot of a simulated run stands still that is to go somewhere
     INTERNAL = 70  #: a mistake in koord itself (EX_SOFTWARE of sysexits.h)
     INTERRUPTED = 130  #: stopped with Ctrl-C
     PIPE_CLOSED = 141  #: the reader of the output went away
@@ -23,6 +24,7 @@ _GRAVITY = (
     Exit.INTERRUPTED,
     Exit.BAD_INPUT,
     Exit.VIOLATED,
+    Exit.STUCK,
     Exit.UNKNOWN,
     Exit.VACUOUS,
     Exit.OK,

@@ -33,6 +33,7 @@ exit codes:
   2    a mistake in the input: a program, a file or a flag
   3    unknown: no verdict within the limits given
   4    vacuous: what was asked for holds, but says less than it seems to
+  5    stuck: a robot of a simulated run stands still that is to go somewhere
   70   a mistake in koord itself
   130  interrupted with Ctrl-C
 

@@ -60,7 +60,7 @@ def simulate(arguments: argparse.Namespace, job: Job, tracing: Tracing | None) -
         unhurried_s=_UNHURRIED_S,
     )
     if not arguments.json:
-        print(f"{heading(job)}, {len(job.kinds)} processes")
+        print(f"{heading(job)}\n{len(job.kinds)} processes")
     began = time.perf_counter()
     late = _Late()
     try:

@@ -103,7 +103,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_json(parser, "what the run came to")
     parser.epilog = (
         "exit codes: 0 done, 1 something was broken, or a fault ended the run, "
-        "2 errors in the input, 130 stopped with Ctrl-C"
+        "2 errors in the input, 5 a robot stands still that is to go somewhere, "
+        "130 stopped with Ctrl-C"
     )
 
 
@@ -209,7 +210,7 @@ def _run(
 
     from koord.cli.concluding import concluded
     from koord.cli.progress import Interruption, LiveLine
-    from koord.cli.simulated import heading, progress
+    from koord.cli.simulated import Noticed, heading, progress
     from koord.sim.running import Ending, run
 
     limit_s = job.limit_s(arguments.rounds, arguments.time)
@@ -225,11 +226,13 @@ def _run(
         Interruption() as interruption,
         LiveLine(sys.stderr) as line,
     ):
+        told = Noticed(line)
         for decision in run(simulation, limit_s):
             line.show(progress(simulation))
             pace(simulation.time_s)
             if tracing is not None:
                 tracing.round(decision, simulation)
+            told.tell(simulation)
             if interruption.requested:
                 simulation.end(Ending.INTERRUPTED)
     wall_s = time.perf_counter() - began

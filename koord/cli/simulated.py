@@ -13,10 +13,15 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from koord.cli.progress import LiveLine
 from koord.cli.simulating import NO_FILE, Job
 from koord.cli.terminal import Paint, style_of, visible
+from koord.runtime.motion.planning import Hindrance
+from koord.runtime.motion.world import World
+from koord.sim.bounds import moves
 from koord.sim.measuring import Figures
-from koord.sim.running import Broken, Ending, Simulation
+from koord.sim.running import Broken, Ending, Simulation, still_words
+from koord.sim.standing import Standing
 
 #: More robots, tasks and broken claims than this are summed up in a line.
 _MOST_ROWS = 24
@@ -33,7 +38,11 @@ def heading(job: Job) -> str:
     robots = f"{count} robot{'' if count == 1 else 's'} ({who})"
     program = visible(job.loaded.source.name)
     chance = f", by chance: {', '.join(map(visible, job.by_chance))}" if job.by_chance else ""
-    return f"{program}{with_}: {robots}, δ = {scene.delta_s:g} s, seed {scene.seed}{chance}"
+    told = f"{program}{with_}: {robots}, δ = {scene.delta_s:g} s, seed {scene.seed}{chance}"
+    is_given = job.configuration.bounded and name != NO_FILE
+    if is_given or not moves(job.loaded.program):
+        return told
+    return f"{told}\nno bounds are given: the world reaches {bounds_words(scene.world)}"
 
 
 # --- the report -----------------------------------------------------------------------------------
@@ -109,6 +118,7 @@ def conclusion(job: Job, simulation: Simulation) -> Iterator[str]:
         yield f"{style.paint('broken', Paint.ERROR)}: {visible(_told(broken))}"
     if len(simulation.broken) > _MOST_ROWS:
         yield f"  and {len(simulation.broken) - _MOST_ROWS} more"
+    yield from _standing(job, simulation)
     assert simulation.ending is not None
     match simulation.ending:
         case Ending.FAULT:
@@ -123,8 +133,47 @@ def conclusion(job: Job, simulation: Simulation) -> Iterator[str]:
         case ending if simulation.broken:
             count = len(simulation.broken)
             yield f"{ending.value}; {count} claim{'' if count == 1 else 's'} broken"
+        case ending if simulation.standing:
+            yield f"{ending.value}; {still_words(len(simulation.standing))}"
         case ending:
             yield f"{style.paint('done', Paint.ADDED)}: {ending.value}"
+
+
+def _standing(job: Job, simulation: Simulation) -> Iterator[str]:
+    """The robots that stand still, and what can be done."""
+    style = style_of(sys.stdout)
+    for one in simulation.standing[:_MOST_ROWS]:
+        yield f"{style.paint('stuck', Paint.ERROR)}: {standing_words(one)}"
+    if len(simulation.standing) > _MOST_ROWS:
+        yield f"  and {len(simulation.standing) - _MOST_ROWS} more"
+    if any(one.hindrance is Hindrance.OUTSIDE for one in simulation.standing):
+        where = bounds_words(job.scene.world)
+        yield f"  the world reaches {where}: `world: {{bounds: …}}` in a configuration says how far"
+
+
+def bounds_words(world: World) -> str:
+    """From where to where a world reaches."""
+    low, high = (f"({', '.join(f'{c:g}' for c in corner)})" for corner in (world.low, world.high))
+    return f"from {low} to {high}"
+
+
+def standing_words(one: Standing) -> str:
+    """Who stands still, since when, and why."""
+    return f"robot {one.robot} stands still since {one.since_s:.1f} s: {one.words}"
+
+
+class Noticed:
+    """Tells on standard error which robots stand still, as it is seen."""
+
+    def __init__(self, line: LiveLine) -> None:
+        self._line, self._count = line, 0
+
+    def tell(self, simulation: Simulation) -> None:
+        """Tell of those that are new."""
+        for one in simulation.noticed[self._count : _MOST_ROWS]:
+            self._line.clear()
+            print(standing_words(one), file=sys.stderr, flush=True)
+        self._count = len(simulation.noticed)
 
 
 def _told(broken: Broken) -> str:
@@ -162,10 +211,17 @@ def as_document(
         **asdict(figures),
         "devices": job.scene.names,
         "safety_m": job.scene.safety_m,
+        "bounds": {"low": job.scene.world.low, "high": job.scene.world.high}
+        | {"given": job.configuration.bounded and job.configuration.name != NO_FILE},
         "wall_s": wall_s,
         "claims": simulation.looked,
         "by_chance": job.by_chance,
         "broken": [asdict(broken) for broken in simulation.broken],
+        "standing": [
+            {"robot": one.robot, "since_s": one.since_s, "why": one.hindrance.name.lower()}
+            | {"words": one.words}
+            for one in simulation.standing
+        ],
         "fault": None
         if simulation.fault is None
         else asdict(simulation.fault.fault)

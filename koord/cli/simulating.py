@@ -19,6 +19,8 @@ from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Sort, Watched, watched
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import Configuration, Scatter
+from koord.runtime.motion.world import World
+from koord.sim.bounds import moves, places_of, widened
 from koord.sim.claims import Checked, Watching
 from koord.sim.hosting import ANSWERED, SENSED, plain_name
 from koord.sim.running import Cast, Simulation
@@ -208,26 +210,25 @@ class Asked:
         Raises KoordError.
         """
         before = report.errors
-        program = self._elaborated(report, Settings(self.params))
+        chosen = dict(self.params)
+        if self.configuration is not None:
+            chosen = {**params(self.configuration), **chosen}
+        program = self._elaborated(report, Settings(chosen))
         if program is None:
             return None
-        chosen = dict(self.params)
-        if self.configuration is None:
-            configuration = _default(program, robots)
-        else:
-            configuration = self.configuration
-            chosen = {**params(configuration), **chosen}
+        configuration = self.configuration or _default(program, robots)
         configuration = _with_tasks(configuration, program, sized="tasks" in chosen)
         configuration = suited(configuration, program, self.delta_s)
-        made = scene(configuration, seed, robots)
+        places = tuple(places_of(program)) if moves(program) else None
+        made = scene(configuration, seed, robots, places)
         kinds, problems = kinds_by_role(program, made.roles, configuration.name)
         report.add(problems)
         if self.configuration is not None and self.delta_s is None and not problems:
             report.add(unlike(configuration, program, kinds if robots is None else None))
         tasks = made.world.tasks
         chosen |= self._sizes(program, chosen, len(tasks))
-        places = tuple((Fraction(x), Fraction(y), Fraction(z)) for x, y, z in tasks)
-        reading = Reading(Settings(chosen, places or None), self.properties)
+        given = tuple((Fraction(x), Fraction(y), Fraction(z)) for x, y, z in tasks)
+        reading = Reading(Settings(chosen, given or None), self.properties)
         program = self._elaborated(report, reading.settings)
         if program is None or report.errors > before:
             return None
@@ -307,7 +308,8 @@ def _default(program: core.Program, robots: int | None) -> Configuration:
             device = "car" if "car" in name.lower() else "drone"
         of = f", kind: {name}" if name else ""
         lines.append(f"    - {{pid: {pid}, on_device: {device}{of}}}")
-    return load_configuration(Source(NO_FILE, _DEFAULT.format(agents="\n".join(lines))))
+    made = load_configuration(Source(NO_FILE, _DEFAULT.format(agents="\n".join(lines))))
+    return replace(made, world=widened(World(), tuple(places_of(program))), bounded=True)
 
 
 def _with_tasks(

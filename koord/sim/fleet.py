@@ -18,7 +18,8 @@ from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.automaton import State
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.geometry import as_path
-from koord.runtime.motion.planning import PlannerName
+from koord.runtime.motion.names import PlannerName
+from koord.runtime.motion.planning import Plight
 from koord.runtime.motion.world import Point, World
 from koord.sim.ground import Ground
 from koord.sim.kinds import Kind
@@ -48,6 +49,7 @@ class Sensed(NamedTuple):
     reached: bool
     planner: PlannerName
     state: State
+    plight: Plight | None = None  #: why it cannot do what it was told last
 
 
 class Fleet:
@@ -153,6 +155,7 @@ class Fleet:
                 automata.reached.tolist(),
                 repeat(planner),
                 map(_STATES.__getitem__, automata.state.tolist()),
+                map(members.group.plights.get, range(len(numbers))),
             )
             for number, sensed in zip(numbers.tolist(), map(Sensed._make, rows), strict=True):
                 found[number] = sensed

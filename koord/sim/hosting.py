@@ -34,12 +34,16 @@ from koord.sim.fleet import Fleet, Sensed
 from koord.sim.lidar import Scanner
 
 #: Actuators that send a robot somewhere; the last that changed counts.
-_GOALS = ("route", "path", "target", "waypoint", "goal")
+GOALS = frozenset({"route", "path", "target", "waypoint", "goal"})
+
+#: What programs ask for ways.
+WAYS = frozenset({"findPath", "getPathFromTask"})
 
 #: The functions that the simulated world answers.
 ANSWERED = frozenset(
     {
-        *("sqrt", "findPath", "getPathFromTask", "pathsClear", "onPath", "apart", "willCollide"),
+        *WAYS,
+        *("sqrt", "pathsClear", "onPath", "apart", "willCollide"),
         *("scanToMap", "pickFrontierPos", "findObs", "world"),
     }
 )
@@ -225,7 +229,7 @@ def plain_name(function: str) -> str:
 def _goals(one: type[Robot]) -> Iterator[tuple[str, Shape]]:
     """The actuators of a robot that send it somewhere."""
     for name, shape in one.PORTS.items():
-        if name.rpartition("_")[2] in _GOALS and name not in one.SENSORS:
+        if name.rpartition("_")[2] in GOALS and name not in one.SENSORS:
             yield name, shape
 
 

@@ -8,7 +8,8 @@ from enum import Enum
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.driving import Steering
-from koord.runtime.motion.planning import Effort, PlannerName
+from koord.runtime.motion.names import PlannerName
+from koord.runtime.motion.planning import Effort
 from koord.sim.disturbances import Disturbances
 
 

@@ -58,6 +58,7 @@ class Cursor:
     paths: int = 0
     tasks: int = 0
     violations: int = 0
+    still: int = 0
     ended: bool = False
 
 
@@ -70,6 +71,7 @@ def cursor_of(recording: Recording) -> Cursor:
         len(recording.paths),
         len(recording.tasks),
         len(recording.violations),
+        len(recording.still),
         ended,
     )
 
@@ -97,6 +99,10 @@ def pack(recording: Recording, since: Cursor, until: Cursor) -> bytes:
                 "place": _rounded(violation.place),
             }
             for violation in recording.violations[since.violations : until.violations]
+        ],
+        "still": [
+            [_ms(one.time_s), one.robot, _ms(one.since_s), one.words]
+            for one in recording.still[since.still : until.still]
         ],
         "ending": recording.ending if until.ended else None,
     }

@@ -201,6 +201,15 @@ class Violation:
     place: Point | None = None
 
 
+class Still(NamedTuple):
+    """A robot was seen to stand still although it is to go somewhere: since when, and why."""
+
+    time_s: float
+    robot: int
+    since_s: float
+    words: str
+
+
 @dataclass(slots=True)
 class Recording:
     """A run. Everything but the header grows at its end; nothing that stands in it changes."""
@@ -214,6 +223,7 @@ class Recording:
     paths: list[Planned] = field(default_factory=list)
     tasks: list[TaskChange] = field(default_factory=list)
     violations: list[Violation] = field(default_factory=list)
+    still: list[Still] = field(default_factory=list)
     ending: str | None = None  #: how the run ended, in words; None: it has not yet
 
     def stacked(self) -> Pose:
@@ -330,6 +340,10 @@ class Recorder:
     ) -> None:
         """A claim was broken by some robots at a place."""
         self.recording.violations.append(Violation(time_s, claim, words, tuple(robots), place))
+
+    def standing(self, time_s: float, robot: int, since_s: float, words: str) -> None:
+        """A robot stands still, and why."""
+        self.recording.still.append(Still(time_s, robot, since_s, words))
 
     def end(self, words: str) -> None:
         """How the run ended. Nothing comes after it."""

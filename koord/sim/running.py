@@ -28,6 +28,7 @@ from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_of, header_of
 from koord.sim.recording import Recorder, Recording
 from koord.sim.scene import Scene
+from koord.sim.standing import Standing, Watchman
 from koord.syntax.collector import uncollected
 
 #: A run in which nothing has changed for so long is over.
@@ -123,6 +124,8 @@ class Simulation:
         world: Host = self.host if supplied is None else supplied(self.host)
         self.claims_host = world  #: whom claims ask
         host = world if heard is None else heard(world)
+        self.watchman = Watchman(scene.world, [placed.kind.body for placed in scene.robots])
+        host = self.watchman.hear(host)
         self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, host)
         header = header_of(
             cast.name,
@@ -141,6 +144,8 @@ class Simulation:
         self.gauge = Gauge(self.fleet, self.engine, self.recorder, scene)
         self.ending: Ending | None = None
         self.broken: list[Broken] = []
+        self.noticed: list[Standing] = []  #: robots that were seen to stand still, as it was seen
+        self.standing: tuple[Standing, ...] = ()  #: those that stand still when the run has ended
         self._told: set[tuple[str, tuple[int, ...]]] = set()
         self._digest = Digest()
         self._before: tuple[Any, ...] | None = None
@@ -179,6 +184,7 @@ class Simulation:
             self.pass_time()
             engine.environment_turn()
             self.gauge.round(self.host.sensed)
+            self._watch_over()
             self._look(Moment.ROUND)
         self._conclude()
         return decision
@@ -196,7 +202,13 @@ class Simulation:
     def end(self, ending: Ending) -> None:
         """Nothing comes after this."""
         self.ending = ending
-        self.observer.end(ending.value)
+        if ending is not Ending.PLAYED:
+            self.standing = self.watchman.standing(self.engine.robots, _STILL_S)
+        for one in self.standing:
+            if one.robot not in {known.robot for known in self.noticed}:
+                self._notice(one)
+        more = f"; {still_words(len(self.standing))}" if self.standing else ""
+        self.observer.end(ending.value + more)
 
     def figures(self) -> Figures:
         """What the run came to."""
@@ -225,6 +237,17 @@ class Simulation:
                 self._break(broken)
 
     # --- inside ---------------------------------------------------------------------------------
+
+    def _watch_over(self) -> None:
+        ended_s = self.time_s
+        began_s = ended_s - self.scene.delta_s
+        robots = self.engine.robots
+        for one in self.watchman.round(began_s, ended_s, self.host.sensed, robots):
+            self._notice(one)
+
+    def _notice(self, one: Standing) -> None:
+        self.noticed.append(one)
+        self.recorder.standing(self.time_s, one.robot, one.since_s, one.words)
 
     def _look(self, moment: Moment) -> None:
         for claims in self.claims:
@@ -267,6 +290,11 @@ class Simulation:
         self._still = self._still + 1 if now == self._before else 0
         self._before = now
         return self._still * self.scene.delta_s >= _STILL_S
+
+
+def still_words(count: int) -> str:
+    """So many robots stand still."""
+    return f"{count} robot{' stands' if count == 1 else 's stand'} still that should go"
 
 
 def _held(robot: Robot) -> dict[str, Any]:

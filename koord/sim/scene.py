@@ -6,9 +6,8 @@ Every mistake is told with its place in the file. (K931)
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from fractions import Fraction
 from typing import Any, assert_never
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from koord.runtime.configuration.forms import BotType
 from koord.runtime.configuration.model import Configuration, RobotPlace, Vehicle
+from koord.runtime.configuration.planners import SUITABLE
 from koord.runtime.configuration.reading import problem
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
@@ -23,8 +23,9 @@ from koord.runtime.motion.checks import Part, start_complaints, world_complaints
 from koord.runtime.motion.clearance import Clearance, clearance_of
 from koord.runtime.motion.driving import Steering
 from koord.runtime.motion.field import field
-from koord.runtime.motion.planning import Effort, PlannerName
+from koord.runtime.motion.planning import Effort
 from koord.runtime.motion.world import Point, World
+from koord.sim.bounds import world_of
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import Placed
 from koord.sim.kinds import Kind, Level
@@ -51,12 +52,6 @@ _ROUNDING_M = 0.05
 #: Tasks and starts are at least so far from walls and obstacles.
 _FROM_WALLS_M = 0.7
 
-_PLANNERS = {
-    BotType.CAR: (PlannerName.RRT_CAR, PlannerName.RRT_STAR_CAR, PlannerName.STRAIGHT),
-    BotType.QUAD: (PlannerName.RRT_DRONE, PlannerName.RRT_STAR_DRONE, PlannerName.STRAIGHT),
-    BotType.IDEAL: (PlannerName.STRAIGHT, PlannerName.RRT_DRONE, PlannerName.RRT_STAR_DRONE),
-}
-
 
 @dataclass(frozen=True, slots=True)
 class Scene:
@@ -79,11 +74,15 @@ class Scene:
 
 
 def scene(
-    configuration: Configuration, seed: int | None = None, robots: int | None = None
+    configuration: Configuration,
+    seed: int | None = None,
+    robots: int | None = None,
+    landmarks: Sequence[Point] | None = None,
 ) -> Scene:
     """The scene of a configuration, with another seed or another number of robots.
 
-    Of more robots than the configuration has, those to come are like the first. Raises KoordError.
+    ``landmarks`` are the places that a program names, None if it moves nobody. Of more robots than
+    the configuration has, those to come are like the first. Raises KoordError.
     """
     seed = configuration.seed if seed is None else seed
     places = _as_many(configuration.robots, robots)
@@ -91,10 +90,12 @@ def scene(
     kinds: dict[Vehicle, Kind] = {}
     for place in places:
         if place.vehicle not in kinds:
-            kinds[place.vehicle] = _kind(configuration, place.vehicle, problems)
+            if landmarks is not None:
+                problems += _unplanned(configuration, place.vehicle)
+            kinds[place.vehicle] = _kind(place.vehicle)
     if problems:
         raise KoordError(tuple(problems))
-    world = configuration.world if configuration.world is not None else World()
+    world = world_of(configuration, landmarks)
     _refuse(configuration, world_complaints(world), places)
     bodies = [kinds[place.vehicle].body for place in places]
     clearance = clearance_of(bodies, TRACKING_M, world.ground)
@@ -163,8 +164,8 @@ def _as_many(robots: tuple[RobotPlace, ...], count: int | None) -> tuple[RobotPl
 # --- kinds of robots ------------------------------------------------------------------------------
 
 
-def _kind(configuration: Configuration, vehicle: Vehicle, problems: list[Diagnostic]) -> Kind:
-    form, planner = vehicle.simulation, _planner(configuration, vehicle, problems)
+def _kind(vehicle: Vehicle) -> Kind:
+    form, planner = vehicle.simulation, vehicle.planner or SUITABLE[vehicle.type][0]
     noise, wind, visit = form.noise, form.wind, form.visit
     return Kind(
         _body(vehicle),
@@ -200,30 +201,14 @@ def _body(vehicle: Vehicle) -> Body:
             assert_never(vehicle.type)
 
 
-def _planner(
-    configuration: Configuration, vehicle: Vehicle, problems: list[Diagnostic]
-) -> PlannerName:
-    suitable = _PLANNERS[vehicle.type]
-    known = ", ".join(name.value for name in suitable)
-    path = (*vehicle.path, "planner")
-    if vehicle.planner is None:
-        described = bool(vehicle.path) and vehicle.path[0] in ("device", "devices")
-        if described and vehicle.path in configuration.document.spans:
-            story = f"it is not said how {vehicle.name} plans its paths"
-            hint = f"write planner: {suitable[0].value}"
-            problems.append(problem(configuration.place(*vehicle.path), story, hint))
-        return suitable[0]
-    if vehicle.planner not in [name.value for name in PlannerName]:
-        near = get_close_matches(vehicle.planner, [name.value for name in suitable], n=1)
-        hint = f"did you mean {near[0]}?" if near else f"there are {known}"
-        story = f"there is no planner {vehicle.planner}"
-        problems.append(problem(configuration.place(*path), story, hint))
-        return suitable[0]
-    name = PlannerName(vehicle.planner)
-    if name not in suitable:
-        story = f"{name.value} is no planner for a {vehicle.type.value}"
-        problems.append(problem(configuration.place(*path), story, f"there are {known}"))
-    return name
+def _unplanned(configuration: Configuration, vehicle: Vehicle) -> Iterator[Diagnostic]:
+    """A device that is described, and of which it is not said how it plans its paths."""
+    path = vehicle.path
+    described = bool(path) and path[0] in ("device", "devices")
+    if vehicle.planner is None and described and path in configuration.document.spans:
+        story = f"it is not said how {vehicle.name} plans its paths"
+        hint = f"write planner: {SUITABLE[vehicle.type][0].value}"
+        yield problem(configuration.place(*path), story, hint)
 
 
 # --- where robots and tasks are -------------------------------------------------------------------

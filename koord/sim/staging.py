@@ -11,7 +11,7 @@ from koord.runtime.engine.schedules import Schedule
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Ideal
 from koord.runtime.motion.clearance import Clearance
-from koord.runtime.motion.planning import PlannerName
+from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Point, World
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host

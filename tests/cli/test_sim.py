@@ -182,6 +182,7 @@ def test_a_fault_ends_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 # --- mistakes -------------------------------------------------------------------------------------
 
 ONE = "num_robots: 1\n"
+ARENA = "world: {bounds: {low: [-4, -4, 0], high: [4, 4, 3]}}\n"
 
 
 @pytest.mark.parametrize(
@@ -196,7 +197,7 @@ ONE = "num_robots: 1\n"
             "RRT_D",
         ),
         ("agents:\n  - {pid: 0, on_device: cat}\ndevices:\n  car: {}", 2, "no device cat", "car"),
-        (ONE + "positions:\n  0: [9, 0]", 3, "outside of the world", None),
+        (ONE + "positions:\n  0: [9, 0]\n" + ARENA, 3, "outside of the world", None),
         ("num_robots: 2\npositions:\n  0: [0, 0]\n  1: [0.1, 0]", 4, "0.10 m from robot 0", None),
         (ONE + "positions:\n  0: [0, 0, 1]", 3, "starts on the ground", None),
         (
@@ -207,19 +208,33 @@ ONE = "num_robots: 1\n"
             None,
         ),
         (
-            ONE
-            + "world:\n  obstacles:\n    - polygon: {corners: [[0, 0], [1, 1], [1, 0], [0, 1]]}",
-            4,
+            ONE + "positions: {0: [2, 2]}\nworld:\n  obstacles:\n"
+            "    - polygon: {corners: [[0, 0], [1, 1], [1, 0], [0, 1]]}",
+            5,
             "no polygon",
             None,
         ),
-        (ONE + "world:\n  start: {low: [0, 0], high: [9, 0]}", 3, "no part of the world", None),
+        (ONE + "world:\n  start: {low: [0, 0], high: [-9, 0]}", 3, "no part of the world", None),
+        (
+            ONE + "world:\n  bounds: {low: [-4, -4], high: [4, 4]}\n"
+            "  start: {low: [0, 0], high: [9, 0]}",
+            4,
+            "no part of the world",
+            None,
+        ),
+        (ONE + "world: {scattered: 3}", 2, "how large the world is, nor where robot 0", "bounds"),
+        (
+            ONE + "device:\n  waypoint_topic: {topic: a, type: Pose}",
+            3,
+            "of type PoseStamped",
+            "PoseStamped",
+        ),
         ("num_robots: 90\nworld:\n  start: {low: [0, 0], high: [1, 1]}", 3, "no room", "position"),
         ("a: &a {b: *a}", 1, "this contains itself", None),
         (ONE + "params:\n  tasks: {}", 3, "no value of a param", "number"),
         (ONE + "device: {planner: RRT_CAR, simulation: {level: fancy}}", 2, "'fancy'", "full"),
         (ONE + "params:\n  taks: 3", 0, "no `param` named `taks`", "tasks"),
-        ("agents:\n  - {pid: 0, kind: Boat}", 0, "kind Boat", "kinds are"),
+        ("agents:\n  - {pid: 0, kind: Boat}\n" + ARENA, 0, "kind Boat", "kinds are"),
     ],
 )
 def test_a_bad_configuration_is_told_with_its_line(
@@ -336,9 +351,10 @@ def test_sensors_of_no_vehicle_read_what_contracts_allow(
 def test_a_list_has_the_tasks_that_its_program_assumes(capsys: pytest.CaptureFixture[str]) -> None:
     code, run = simulated(capsys, example("task_as_printed.krd"), "--time", "1")
     assert len(run["tasks"]) == 20
-    # What the verifier says of the program as it is printed shows at once.
+    # What the verifier says of the program as it is printed shows at once: a car finds no way
+    # to the last of the tasks, and so it drops those that it took before.
     assert code == Exit.VIOLATED
-    assert run["broken"][0]["claim"] == "invariant EachIsVisited"
+    assert run["broken"][0]["claim"] == "invariant Moving"
 
 
 def test_a_level_without_its_library_is_refused_with_the_cure(
@@ -350,7 +366,7 @@ def test_a_level_without_its_library_is_refused_with_the_cure(
     config.write_text(
         "robot: {pid: 0, on_device: car}\n"
         "device: {bot_name: car, bot_type: CAR, planner: RRT_CAR, simulation: {level: mujoco}}\n"
-        "num_robots: 2\n"
+        "num_robots: 2\n" + ARENA
     )
     assert main(["sim", example("task.krd"), str(config), "--no-html"]) == Exit.BAD_INPUT
     err = capsys.readouterr().err

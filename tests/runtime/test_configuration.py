@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from koord.runtime.configuration.checking import DEFAULT_GROUP, DEFAULT_PORT, load
 from koord.runtime.configuration.forms import BotType, Carrier, json_schema
 from koord.runtime.configuration.model import Configuration
+from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Box, Disc, Polygon
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source
@@ -94,7 +95,8 @@ def test_the_paper_s_listing_is_three_equal_robots() -> None:
     configuration = loaded(LISTING)
     assert [robot.pid for robot in configuration.robots] == [0, 1, 2]
     (vehicle,) = {robot.vehicle for robot in configuration.robots}
-    assert (vehicle.name, vehicle.type, vehicle.planner) == ("hotdec_car", BotType.CAR, "RRT_CAR")
+    assert (vehicle.name, vehicle.type) == ("hotdec_car", BotType.CAR)
+    assert vehicle.planner is PlannerName.RRT_CAR
     assert vehicle.waypoint_topic is not None
     assert vehicle.waypoint_topic.topic == "waypoint"
     assert {robot.automaton for robot in configuration.robots} == {"MotTestCar"}
@@ -109,7 +111,8 @@ def test_the_form_of_several_robots_names_a_device_for_each() -> None:
     configuration = loaded(SEVERAL)
     car, drone = configuration.robots
     assert (car.vehicle.name, drone.vehicle.name) == ("car", "drone")
-    assert (car.vehicle.planner, drone.vehicle.planner) == ("RRT_STAR_CAR", "RRT_STAR_DRONE")
+    planners = [robot.vehicle.planner for robot in (car, drone)]
+    assert planners == [PlannerName.RRT_STAR_CAR, PlannerName.RRT_STAR_DRONE]
     assert drone.vehicle.positioning_topic == car.vehicle.positioning_topic is not None
     assert (car.address, drone.address) == (("127.0.1.0", 61820), ("127.0.1.1", 61820))
     assert configuration.talk.carrier is Carrier.BROADCAST
@@ -189,7 +192,12 @@ network: {transport: unicast, port: 5000, key: sixteen letters ok, run: monday}
         ("num_robots: 1\nnetwork: {transport: broadcast}", 2, "where to broadcast", "udp_bcast_ip"),
         ("num_robots: 1\nnetwork: {group: 10.0.0.1}", 2, "no multicast address", "224"),
         ("num_robots: 1\nnetwork: {key: short}", 2, "length >= 16", None),
-        ("num_robots: 1\nworld: {tasks: [[99, 0]]}", 2, "outside", None),
+        (
+            "num_robots: 1\nworld: {bounds: {low: [0, 0], high: [9, 9]}, tasks: [[99, 0]]}",
+            2,
+            "outside",
+            None,
+        ),
         ("num_robots: 1\nworld:\n  bounds: {low: [1, 1], high: [0, 2]}", 3, "below", None),
         ("num_robots: 1\nworld: {obstacles: [{}]}", 2, "one of", None),
         ("num_robots: 1\n1.5: x", 2, "word or a number", None),

@@ -11,7 +11,7 @@ from koord.runtime.engine.fleet import Fleet as Engine
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Drone
 from koord.runtime.motion.clearance import clearance_of
-from koord.runtime.motion.planning import PlannerName
+from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import World
 from koord.sim.fleet import Placed
 from koord.sim.kinds import Kind

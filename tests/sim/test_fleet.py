@@ -14,7 +14,7 @@ from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
 from koord.runtime.motion.clearance import clearance_of
 from koord.runtime.motion.driving import Steering
 from koord.runtime.motion.geometry import point_path
-from koord.runtime.motion.planning import PlannerName
+from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Point, World
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import TICK_S, Fleet, Placed

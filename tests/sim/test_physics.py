@@ -12,7 +12,7 @@ import pytest
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Drone
 from koord.runtime.motion.flying import Reference
-from koord.runtime.motion.planning import PlannerName
+from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import Fleet, Placed

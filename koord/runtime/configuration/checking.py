@@ -21,6 +21,7 @@ from koord.runtime.configuration.forms import (
     Motion,
     NetworkForm,
     ObstacleForm,
+    Topic,
     WorldForm,
 )
 from koord.runtime.configuration.model import (
@@ -30,7 +31,9 @@ from koord.runtime.configuration.model import (
     Talk,
     Vehicle,
 )
+from koord.runtime.configuration.planners import named
 from koord.runtime.configuration.reading import Document, Path, problem, read
+from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
 from koord.syntax.collector import uncollected
 from koord.syntax.diagnostics import Diagnostic, KoordError
@@ -40,6 +43,13 @@ DEFAULT_PORT = 61_820
 
 #: In the block of addresses that any organisation may use for itself.
 DEFAULT_GROUP = "239.255.75.1"
+
+#: What is sent on the topics of a device. (paper, VI-B)
+_TOPICS: Mapping[str, tuple[str, ...]] = {
+    "positioning_topic": ("PoseStamped",),
+    "reached_topic": ("String",),
+    "waypoint_topic": ("PoseStamped", "String"),  # the paper's listing has the latter
+}
 
 T = TypeVar("T")
 
@@ -153,6 +163,7 @@ class _Checker:
             form.leader_pid,
             form.params,
             self._scatter(form.world, world),
+            form.world is not None and form.world.bounds is not None,
             form.monitor,
             self._document,
         )
@@ -194,7 +205,7 @@ class _Checker:
 
     def _robot(self, form: Form, agent: Agent, path: Path, talk: Talk) -> RobotPlace:
         name, device, where = self._device(form, agent, path)
-        vehicle = _vehicle(name, device, where)
+        vehicle = self._vehicle(name, device, where)
         automaton = agent.motion_automaton
         if automaton is not None and vehicle.automata and automaton not in vehicle.automata:
             hint = f"{name} has {', '.join(vehicle.automata)}"
@@ -233,6 +244,51 @@ class _Checker:
             self._say((*path, "on_device"), f"there is no device {name}", hint)
             return name, Device(), path
         return name, form.devices[name], ("devices", name)
+
+    def _vehicle(self, name: str, device: Device, path: Path) -> Vehicle:
+        """What stands under ``motion`` counts as though it stood with the device itself."""
+        motion = device.motion if device.motion is not None else Motion()
+        where = path if device.planner is not None else (*path, "motion")
+        planner = self._planner(device.planner or motion.planner, device.bot_type, where)
+        topics = {
+            port: self._topic(getattr(device, port) or getattr(motion, port), port, types, path)
+            for port, types in _TOPICS.items()
+        }
+        return Vehicle(
+            name,
+            device.bot_type,
+            planner,
+            device.speed,
+            tuple(device.motion_automata or motion.motion_automata),
+            device.ros_node_prefix or motion.ros_node_prefix,
+            simulation=device.simulation,
+            path=path,
+            **topics,
+        )
+
+    def _planner(self, name: str | None, type_: BotType, path: Path) -> PlannerName | None:
+        found = None if name is None else named(name, type_)
+        if isinstance(found, tuple):
+            self._once((*path, "planner"), *found)
+            return None
+        return found
+
+    def _topic(
+        self, topic: Topic | None, port: str, types: tuple[str, ...], path: Path
+    ) -> Topic | None:
+        """What is sent on a topic is known; its type may be written with its package."""
+        if topic is not None and topic.type.rpartition("/")[2] not in types:
+            known = " or ".join(types)
+            inside = (*path, port) if (*path, port) in self._document.spans else (*path, "motion")
+            where = inside if inside[-1] == port else (*inside, port)
+            self._once((*where, "type"), f"a {port} is of type {known}", f"write type: {types[0]}")
+        return topic
+
+    def _once(self, path: Path, message: str, hint: str) -> None:
+        """A device is looked at for each robot on it, and is wrong once."""
+        found = problem(self._document.place(path), message, hint)
+        if found not in self.problems:
+            self.problems.append(found)
 
     def _check_addresses(self, form: Form, robots: tuple[RobotPlace, ...]) -> None:
         taken: dict[tuple[str, int], int] = {}
@@ -305,7 +361,9 @@ class _Checker:
         ]
         tasks = tuple(_point(task) for task in form.tasks)
         for k, task in enumerate(tasks):
-            if not all(a <= x <= b for a, x, b in zip(low, task, high, strict=True)):
+            if form.bounds is not None and not all(
+                a <= x <= b for a, x, b in zip(low, task, high, strict=True)
+            ):
                 self._say(("world", "tasks", k), "this task lies outside of the world")
         return World(low, high, tuple(obstacles), tasks, form.cell or plain.cell_m)
 
@@ -318,7 +376,7 @@ class _Checker:
         inside = all(
             a <= x <= y <= b for a, x, y, b in zip(world.low, low, high, world.high, strict=True)
         )
-        if not inside:
+        if not (inside if form.bounds is not None else low <= high):
             self._say(("world", "start"), "`low` and `high` span no part of the world")
         return Scatter(form.scattered, (low, high))
 
@@ -357,24 +415,6 @@ def _names_at(type_: Any, path: Path) -> list[str]:
 
 def _is_form(type_: Any) -> bool:
     return isinstance(type_, type) and issubclass(type_, msgspec.Struct)
-
-
-def _vehicle(name: str, device: Device, path: Path) -> Vehicle:
-    """What stands under ``motion`` counts as though it stood with the device itself."""
-    motion = device.motion if device.motion is not None else Motion()
-    return Vehicle(
-        name,
-        device.bot_type,
-        device.planner or motion.planner,
-        device.speed,
-        tuple(device.motion_automata or motion.motion_automata),
-        device.ros_node_prefix or motion.ros_node_prefix,
-        device.positioning_topic or motion.positioning_topic,
-        device.reached_topic or motion.reached_topic,
-        device.waypoint_topic or motion.waypoint_topic,
-        device.simulation,
-        path,
-    )
 
 
 def _point(coordinates: Coordinates, z: float = 0.0) -> Point:

@@ -8,6 +8,7 @@ from typing import Any
 
 from koord.runtime.configuration.forms import BotType, Carrier, MonitorForm, SimulationForm, Topic
 from koord.runtime.configuration.reading import Document, Path
+from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Point, World
 from koord.syntax.source import Source, Span
 
@@ -18,7 +19,7 @@ class Vehicle:
 
     name: str
     type: BotType = BotType.CAR
-    planner: str | None = None
+    planner: PlannerName | None = None
     speed_mps: float | None = None
     automata: tuple[str, ...] = ()
     ros_node_prefix: str | None = None
@@ -78,6 +79,7 @@ class Configuration:
     leader: int
     params: Mapping[str, Any] = field(default_factory=dict)
     scatter: Scatter = Scatter()
+    bounded: bool = False  #: whether it is said how large the world is
     monitor: MonitorForm = field(default_factory=MonitorForm)
     document: Document = field(
         default_factory=lambda: Document(Source("", ""), {}), compare=False, repr=False

@@ -16,7 +16,7 @@ from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.automaton import State, Visit
 from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
 from koord.runtime.motion.field import field
-from koord.runtime.motion.planning import Planner, Pose, suits
+from koord.runtime.motion.planning import Hindrance, Planner, Plight, Pose, hindrance, suits
 from koord.runtime.motion.routes import Pace, Routes
 from koord.runtime.motion.world import Point, World
 
@@ -57,6 +57,7 @@ class Group:
         self.s: Floats = np.zeros(count)  #: how far along its route each robot is
         self.speed: Floats = np.zeros(count)  #: at which it is to move along it
         self.targets: dict[int, Point] = {}  #: for which there is no path yet
+        self.plights: dict[int, Plight] = {}  #: of robots that cannot do what they were told last
         self._beside_m = 1e-9 if isinstance(body, Ideal) else _BESIDE_M
         self._orders = automaton.no_orders(count)
         self._field = field(world, flat=isinstance(body, Car))
@@ -78,7 +79,9 @@ class Group:
         if self.state(robot) is State.STOPPED:
             return
         self.targets.pop(robot, None)
+        self.plights.pop(robot, None)
         if not len(path):
+            self.plights[robot] = Plight(Hindrance.NO_POINTS)
             self._orders.failed[robot], self._orders.routed[robot] = True, False
             return
         if psn is not None and np.linalg.norm(psn - path[0]) > self._beside_m:
@@ -96,6 +99,7 @@ class Group:
         if self.state(robot) is State.STOPPED:
             return
         self.targets[robot] = target
+        self.plights.pop(robot, None)
         self._orders.asked[robot], self._orders.routed[robot] = True, False
         self._orders.failed[robot] = False
 
@@ -181,5 +185,7 @@ class Group:
         path = self.planner.plan(Pose((x, y, z), heading_rad), target, seed)
         if path is None:
             self._orders.failed[robot] = True
+            why = hindrance(self.body, self.world, target) or Hindrance.NO_WAY
+            self.plights[robot] = Plight(why, target)
         else:
             self.follow(robot, path, heading_rad)

@@ -1,4 +1,4 @@
-"""Path planners by the names that configurations give them. (paper, III-D and VI-C)
+"""Path planners by their names. (paper, III-D and VI-C)
 
 A planner is made for a world and a body, and asked for paths. It answers with points, the first of
 which is the start and the last the goal, or with None: no way was found. It never answers with a
@@ -18,24 +18,11 @@ import numpy as np
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
 from koord.runtime.motion.field import Field, field
+from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Disc, Point, World
 
 #: A goal of a car this far above the plane is still on it.
 _ON_PLANE_M = 0.05
-
-
-class PlannerName(Enum):
-    """What a configuration may say behind ``planner:``."""
-
-    STRAIGHT = "STRAIGHT"
-    RRT_CAR = "RRT_CAR"
-    RRT_STAR_CAR = "RRT_STAR_CAR"
-    RRT_DRONE = "RRT_DRONE"
-    RRT_STAR_DRONE = "RRT_STAR_DRONE"
-
-    @property
-    def optimal(self) -> bool:
-        return self in (PlannerName.RRT_STAR_CAR, PlannerName.RRT_STAR_DRONE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +39,32 @@ class Effort:
 
     steps: int = 1000
     star_steps: int = 120  #: of planners that go on improving
+
+
+class Hindrance(Enum):
+    """Why a robot does not go where it is to go."""
+
+    OUTSIDE = "that is outside of the world's bounds"
+    ABOVE_GROUND = "that is above the ground, which no car leaves"
+    ON_GROUND = "that is so near to the ground that no drone flies there"
+    NO_WAY = "its planner finds no way there"
+    NO_POINTS = "the path that it was given has no points"
+    NOT_CLEAR = "each path that it finds is in the way of another robot"
+
+
+@dataclass(frozen=True, slots=True)
+class Plight:
+    """A robot stays where it is: what hinders it, and where it was to go, if anybody said."""
+
+    hindrance: Hindrance
+    goal: Point | None = None
+
+    @property
+    def words(self) -> str:
+        if self.goal is None:
+            return self.hindrance.value
+        place = ", ".join(f"{c:g}" for c in (round(c, 3) for c in self.goal))
+        return f"it is to go to ({place}), and {self.hindrance.value}"
 
 
 class Planner(Protocol):
@@ -91,18 +104,25 @@ def planner(
             assert_never(name)
 
 
-def suits(body: Body, world: World, goal: Point) -> bool:
-    """Whether robots of that kind may go to a point at all: inside, on the plane or above it."""
-    inside = all(a <= c <= b for a, c, b in zip(world.low, goal, world.high, strict=True))
+def hindrance(body: Body, world: World, goal: Point) -> Hindrance | None:
+    """Why robots of that kind may not go to a point at all; None: they may."""
+    if not all(a <= c <= b for a, c, b in zip(world.low, goal, world.high, strict=True)):
+        return Hindrance.OUTSIDE
     match body:
         case Car():
-            return inside and goal[2] <= world.ground + _ON_PLANE_M
+            return Hindrance.ABOVE_GROUND if goal[2] > world.ground + _ON_PLANE_M else None
         case Drone():
-            return inside and goal[2] >= world.ground + body.above_ground_m
+            low = goal[2] < world.ground + body.above_ground_m
+            return Hindrance.ON_GROUND if low else None
         case Ideal():
-            return inside
+            return None
         case _:
             assert_never(body)
+
+
+def suits(body: Body, world: World, goal: Point) -> bool:
+    """Whether robots of that kind may go to a point at all: inside, on the plane or above it."""
+    return hindrance(body, world, goal) is None
 
 
 @dataclass(frozen=True, slots=True)

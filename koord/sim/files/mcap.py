@@ -98,6 +98,9 @@ def _messages(recording: Recording) -> Iterator[_Timed]:
     for violation in recording.violations:
         words = f"{violation.claim}: {violation.words}"
         yield _log(header, violation.time_s, "claims", _ERROR, words)
+    for one in recording.still:
+        words = f"robot {one.robot} stands still since {one.since_s:.1f} s: {one.words}"
+        yield _log(header, one.time_s, "standing still", _ERROR, words)
     for planned in _seldom(recording.paths):
         entity = _path(planned)
         yield planned.time_s, "/paths", SCENE, _scene([entity]), 0

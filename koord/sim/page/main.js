@@ -159,8 +159,14 @@ class Page {
   paintToast() {
     const toast = byId("toast");
     const near = this.run.violations.filter((one) => one.time <= this.time + 1e-6 && this.time - one.time < 1.5);
-    toast.hidden = !near.length;
-    if (!near.length) return;
+    const still = this.run.still.filter((one) => one.time <= this.time + 1e-6 && this.time - one.time < 1.5);
+    toast.hidden = !near.length && !still.length;
+    if (toast.hidden) return;
+    if (!near.length) {
+      const [one] = still.slice(-1);
+      toast.replaceChildren(made("b", {}, `■ robot ${one.robot} stands still`), ` ${stillStory(one)}`);
+      return;
+    }
     const shown = near[near.length - 1], others = near.filter((one) => one.time === shown.time).length - 1;
     const more = others ? ` — and ${others} more, see Log` : "";
     toast.replaceChildren(made("b", {}, `▲ ${shown.claim}`), ` ${storyOf(this.run, shown)}${more}`);
@@ -186,6 +192,10 @@ class Page {
     if (all) facts.push([done === all ? "good" : "", made("b", {}, `${done} of ${all}`), " tasks done"]);
     if (run.violations.length) {
       facts.push(["bad", made("b", {}, `▲ ${run.violations.length}`), ` violation${run.violations.length > 1 ? "s" : ""}`]);
+    }
+    if (run.still.length) {
+      const stuck = new Set(run.still.map((one) => one.robot)).size;
+      facts.push(["bad", made("b", {}, `■ ${stuck}`), ` robot${stuck > 1 ? "s" : ""} stood still`]);
     }
     if (run.ending) facts.push(["", run.ending]);
     byId("facts").replaceChildren(...facts.map(([kind, ...words]) => made("li", { class: kind || null }, ...words)));

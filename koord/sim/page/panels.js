@@ -192,6 +192,8 @@ class Panels {
     const entries = [
       ...run.violations.map((one) =>
         [one.time, made("span", {}, made("b", { class: "bad" }, `▲ ${one.claim}`), ` ${storyOf(run, one)}`), one.robots[0]]),
+      ...run.still.map((one) =>
+        [one.time, made("span", {}, made("b", { class: "bad" }, `■ robot ${one.robot} stands still`), ` ${stillStory(one)}`), one.robot]),
       ...run.tasks.map((one) => [one.time,
         one.state === DONE ? `task ${one.task} done by robot ${one.robot}` : `task ${one.task} assigned to robot ${one.robot}`, one.robot]),
       ...run.said.map((one) => [one.time, `robot ${one.robot} ${one.stream}: ${one.text}`, one.robot]),

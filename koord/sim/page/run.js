@@ -27,6 +27,7 @@ class Run {
     this.said = [];
     this.tasks = [];
     this.violations = [];
+    this.still = []; // robots that were seen to stand still
     this.ending = null;
     this.append(pack);
   }
@@ -40,6 +41,9 @@ class Run {
     }
     for (const violation of pack.violations) {
       this.violations.push({ ...violation, time: violation.time / 1000 });
+    }
+    for (const [time, robot, since, words] of pack.still) {
+      this.still.push({ time: time / 1000, robot, since: since / 1000, words });
     }
     this.ending = pack.ending ?? this.ending;
   }

@@ -91,6 +91,9 @@ function storyOf(run, violation) {
   return [whose, words].filter(Boolean).join(": ");
 }
 
+/** Since when a robot stands still, and why. */
+const stillStory = (one) => `since ${clock(one.since)}: ${one.words}`;
+
 const shortName = (path) => path.split(/[\\/]/).pop();
 
 /** A new element with attributes and children. */

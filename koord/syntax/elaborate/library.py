@@ -16,6 +16,9 @@ from koord.syntax.elaborate.session import Session
 from koord.syntax.parser import parse
 from koord.syntax.source import Source, normalise
 
+#: The file of the library; places in it are of no program.
+LIBRARY = "prelude.krd"
+
 #: Ports of library modules that go by two names; the second is the one that is kept.
 PORT_ALIASES: Mapping[str, Mapping[str, str]] = {
     "Motion": {"position": "psn", "done": "reached"},
@@ -38,9 +41,9 @@ class Library:
 @lru_cache(maxsize=1)
 def library() -> Library:
     """The prelude, read once."""
-    path = files("koord.syntax").joinpath("prelude.krd")
+    path = files("koord.syntax").joinpath(LIBRARY)
     text = normalise(path.read_text(encoding="utf-8"))
-    parsed = parse(Source("prelude.krd", text))
+    parsed = parse(Source(LIBRARY, text))
     assert not parsed.diagnostics, parsed.diagnostics
     functions: dict[str, tuple[ast.FunDef, ...]] = {}
     modules: dict[str, ast.Using] = {}

@@ -17,7 +17,8 @@ from koord.runtime.motion.driving import Course, Driving, Horizon, Measured, Ste
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import point_path
 from koord.runtime.motion.group import Group
-from koord.runtime.motion.planning import PlannerName, planner
+from koord.runtime.motion.names import PlannerName
+from koord.runtime.motion.planning import planner
 from koord.runtime.motion.predictive import Predictive
 from koord.sim.vehicles.bicycles import Bicycles
 from tests.runtime.motion.worlds import CLUTTERED, EMPTY, places

@@ -1,0 +1,110 @@
+"""How large a world is of which nobody has said it: what is in program and configuration has room.
+
+Nothing is made up: where it is not even said where robots begin, bounds are asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+from koord.runtime.configuration.model import Configuration
+from koord.runtime.configuration.reading import problem
+from koord.runtime.motion.world import Disc, Obstacle, Point, World
+from koord.sim.hosting import GOALS, WAYS, plain_name
+from koord.syntax import core
+from koord.syntax.diagnostics import KoordError
+from koord.syntax.elaborate.folding import constant
+from koord.syntax.elaborate.library import LIBRARY
+from koord.syntax.types import POS
+from koord.syntax.walk import nodes
+
+#: Around all places there is so much room for robots to turn and to pass each other.
+MARGIN_M = 2.0
+
+#: There is so much room above the ground, and above the highest place.
+_ROOM_M, _ABOVE_M = 3.0, 1.0
+
+
+def world_of(configuration: Configuration, landmarks: Sequence[Point] | None) -> World:
+    """The world of a configuration, with the bounds that it gives, or with room for all places.
+
+    ``landmarks`` are the places that a program names, None if it moves nobody. Raises KoordError if
+    bounds are to be asked for. (K931)
+    """
+    world = configuration.world if configuration.world is not None else World()
+    if configuration.bounded or landmarks is None:
+        return world
+    lost = [robot.pid for robot in configuration.robots if robot.position is None]
+    if lost and configuration.scatter.start is None:
+        where = configuration.place("world") if configuration.world else configuration.place()
+        story = f"it is not said how large the world is, nor where robot {lost[0]} begins"
+        hint = "write world: {bounds: {low: [-5, -5, 0], high: [5, 5, 3]}}, or a `position`"
+        raise KoordError((problem(where, story, hint),))
+    return around(world, [*landmarks, *_places(configuration, world)])
+
+
+def widened(world: World, places: Sequence[Point]) -> World:
+    """A world as large as it is, or so large that places have room."""
+    if not places:
+        return world
+    room = around(world, places)
+    (x0, y0, z0), (x1, y1, z1) = world.low, world.high
+    (u0, v0, w0), (u1, v1, w1) = room.low, room.high
+    low, high = (min(x0, u0), min(y0, v0), min(z0, w0)), (max(x1, u1), max(y1, v1), max(z1, w1))
+    return replace(world, low=low, high=high)
+
+
+def moves(program: core.Program) -> bool:
+    """Whether a program sends robots anywhere, or asks for ways."""
+    ports = (port.declaration.variable.name for agent in program.agents for port in agent.ports)
+    asked = (plain_name(external.name) for external in program.externals)
+    return not GOALS.isdisjoint(ports) or not WAYS.isdisjoint(asked)
+
+
+def around(world: World, places: Iterable[Point]) -> World:
+    """A world in which there is room around places."""
+    xs, ys, zs = zip(*places, strict=True)
+    low = (min(xs) - MARGIN_M, min(ys) - MARGIN_M, min(0.0, *zs))
+    high = (max(xs) + MARGIN_M, max(ys) + MARGIN_M, max(low[2] + _ROOM_M, max(zs) + _ABOVE_M))
+    return replace(world, low=low, high=high)
+
+
+def places_of(program: core.Program) -> Iterator[Point]:
+    """The places that a program names: positions whose coordinates are numbers."""
+    own = tuple(f for f in program.functions if f.span.file != LIBRARY)
+    for node in nodes(replace(program, functions=own, externals=())):
+        if isinstance(node, core.MakeRecord) and node.type == POS:
+            x, y, z = map(_number, node.fields)
+            if x is not None and y is not None and z is not None:
+                yield x, y, z
+
+
+def _number(e: core.Expr) -> float | None:
+    value = constant(e)
+    return None if value is None or isinstance(value, bool | str) else float(value)
+
+
+def _places(configuration: Configuration, world: World) -> Iterator[Point]:
+    """The places that a configuration names."""
+    for robot in configuration.robots:
+        if robot.position is not None:
+            yield robot.position
+    yield from world.tasks
+    yield from configuration.scatter.start or ()
+    for obstacle in world.obstacles:
+        yield from _corners(obstacle)
+
+
+def _corners(obstacle: Obstacle) -> Iterator[Point]:
+    flat: Iterable[tuple[float, float]]
+    match obstacle:
+        case Disc(centre=(x, y), radius_m=r):
+            flat = ((x - r, y - r), (x + r, y + r))
+        case _:
+            flat = obstacle.corners
+    high = obstacle.high_z if math.isfinite(obstacle.high_z) else obstacle.low_z
+    for x, y in flat:
+        yield x, y, obstacle.low_z
+        yield x, y, high

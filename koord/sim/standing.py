@@ -1,0 +1,147 @@
+"""Robots that stand still although they are to go somewhere: who, since when, and why.
+
+There are two ways to be stuck. A robot was told to go, and its vehicle cannot: that shows at once.
+Or its program asks for ways again and again, and gets none that it may take: while others move that
+may change, and so it counts once nobody has moved for a while.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from koord.runtime.motion.automaton import State
+from koord.runtime.motion.bodies import Body
+from koord.runtime.motion.planning import Hindrance, Plight, hindrance
+from koord.runtime.motion.world import Point, World
+from koord.runtime.robot import Host, Key, Robot, Status, Turn
+from koord.sim.fleet import Sensed
+from koord.sim.hosting import WAYS, plain_name
+
+#: A program that has not asked for so long does not ask any more.
+_ASKS_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """A robot that stands still."""
+
+    robot: int
+    since_s: float
+    hindrance: Hindrance
+    words: str
+
+
+class Watchman:
+    """Looks after robots that stand still. ``still_s`` is how long nobody has moved by now."""
+
+    def __init__(self, world: World, bodies: Sequence[Body]) -> None:
+        self.now_s = self.still_s = 0.0
+        self._world, self._bodies = world, tuple(bodies)
+        self._stuck: dict[int, Standing] = {}
+        self._wants: list[dict[Point, tuple[float, float]]] = [{} for _ in bodies]
+        self._unclear: list[tuple[float, float] | None] = [None] * len(bodies)
+
+    def hear(self, host: Host) -> Host:
+        """A host that answers as another, and is heard."""
+        return _Heard(host, self)
+
+    def round(
+        self, began_s: float, ended_s: float, sensed: Sequence[Sensed], robots: Sequence[Robot]
+    ) -> Iterator[Standing]:
+        """A round is over: who stands still since then."""
+        self.now_s = ended_s
+        moves = False
+        for pid, (known, robot) in enumerate(zip(sensed, robots, strict=True)):
+            moves = moves or known.state in (State.MOVING, State.PLANNING)
+            if known.state is State.MOVING:
+                self._wants[pid], self._unclear[pid] = {}, None
+            if known.plight is None or robot.status is Status.STOPPED:
+                self._stuck.pop(pid, None)
+            else:
+                before = self._stuck.get(pid)
+                since_s = began_s if before is None else before.since_s
+                self._stuck[pid] = _standing(pid, since_s, known.plight)
+                if before is None:
+                    yield self._stuck[pid]
+        self.still_s = 0.0 if moves else self.still_s + (ended_s - began_s)
+
+    def standing(self, robots: Sequence[Robot], still_s: float) -> tuple[Standing, ...]:
+        """All that stand still by now; those that wait for a way only if all have for so long."""
+        found = dict(self._stuck)
+        if self.still_s >= still_s - 1e-9:
+            for pid, robot in enumerate(robots):
+                if pid not in found and robot.status is not Status.STOPPED:
+                    found |= {one.robot: one for one in self._waiting(pid)}
+        return tuple(found[pid] for pid in sorted(found))
+
+    def answered(self, robot: int, function: str, arguments: tuple[Any, ...], answer: Any) -> None:
+        """A program has asked the world."""
+        name = plain_name(function)
+        if name in WAYS:
+            self._way(robot, _goal(name, arguments), is_found=len(answer) > 0)
+        elif name == "pathsClear" and not answer:
+            first = self._unclear[robot]
+            self._unclear[robot] = (self.now_s if first is None else first[0], self.now_s)
+
+    # --- inside ---------------------------------------------------------------------------------
+
+    def _way(self, robot: int, goal: Point, *, is_found: bool) -> None:
+        wants = self._wants[robot]
+        if is_found:
+            wants.pop(goal, None)
+        else:
+            wants[goal] = wants.get(goal, (self.now_s, 0.0))[0], self.now_s
+
+    def _waiting(self, pid: int) -> Iterator[Standing]:
+        """Whether a robot waits for a way: for a path that is clear, if it finds any."""
+        unclear, recently = self._unclear[pid], self.now_s - _ASKS_S - 1e-9
+        if unclear is not None and unclear[1] >= recently:
+            yield _standing(pid, unclear[0], Plight(Hindrance.NOT_CLEAR))
+            return
+        wants = {g: since for g, (since, last) in self._wants[pid].items() if last >= recently}
+        if not wants:
+            return
+        goal = min(wants, key=lambda g: (wants[g], g))
+        why = hindrance(self._bodies[pid], self._world, goal) or Hindrance.NO_WAY
+        more = f"; and so for {len(wants) - 1} more" if len(wants) > 1 else ""
+        yield _standing(pid, wants[goal], Plight(why, goal), more)
+
+
+@dataclass(slots=True)
+class _Heard:
+    """A host whose answers to programs are heard; what only claims ask is not."""
+
+    host: Host
+    watchman: Watchman
+
+    def start(self, robot: int | None, name: str) -> Any:
+        return self.host.start(robot, name)
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        return self.host.read(robot)
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        answer = self.host.ask(turn, robot, key, function, arguments)
+        if key:
+            self.watchman.answered(robot, function, arguments, answer)
+        return answer
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        return self.host.choose(turn, robot, key, low, high)
+
+
+def _standing(pid: int, since_s: float, plight: Plight, more: str = "") -> Standing:
+    return Standing(pid, since_s, plight.hindrance, plight.words + more)
+
+
+def _goal(name: str, arguments: tuple[Any, ...]) -> Point:
+    """Where a way was to lead: a place, or that of a task."""
+    if name == "getPathFromTask":
+        x, y, z = arguments[-1][0]
+    else:
+        x, y, z = arguments[1]
+    return float(x), float(y), float(z)

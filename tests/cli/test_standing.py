@@ -1,0 +1,248 @@
+"""A robot that stands still and is to go somewhere is told, with an exit code of its own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from koord.cli.exits import Exit
+from koord.cli.main import main
+
+EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
+
+#: Robots that are sent somewhere once, and wait until they are there.
+SENT = """\
+using Motion:
+    sensors:
+        pos psn
+        bool reached
+    actuators:
+        pos target
+        pos[] path
+local:
+    int n = 0
+Go:
+    pre: n == 0
+    eff:
+        {order}
+        n = 1
+Done:
+    pre: n == 1 and Motion.reached
+    eff: n = 2
+"""
+
+#: Robots that look for a way in every round, and take none that is not clear.
+LOOKS = """\
+using Motion:
+    sensors:
+        pos psn
+        bool reached
+    actuators:
+        pos[] path
+allread:
+    pos[][] route
+local:
+    pos[] way
+init:
+    route[pid] = [Motion.psn]
+Go:
+    pre: Motion.reached
+    eff:
+        atomic:
+            way = findPath(Motion.psn, pos(2.0, 0.0, 0.0))
+            if pathIsClear(route, way, pid):
+                route[pid] = way
+                Motion.path = way
+"""
+
+ARENA = "world: {bounds: {low: [-4, -4, 0], high: [4, 4, 3]}}\n"
+CAR = "device: {bot_type: CAR, planner: STRAIGHT}\n"
+DRONE = "device: {bot_type: QUAD, planner: STRAIGHT}\n"
+ONE = "num_robots: 1\npositions: {0: [0, 0, HEIGHT]}\n"
+
+
+def sim(
+    folder: Path, capsys: pytest.CaptureFixture[str], program: str, text: str, *flags: str
+) -> tuple[int, Any, str]:
+    file, configuration = folder / "one.krd", folder / "one.yaml"
+    file.write_text(program, "utf-8")
+    configuration.write_text(text, "utf-8")
+    files = [str(file), str(configuration)]
+    code = main(["sim", *files, "--json", "--no-html", "--time", "20", *flags])
+    out, err = capsys.readouterr()
+    return code, json.loads(out), err
+
+
+@pytest.mark.parametrize(
+    ("order", "configuration", "why"),
+    [
+        ("Motion.target = pos(9.0, 0.0, 0.0)", CAR, "outside"),
+        ("Motion.target = pos(2.0, 0.0, 1.0)", CAR, "above_ground"),
+        ("Motion.target = pos(2.0, 0.0, 0.0)", DRONE, "on_ground"),
+        ("Motion.target = pos(2.0, 0.0, 0.0)", CAR + "WALL", "no_way"),
+        ("Motion.path = findPath(Motion.psn, pos(9.0, 0.0, 0.0))", CAR, "no_points"),
+    ],
+)
+def test_who_cannot_go_where_it_was_sent_is_told(
+    order: str,
+    configuration: str,
+    why: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arena = ARENA
+    if "WALL" in configuration:
+        wall = "obstacles: [{box: {low: [1, -4, 0], high: [1.5, 4, 3]}}]"
+        arena = ARENA.replace("}}\n", "}, " + wall + "}\n")
+    height = "1" if "QUAD" in configuration else "0"
+    text = ONE.replace("HEIGHT", height) + configuration.replace("WALL", "") + arena
+    code, run, err = sim(tmp_path, capsys, SENT.format(order=order), text)
+    (standing,) = run["standing"]
+    assert code == Exit.STUCK
+    assert (standing["robot"], standing["since_s"], standing["why"]) == (0, 0.0, why)
+    assert run["ending"] == "still"
+    assert f"robot 0 stands still since 0.0 s: {standing['words']}" in err
+
+
+def test_it_is_told_of_processes_as_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = SENT.format(order="Motion.target = pos(9.0, 0.0, 0.0)")
+    text = ONE.replace("HEIGHT", "0") + CAR + ARENA
+    code, run, _ = sim(tmp_path, capsys, program, text, "--processes", "--time", "1")
+    assert code == Exit.STUCK
+    assert [one["why"] for one in run["standing"]] == ["outside"]
+
+
+def test_who_arrives_is_not_stuck(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = ONE.replace("HEIGHT", "0") + CAR + ARENA
+    program = SENT.format(order="Motion.target = pos(2.0, 0.0, 0.0)")
+    code, run, _ = sim(tmp_path, capsys, program, text)
+    assert (code, run["ending"], run["standing"]) == (Exit.OK, "still", [])
+
+
+def test_another_order_frees_who_was_stuck(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = SENT.format(order="Motion.target = pos(9.0, 0.0, 0.0)") + (
+        "Again:\n    pre: n == 1\n    eff:\n        Motion.target = pos(2.0, 0.0, 0.0)\n"
+        "        n = 3\n"
+    )
+    text = ONE.replace("HEIGHT", "0") + CAR + ARENA
+    code, run, err = sim(tmp_path, capsys, program, text)
+    assert (code, run["standing"]) == (Exit.OK, [])
+    assert "stands still since 0.0 s" in err  # as it was then
+
+
+@pytest.mark.parametrize(
+    ("device", "positions", "why"),
+    [
+        (DRONE, "num_robots: 1\npositions: {0: [0, 0, 1]}\n", ["on_ground"]),
+        # One stands at the goal, and the other is not to go where it stands.
+        (CAR, "num_robots: 2\npositions: {0: [2, 0, 0], 1: [-2, 0, 0]}\n", ["not_clear"] * 2),
+    ],
+)
+def test_who_waits_for_a_way_for_ever_is_told(
+    device: str,
+    positions: str,
+    why: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code, run, _ = sim(tmp_path, capsys, LOOKS, positions + device + ARENA)
+    told = [one["why"] for one in run["standing"]]
+    assert code == Exit.STUCK
+    assert told == why[: len(told)]
+    assert told
+
+
+def test_it_is_told_wherever_the_run_is_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from mcap.reader import make_reader
+
+    file, configuration = tmp_path / "one.krd", tmp_path / "one.yaml"
+    file.write_text(SENT.format(order="Motion.target = pos(9.0, 0.0, 0.0)"), "utf-8")
+    configuration.write_text(ONE.replace("HEIGHT", "0") + CAR + ARENA, "utf-8")
+    page, record = tmp_path / "run.html", tmp_path / "run.mcap"
+    flags = ["--html", str(page), "--record", str(record)]
+    assert main(["sim", str(file), str(configuration), *flags]) == Exit.STUCK
+    out, err = capsys.readouterr()
+    story = "robot 0 stands still since 0.0 s: it is to go to (9, 0, 0), and that is outside of the"
+    assert f"stuck: {story} world's bounds" in out
+    assert "the world reaches from (-4, -4, 0) to (4, 4, 3)" in out
+    assert "nothing changes any more; 1 robot stands still" in out
+    assert story in err
+    with record.open("rb") as raw:
+        messages = [json.loads(m.data) for _, _, m in make_reader(raw).iter_messages("/log")]
+    assert any(story in message["message"] for message in messages)
+    assert page.stat().st_size > 1000
+
+
+def test_a_campaign_counts_who_stands_still(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = SENT.format(order="Motion.target = pos(9.0, 0.0, 0.0)")
+    text = ONE.replace("HEIGHT", "0") + CAR + ARENA
+    code, campaign, _ = sim(tmp_path, capsys, program, text, "--runs", "2")
+    assert code == Exit.STUCK
+    assert [row["stuck"] for row in campaign["runs"]] == [1, 1]
+
+
+# --- the bounds of the world ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "low", "high"),
+    [
+        # The robot at (0, 0), and the place in the program, 9 m away.
+        (ONE, [-2, -2, 0], [11, 2, 3]),
+        (ONE + "world: {tasks: [[0, 5, 4]]}\n", [-2, -2, 0], [11, 7, 5]),
+        (ONE + "world: {start: {low: [-3, 0], high: [0, 0]}}\n", [-5, -2, 0], [11, 2, 3]),
+        (
+            ONE + "world: {obstacles: [{disc: {centre: [0, -6], radius: 1, high_z: 5}}]}\n",
+            [-3, -9, 0],
+            [11, 2, 6],
+        ),
+        (ONE + ARENA, [-4, -4, 0], [4, 4, 3]),
+    ],
+)
+def test_bounds_follow_from_what_is_there(
+    text: str,
+    low: list[float],
+    high: list[float],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    program = SENT.format(order="Motion.target = pos(9.0, 0.0, 0.0)")
+    _, run, _ = sim(tmp_path, capsys, program, text.replace("HEIGHT", "0") + CAR, "--rounds", "1")
+    assert (run["bounds"]["low"], run["bounds"]["high"]) == (low, high)
+    assert run["bounds"]["given"] is (ARENA in text)
+
+
+def test_bounds_that_follow_are_told_and_are_enough(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, configuration = tmp_path / "one.krd", tmp_path / "one.yaml"
+    file.write_text(SENT.format(order="Motion.target = pos(9.0, 0.0, 0.0)"), "utf-8")
+    configuration.write_text(ONE.replace("HEIGHT", "0") + CAR, "utf-8")
+    assert main(["sim", str(file), str(configuration), "--no-html"]) == Exit.OK
+    out = capsys.readouterr().out
+    assert "no bounds are given: the world reaches from (-2, -2, 0) to (11, 2, 3)" in out
+    configuration.unlink()
+    assert main(["sim", str(file), "--no-html", "--robots", "1", "--rounds", "1"]) == Exit.OK
+    out = capsys.readouterr().out
+    assert "no bounds are given: the world reaches from (-3.5, -4, 0) to (11, 4, 3)" in out
+
+
+def test_who_moves_nobody_needs_no_bounds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    configuration = tmp_path / "three.yaml"
+    configuration.write_text("num_robots: 3\n", "utf-8")
+    program = str(EXAMPLES / "leader_elect.krd")
+    assert main(["sim", program, str(configuration), "--no-html"]) == Exit.OK
+    assert "the world reaches" not in capsys.readouterr().out
