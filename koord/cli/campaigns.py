@@ -14,7 +14,6 @@ from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, fields, replace
-from fractions import Fraction
 from multiprocessing import active_children, get_context
 from statistics import fmean, stdev
 from typing import Any, TypeAlias
@@ -29,7 +28,7 @@ from koord.cli.terminal import Paint, style_of, visible
 from koord.runtime.motion.libraries import require
 from koord.sim.running import Ending, run, still_words
 from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
-from koord.syntax.elaborate.settings import ParamValue
+from koord.syntax.literals import ParamValue, literal
 
 #: What is wrong with an order.
 Refusal: TypeAlias = tuple[Diagnostic, ...]
@@ -60,6 +59,7 @@ class Row:
 
     swept: str
     robots: int
+    values: str  #: δ, and each value that is not the text's
     seed: int
     ending: str
     time_s: float
@@ -143,7 +143,7 @@ def _orders(arguments: argparse.Namespace, asked: Asked, first_seed: int) -> Ite
         else:
             given = replace(asked, params={**asked.params, name: value})
         for number in range(arguments.runs if arguments.runs is not None else 1):
-            seed, swept = first_seed + number, "" if value is None else _shown(value)
+            seed, swept = first_seed + number, "" if value is None else literal(value)
             yield Order(
                 given,
                 robots,
@@ -157,16 +157,8 @@ def _orders(arguments: argparse.Namespace, asked: Asked, first_seed: int) -> Ite
 
 def _robots(value: ParamValue) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise ArgumentTypeError(f"--sweep: {_shown(value)} is no number of robots")
+        raise ArgumentTypeError(f"--sweep: {literal(value)} is no number of robots")
     return value
-
-
-def _shown(value: ParamValue) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_shown, value))}]"
-    if isinstance(value, Fraction):
-        return f"{float(value):g}"
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _rows(
@@ -258,6 +250,7 @@ def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
     return Row(
         order.swept,
         len(robots),
+        ", ".join(job.problem.values),
         order.seed,
         simulation.ending.name.lower(),
         figures.time_s,
@@ -339,9 +332,8 @@ def _table(program: str, name: str, rows: Sequence[Row]) -> Iterator[str]:
             ]
         )
     widths = [max(len(line[k]) for line in lines) for k in range(len(heads))]
-    yield style.paint(
-        f"{visible(program)}: {len(rows)} runs, means with 95 % intervals", Paint.BOLD
-    )
+    heading = f"{program}: {len(rows)} runs{_common(rows)}, means with 95 % intervals"
+    yield style.paint(visible(heading), Paint.BOLD)
     for line in lines:
         yield "  " + "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
     bad = [row for row in rows if _is_bad(row)]
@@ -353,6 +345,12 @@ def _table(program: str, name: str, rows: Sequence[Row]) -> Iterator[str]:
     for row in bad[:10]:
         what = f"{row.broken} claims broken" if row.broken else row.ending
         yield f"{style.paint('broken', Paint.ERROR)}: {row.robots} robots, seed {row.seed}: {what}"
+
+
+def _common(rows: Sequence[Row]) -> str:
+    """δ and what else is not as in the text, where that is the same for all runs."""
+    values = {row.values for row in rows}
+    return f", {values.pop()}" if len(values) == 1 else ""
 
 
 def _as_csv(rows: Iterable[Row]) -> bytes:
@@ -394,5 +392,5 @@ def _draw(path: str, program: str, name: str, rows: Sequence[Row]) -> None:
     if len(safety) == 1:
         axes[2].axhline(*safety, color="C3", linestyle="--", label="safe")
         axes[2].legend()
-    figure.suptitle(program)
+    figure.suptitle(f"{program}{_common(rows)}", wrap=True, parse_math=False)
     keep_figure(path, figure)

@@ -39,6 +39,7 @@ from koord.runtime.compile import compiled
 from koord.semantics.configurations import System
 from koord.semantics.traces.codec import encode
 from koord.syntax import core
+from koord.syntax.problem import Problem
 
 #: So many robots, in turn.
 _ROBOTS = (1, 2, 3, 4)
@@ -155,6 +156,9 @@ def main(arguments: argparse.Namespace) -> int:
         return Exit.BAD_INPUT
     everything = {target: Totals(target) for target in _targets(arguments)}
     failure: Tried | None = None
+    if not arguments.json:
+        for loaded in programs:
+            print(visible(_about(loaded, arguments)))
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
         for one in _all(arguments, programs):
             totals = everything[one.case.target]
@@ -165,13 +169,20 @@ def main(arguments: argparse.Namespace) -> int:
                 break
     saved = None if failure is None else _saved(arguments.save, failure)
     if arguments.json:
-        document = _document(list(everything.values()), failure, saved)
+        about = [_about(loaded, arguments) for loaded in programs]
+        document = _document(list(everything.values()), failure, saved) | {"programs": about}
         sys.stdout.write(json.dumps(document, indent=2) + "\n")
     else:
         _show(list(everything.values()), failure, saved)
     if interruption.requested:
         return Exit.INTERRUPTED
     return Exit.OK if failure is None else Exit.VIOLATED
+
+
+def _about(loaded: LoadedProgram, arguments: argparse.Namespace) -> str:
+    """A program that is run, with δ and each value that is not the text's."""
+    problem = loaded.problem(None, arguments.delta)
+    return f"{problem.name}: {', '.join(problem.values)}"
 
 
 def _protocol(arguments: argparse.Namespace) -> int:
@@ -262,7 +273,7 @@ def _story(one: Tried) -> str:
     parts = [
         f"koord check-refinement --case {one.case.seed} --target {one.case.target.value} "
         f"--rounds …  # and made smaller",
-        f"seed {one.case.seed}, {_robots(one.case.system)}, {one.case.rounds} rounds, "
+        f"seed {one.case.seed}, {one.case.system.fleet}, {one.case.rounds} rounds, "
         f"{one.case.policy.value}",
         *_told(one),
         "",
@@ -283,8 +294,9 @@ def _text(case: Case) -> str:
         return f"it cannot be compiled: {error!r}"
 
 
-def _robots(system: System) -> str:
-    return system.fleet
+def _problem(case: Case) -> Problem:
+    texts = tuple(source.name for source in case.sources.texts)
+    return Problem(texts, case.system.program, case.system.kinds, case.system.delta_s)
 
 
 def _told(one: Tried) -> Iterator[str]:
@@ -337,6 +349,7 @@ def _failure(one: Tried, saved: str | None) -> dict[str, object]:
         "target": one.case.target.value,
         "seed": one.case.seed,
         "robots": one.case.system.robots,
+        "problem": _problem(one.case).document(),
         "rounds": one.case.rounds,
         "policy": one.case.policy.value,
         "rule": None if one.refused is None else one.refused.rule,
@@ -349,8 +362,8 @@ def _show(everything: list[Totals], failure: Tried | None, saved: str | None) ->
     style = style_of(sys.stdout)
     if failure is not None:
         said = style.paint("refused", Paint.ERROR)
-        name, target = visible(failure.case.sources.program.name), failure.case.target.value
-        print(f"{said}: {name}, {_robots(failure.case.system)}, {target}, seed {failure.case.seed}")
+        about, target = _problem(failure.case), failure.case.target.value
+        print(f"{said}: {visible(str(about))}, {target}, seed {failure.case.seed}")
         for line in _told(failure):
             print(f"  {visible(line)}")
         print(f"  saved as {visible(saved or '')}")

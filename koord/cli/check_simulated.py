@@ -27,6 +27,7 @@ class _Total:
     """What the runs of a program came to."""
 
     program: str
+    values: str = ""  #: δ, and each value that is not the text's
     runs: int = 0
     rounds: int = 0
     steps: int = 0
@@ -68,6 +69,7 @@ def _judge(arguments: argparse.Namespace, file: str, seed: int, total: _Total) -
     job = None if wanted is None else wanted.job(report, None, seed)
     if job is None:
         raise KoordError(tuple(report.diagnostics))
+    total.values = ", ".join(job.problem.values)
     tracing = Tracing(job)
     simulation = job.simulation(keep_going=True, tracing=tracing)
     tracing.begun(simulation.begin(), simulation)
@@ -97,8 +99,10 @@ def _story(judged: Judged) -> str:
 def _told(total: _Total) -> str:
     style = style_of(sys.stdout)
     counted = f"{total.runs} runs, {total.rounds} rounds, {total.steps} steps"
+    about = ", ".join(filter(None, (visible(total.values), counted)))
     if total.refused is None:
-        return f"{visible(total.program)}: {counted}: no violation"
+        return f"{visible(total.program)}: {about}: no violation"
     said = style.paint("refused", Paint.ERROR)
     saved = "" if total.saved is None else f", saved as {visible(total.saved)}"
-    return f"{said}: {visible(total.program)}: {visible(total.refused)}{saved}"
+    about = visible(f"{total.program}, {total.values}: {total.refused}")
+    return f"{said}: {about}{saved}"

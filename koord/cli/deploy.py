@@ -31,6 +31,7 @@ from koord.cli.exits import Exit
 from koord.cli.files import check_writable
 from koord.cli.inputs import Reading, load_programs
 from koord.cli.systems import kinds_by_role, suited, unlike
+from koord.cli.terminal import visible
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.model import Configuration
@@ -44,6 +45,7 @@ from koord.runtime.robot import Robot
 from koord.runtime.transports.transport import TransportError
 from koord.syntax.diagnostics import Diagnostic, Severity, refusal
 from koord.syntax.elaborate.settings import Settings
+from koord.syntax.problem import Problem
 from koord.syntax.source import whole_file
 
 
@@ -93,13 +95,16 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.record is not None:
         check_writable(arguments.record)
     report = Report()
-    job = _job(arguments, report)
+    asked = _asked(arguments, report)
     report.print(sys.stderr, as_json=False)
-    if job is None or report.errors:
+    if asked is None or report.errors:
         return Exit.BAD_INPUT
+    job, problem = asked
+    if not arguments.json:
+        print(visible(str(problem)), flush=True)
     deploy = _all if arguments.all_local else _one
     try:
-        return deploy(arguments, job)
+        return deploy(arguments, job, problem)
     except TransportError as error:
         raise refusal("K933", job.configuration.name, error.message, error.hint or None) from None
 
@@ -107,7 +112,8 @@ def main(arguments: argparse.Namespace) -> int:
 # --- what is to be run ----------------------------------------------------------------------------
 
 
-def _job(arguments: argparse.Namespace, report: Report) -> Job | None:
+def _asked(arguments: argparse.Namespace, report: Report) -> tuple[Job, Problem] | None:
+    """The run, and what it is a run of."""
     configuration = read_configuration(arguments.config, report)
     if configuration is None:
         return None
@@ -131,7 +137,7 @@ def _job(arguments: argparse.Namespace, report: Report) -> Job | None:
     assert configuration.delta_s is not None
     _check_functions(classes, configuration, report)
     key, run = _secret(arguments, configuration, report)
-    return Job(
+    job = Job(
         classes,
         kinds,
         configuration,
@@ -142,6 +148,7 @@ def _job(arguments: argparse.Namespace, report: Report) -> Job | None:
         rounds=arguments.rounds,
         journals=None,
     )
+    return job, programs[0].problem(kinds, Fraction(repr(configuration.delta_s)))
 
 
 def _check_functions(
@@ -197,7 +204,7 @@ class Interrupts:
             raise KeyboardInterrupt
 
 
-def _one(arguments: argparse.Namespace, job: Job) -> int:
+def _one(arguments: argparse.Namespace, job: Job, problem: Problem) -> int:
     """One robot, in this process."""
     pid = arguments.pid
     if not 0 <= pid < job.robots:
@@ -210,7 +217,7 @@ def _one(arguments: argparse.Namespace, job: Job) -> int:
         journal.forget()
     runner = Runner(job, pid, transport_of(job.configuration, job.run, pid))
     with ExitStack() as stack:
-        record = _recording(arguments, stack)
+        record = _recording(arguments, stack, problem)
         runner.keeps_moments = record is not None
         interrupts = stack.enter_context(Interrupts())
         board = stack.enter_context(Board(job.robots, job.rounds))
@@ -225,7 +232,7 @@ def _one(arguments: argparse.Namespace, job: Job) -> int:
 
         last = runner.run(lambda: interrupts.count > 0, report)
         report(last)
-    _tell({pid: last}, job, as_json=arguments.json)
+    _tell({pid: last}, job, problem, as_json=arguments.json)
     return _ended({pid: last}, job, interrupts)
 
 
@@ -239,10 +246,10 @@ def _folder(path: str) -> Path:
     return folder
 
 
-def _all(arguments: argparse.Namespace, job: Job) -> int:
+def _all(arguments: argparse.Namespace, job: Job, problem: Problem) -> int:
     """All robots, each in a process."""
     with ExitStack() as stack:
-        record = _recording(arguments, stack)
+        record = _recording(arguments, stack, problem)
         if arguments.state is not None:
             job = replace(job, journals=_folder(arguments.state))
         plan = local_plan(job.configuration, job.robots)
@@ -264,11 +271,11 @@ def _all(arguments: argparse.Namespace, job: Job) -> int:
             if fleet.failures:
                 raise fleet.failures[0]
         board.show(fleet.statuses)
-    _tell(fleet.statuses, job, as_json=arguments.json)
+    _tell(fleet.statuses, job, problem, as_json=arguments.json)
     return _ended(fleet.statuses, job, interrupts)
 
 
-def _recording(arguments: argparse.Namespace, stack: ExitStack) -> Record | None:
+def _recording(arguments: argparse.Namespace, stack: ExitStack, problem: Problem) -> Record | None:
     if arguments.record is None:
         return None
     file = stack.enter_context(Path(arguments.record).open("wb"))  # noqa: SIM115
@@ -279,12 +286,13 @@ def _recording(arguments: argparse.Namespace, stack: ExitStack) -> Record | None
             "--record needs the MCAP library: pip install 'koord[record]'"
         ) from None
     stack.callback(record.close)
+    record.describe(problem)
     return record
 
 
-def _tell(statuses: dict[int, Status], job: Job, *, as_json: bool) -> None:
+def _tell(statuses: dict[int, Status], job: Job, problem: Problem, *, as_json: bool) -> None:
     if as_json:
-        print(as_document(statuses))
+        print(as_document(statuses, problem))
     else:
         print(summary(statuses, job))
 

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from koord.runtime.deploy.running import REPORT_S, Job
 from koord.runtime.deploy.status import Status
+from koord.syntax.problem import Problem
 
 #: More robots than this nobody reads; the rest is told in the last row.
 MOST_ROWS = 40
@@ -141,11 +142,18 @@ def summary(statuses: Mapping[int, Status], job: Job) -> str:
     return "\n".join(lines)
 
 
-def as_document(statuses: Mapping[int, Status]) -> str:
-    """A deployed run as JSON: how each robot ended."""
+def as_document(statuses: Mapping[int, Status], problem: Problem) -> str:
+    """A deployed run as JSON: what was run, and how each robot ended."""
     robots = []
     for pid in sorted(statuses):
         status = statuses[pid]
         holding = None if status.holding is None else status.holding.value
         robots.append({**asdict(status), "holding": holding, "drops": dict(status.drops)})
-    return json.dumps({"format": "koord-deployed", "version": 1, "robots": robots}, indent=2)
+    document = {
+        "format": "koord-deployed",
+        "version": 1,
+        "program": problem.texts[0],
+        "problem": problem.document(),
+        "robots": robots,
+    }
+    return json.dumps(document, indent=2)

@@ -18,6 +18,7 @@ from koord.cli.files import DASH, check_writable, write_atomically
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.progress import LiveLine
 from koord.cli.systems import system_of
+from koord.cli.terminal import visible
 from koord.semantics.configurations import System
 from koord.semantics.crowds import NotFiniteError
 from koord.semantics.patience import OutOfPatienceError, Patience
@@ -94,7 +95,8 @@ class _Asked:
 
     @property
     def comment(self) -> str:
-        return f"{self.program.source.name}, {self.system.fleet}, by koord {__version__}"
+        problem = self.program.problem(self.system.kinds, self.system.delta_s)
+        return f"{visible(str(problem))}, by koord {__version__}"
 
 
 def _within(system: System, seconds: float | None) -> System:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable
 from dataclasses import dataclass
+from fractions import Fraction
 
 from koord.cli.arguments import settings
 from koord.cli.diagnostics import Report
@@ -13,6 +14,7 @@ from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.elaborate.settings import Settings
 from koord.syntax.load import load
+from koord.syntax.problem import Problem
 from koord.syntax.source import Source, whole_file
 
 
@@ -44,6 +46,14 @@ class LoadedProgram:
     def sources(self) -> tuple[Source, ...]:
         """All text that it was made of."""
         return (self.source, *self.reading.properties)
+
+    def problem(self, kinds: tuple[int, ...] | None, delta_s: Fraction | None) -> Problem:
+        """What is said of it with such robots (None: with every number of them) and such a round
+        (None: as it states).
+        """
+        names = tuple(source.name for source in self.sources)
+        delta_s = self.program.instance.used_delta_s if delta_s is None else delta_s
+        return Problem(names, self.program, kinds, delta_s)
 
 
 def load_programs(

@@ -36,7 +36,7 @@ def rehearsal(arguments: argparse.Namespace) -> tuple[Job, Staged]:
         heard[0].round = number
 
     staged = Staged(
-        Cast(source.name, source.text, made.classes, kinds),
+        Cast(source.name, source.text, made.classes, kinds, trace.problem.differing),
         places(trace),
         float(trace.system.delta_s),
         Rehearsed(trace.recording.rounds, trace.recording.opening.order),
@@ -45,6 +45,7 @@ def rehearsal(arguments: argparse.Namespace) -> tuple[Job, Staged]:
         cut=any(round_.cut for round_ in trace.recording.rounds),
     )
     watching(staged, program, max(Fraction(repr(POINT_SLACK_M)), trace.slack))
-    reading = Reading(Settings(dict(trace.sources.params), trace.sources.tasks), ())
+    of = trace.sources
+    reading = Reading(Settings(dict(of.params), of.tasks), of.properties)
     nothing = load_configuration(Source(NO_FILE, f"num_robots: {len(kinds)}\n"))
     return Job(LoadedProgram(source, program, reading), nothing, staged.scene, kinds), staged

@@ -159,13 +159,14 @@ def verdict(name: str, trace: Trace, found: Replayed, style: Style) -> Iterator[
         good = style.paint("legal", Paint.ADDED)
         rounds = f"{found.rounds} round{'' if found.rounds == 1 else 's'}"
         yield (
-            f"{visible(name)}: {good}: {found.steps} steps, {rounds}, {trace.system.fleet}, "
-            f"{trace.numbers.value} numbers"
+            f"{visible(name)}: {good}: {found.steps} steps, {rounds}, {trace.numbers.value} numbers"
         )
+        yield f"  a run of {visible(str(trace.problem))}"
         yield from _end(trace)
     else:
         bad = style.paint(f"not legal by {refused.rule}", Paint.ERROR)
         yield f"{visible(name)}: {_where(refused)}: {bad}"
+        yield f"  a run of {visible(str(trace.problem))}"
         yield f"  {visible(refused.reason)}"
         yield from departures.told_apart(refused.differences, "by the rules", "recorded")
     if trace.slack:
@@ -216,6 +217,8 @@ def as_json(trace: Trace, found: Replayed) -> dict[str, object]:
     refused = found.refused
     return {
         "version": JSON_VERSION,
+        "program": trace.problem.texts[0],
+        "problem": trace.problem.document(),
         "legal": refused is None,
         "steps": found.steps,
         "rounds": found.rounds,

@@ -28,7 +28,7 @@ from koord.cli.interactive import Interactive
 from koord.cli.progress import Interruption
 from koord.cli.systems import system_of
 from koord.cli.tables import Rounds, Table
-from koord.cli.terminal import Paint, Style, style_of
+from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import sources_of, write_trace
 from koord.semantics.configurations import NO_EVENT, System
 from koord.semantics.patience import OutOfPatienceError, Patience
@@ -37,7 +37,6 @@ from koord.semantics.runs.running import Moment, Run, new_run
 from koord.semantics.runs.watching import Watch
 from koord.semantics.traces.codec import encode
 from koord.semantics.traces.names import Names
-from koord.semantics.traces.rendering import show_fraction
 from koord.semantics.traces.trace import (
     BEFORE_ROUNDS,
     Numbers,
@@ -142,7 +141,7 @@ def _run(loaded: LoadedProgram, request: Request) -> Exit:
     watch = Watch(run.d, system, run.inputs)
     table = Table(Names(system), style_of(sys.stdout))
     if not request.as_json:
-        print(_heading(loaded.source.name, request, system))
+        print(_heading(loaded, request, system))
     if request.interactive:
         return _by_hand(loaded, request, Interactive(run, watch, table, request.rounds))
     policy = First() if request.policy is Policy.FIRST else AtRandom(rng)
@@ -216,10 +215,10 @@ def _code(run: Run, violation: Violation | None) -> Exit:
 # --- what is printed ----------------------------------------------------------------------------
 
 
-def _heading(name: str, request: Request, system: System) -> str:
+def _heading(loaded: LoadedProgram, request: Request, system: System) -> str:
     how = "by hand" if request.interactive else f"policy {request.policy.value}"
-    delta = show_fraction(system.delta_s)
-    return f"{name}: {system.fleet}, δ = {delta} s, {how}, seed {request.seed}"
+    problem = loaded.problem(system.kinds, system.delta_s)
+    return f"{visible(str(problem))}, {how}, seed {request.seed}"
 
 
 def _conclude(loaded: LoadedProgram, run: Run, violation: Violation | None) -> None:

@@ -31,18 +31,22 @@ def heading(job: Job) -> str:
     """What is run."""
     scene = job.scene
     name = job.configuration.name
-    with_ = "" if name == NO_FILE else f" with {visible(name)}"
+    program, *more = (*job.problem.texts, *([] if name == NO_FILE else [name]))
+    with_ = f" with {', '.join(more)}" if more else ""
     counts = {n: scene.names.count(n) for n in dict.fromkeys(scene.names)}
     who = ", ".join(f"{count} {device}" for device, count in counts.items())
     count = len(scene.robots)
     robots = f"{count} robot{'' if count == 1 else 's'} ({who})"
-    program = visible(job.loaded.source.name)
-    chance = f", by chance: {', '.join(map(visible, job.by_chance))}" if job.by_chance else ""
-    told = f"{program}{with_}: {robots}, δ = {scene.delta_s:g} s, seed {scene.seed}{chance}"
+    other = job.problem.other_fleet
+    robots += "" if other is None else f" ({other} in the text)"
+    chance = f", by chance: {', '.join(job.by_chance)}" if job.by_chance else ""
+    values = ", ".join((robots, *job.problem.values, f"seed {scene.seed}"))
+    told = visible(f"{program}{with_}: {values}{chance}")
     is_given = job.configuration.bounded and name != NO_FILE
     if is_given or not moves(job.loaded.program):
         return told
-    return f"{told}\nno bounds are given: the world reaches {bounds_words(scene.world)}"
+    return f"{told}
+no bounds are given: the world reaches {bounds_words(scene.world)}"
 
 
 # --- the report -----------------------------------------------------------------------------------
@@ -206,6 +210,7 @@ def as_document(
         "format": "koord-simulated",
         "version": 1,
         "program": job.loaded.source.name,
+        "problem": job.problem.document(),
         "seed": job.scene.seed,
         "ending": simulation.ending.name.lower(),
         **asdict(figures),

@@ -31,6 +31,7 @@ from koord.syntax.core import Direction
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.load import load
+from koord.syntax.problem import Problem
 from koord.syntax.source import Source, whole_file
 from koord.syntax.types import POS, ArrayType, ListType, RecordType, Type
 from koord.syntax.walk import nodes
@@ -76,6 +77,11 @@ class Job:
         return Fraction(repr(self.scene.delta_s))
 
     @property
+    def problem(self) -> Problem:
+        """What the run is a run of."""
+        return self.loaded.problem(self.kinds, self.delta_s)
+
+    @property
     def slack(self) -> Fraction:
         """By how much numbers may be off in claims."""
         return Fraction(repr(self.scene.slack_m))
@@ -83,7 +89,8 @@ class Job:
     def cast(self) -> Cast:
         """The program, compiled."""
         program, source = self.loaded.program, self.loaded.source
-        return Cast(source.name, source.text, loaded(compiled(program)), self.kinds)
+        differing = self.problem.differing
+        return Cast(source.name, source.text, loaded(compiled(program)), self.kinds, differing)
 
     @property
     def by_chance(self) -> tuple[str, ...]:
@@ -253,12 +260,13 @@ class Asked:
         size = _size(program)
         if size is None or size == tasks or not tasks:
             return {}
-        for name, value in program.parameters:
-            if value != size or name in chosen:
+        for given in program.parameters:
+            if given.value != size or given.name in chosen:
                 continue
-            changed = load(self.source, Settings({**chosen, name: tasks}), self.properties).program
+            more: dict[str, ParamValue] = {given.name: tasks}
+            changed = load(self.source, Settings({**chosen, **more}), self.properties).program
             if changed is not None and _size(changed) == tasks:
-                return {name: tasks}
+                return more
         return {}
 
 

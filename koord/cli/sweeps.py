@@ -5,14 +5,15 @@ from __future__ import annotations
 import io
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from koord.cli.files import write_atomically
-from koord.cli.terminal import Paint, Style
+from koord.cli.terminal import Paint, Style, visible
 from koord.cli.verdicts import PAINT, outcome_of
 from koord.semantics.configurations import System
+from koord.syntax.problem import Problem
 from koord.verify.verdicts import Engine, Outcome, Report
 
 if TYPE_CHECKING:
@@ -29,13 +30,17 @@ class Point:
     report: Report
 
 
-def heading(name: str, style: Style) -> list[str]:
-    """What stands above the table."""
+def heading(problem: Problem, style: Style) -> list[str]:
+    """What stands above the table: what is the same for all numbers of robots."""
     return [
-        style.paint(name, Paint.BOLD),
+        style.paint(visible(_title(problem)), Paint.BOLD),
         "",
         f"  {'robots':>6}  {'outcome':<26}  {'engines':<20}  {'time':>9}",
     ]
+
+
+def _title(problem: Problem) -> str:
+    return f"{problem.name}: {', '.join(problem.values)}"
 
 
 def row(point: Point, style: Style) -> str:
@@ -59,7 +64,7 @@ def check_drawable(path: str) -> None:
         raise ArgumentTypeError(f"--plot: {path!r} is no picture; write times.svg or times.png")
 
 
-def draw(path: str, name: str, points: Sequence[Point]) -> None:
+def draw(path: str, problem: Problem, points: Sequence[Point]) -> None:
     """Time against the number of robots, as a picture. Raises KoordError."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
@@ -73,7 +78,9 @@ def draw(path: str, name: str, points: Sequence[Point]) -> None:
         if robots:
             times = [seconds[n] for n in robots]
             axes.scatter(robots, times, marker=marker, label=outcome.value, zorder=2)
-    axes.set(xlabel="robots", ylabel="time in s", title=Path(name).name)
+    axes.set(xlabel="robots", ylabel="time in s")
+    names = tuple(Path(name).name for name in problem.texts)
+    axes.set_title(_title(replace(problem, texts=names)), wrap=True, parse_math=False)
     axes.set_ylim(bottom=0)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(visible=True, alpha=0.3)

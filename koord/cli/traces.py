@@ -47,13 +47,16 @@ def read_trace(raw: bytes, name: str, program: Source | None) -> Trace:
 
     document = parse(raw, name)
     try:
-        return (
+        trace = (
             embedded_trace(document, load) if is_itf(document) else decode_document(document, load)
         )
     except KoordError as error:
         if program is None:
             raise
         raise KoordError(tuple(_of_another(d, program) for d in error.diagnostics)) from None
+    if program is None:
+        return trace
+    return replace(trace, sources=replace(trace.sources, program=program))
 
 
 def _of_another(diagnostic: Diagnostic, program: Source) -> Diagnostic:

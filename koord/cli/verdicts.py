@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias, assert_never
 
 from koord.cli import departures
-from koord.cli.terminal import Paint, Style
-from koord.semantics.configurations import System
+from koord.cli.terminal import Paint, Style, visible
+from koord.syntax.problem import Problem
 from koord.verify.claims import ClaimKind
 from koord.verify.verdicts import (
     Bounds,
@@ -31,10 +32,9 @@ MOST_SHOWN = 12
 PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKNOWN: Paint.WARNING}
 
 
-def lines(name: str, system: System, report: Report, style: Style) -> Iterator[str]:
-    """The report as a table, then what makes it say less, then one line that sums it up."""
-    asked = "every number of robots" if report.every_n else system.fleet
-    yield style.paint(f"{name}: {asked}, δ = {float(system.delta_s):g} s", Paint.BOLD)
+def lines(problem: Problem, report: Report, style: Style) -> Iterator[str]:
+    """The report as a table, then what makes it say less."""
+    yield style.paint(visible(str(problem)), Paint.BOLD)
     yield ""
     rows = [(v.claim.name, said(v), _by(v), f"{v.seconds:.2f} s") for v in report.verdicts]
     widths = [max((len(row[k]) for row in rows), default=0) for k in range(4)]
@@ -88,17 +88,17 @@ def _empty(vacuity: Vacuity, style: Style) -> str:
     return f"{label} {what}: {vacuity.detail}{place}"
 
 
-def invariants(name: str, system: System, report: Report) -> str:
+def invariants(problem: Problem, report: Report) -> str:
     """The invariants that were found, as a file of properties."""
     proofs = [verdict for verdict in report.verdicts if verdict.lemmas]
-    everyone = all(verdict.engine is Engine.EVERY_N for verdict in proofs)
-    whom = "every number of robots" if everyone else system.fleet
-    lines = [f"# Found for {name}: together they hold in every round, for {whom}."]
+    if all(verdict.engine is Engine.EVERY_N for verdict in proofs):
+        problem = replace(problem, kinds=None)
+    lines = [f"# Found for {visible(str(problem))}:", "# together they hold in every round."]
     lines += [as_invariant(f"Found{k}", text) for k, text in enumerate(report.found, start=1)]
     return "\n".join(lines) + "\n"
 
 
-def summary(system: System, bounds: Bounds, report: Report, style: Style) -> str:
+def summary(problem: Problem, bounds: Bounds, report: Report, style: Style) -> str:
     """One line: the outcome, for whom, how far, in how long."""
     outcome = style.paint(report.outcome.value, PAINT[report.outcome])
     stopped = "interrupted, " if report.interrupted else ""
@@ -106,13 +106,13 @@ def summary(system: System, bounds: Bounds, report: Report, style: Style) -> str
         case Outcome.HOLDS:
             reach = "every number of rounds" if _everywhere(report) else f"{bounds.rounds} rounds"
             vacuously = ", but vacuously" if report.is_vacuous else ""
-            text = f"{outcome}{vacuously}: {_claims(report)}, {_robots(system, report)}, {reach}"
+            text = f"{outcome}{vacuously}: {_claims(report)}, {_robots(problem, report)}, {reach}"
         case Outcome.VIOLATED:
             count = sum(v.outcome is Outcome.VIOLATED for v in report.verdicts)
-            text = f"{outcome}: {count} of {_claims(report)}, {_robots(system, report)}"
+            text = f"{outcome}: {count} of {_claims(report)}, {_robots(problem, report)}"
         case Outcome.UNKNOWN:
             count = sum(v.outcome is Outcome.UNKNOWN for v in report.verdicts)
-            text = f"{outcome}: {count} of {_claims(report)}, {_robots(system, report)}"
+            text = f"{outcome}: {count} of {_claims(report)}, {_robots(problem, report)}"
         case _:
             assert_never(report.outcome)
     return f"{text}; {stopped}{report.seconds:.2f} s"
@@ -177,10 +177,10 @@ def _claims(report: Report) -> str:
     return f"{count} claim{'s' if count != 1 else ''}"
 
 
-def _robots(system: System, report: Report) -> str:
-    if report.every_n or all(v.engine is Engine.EVERY_N for v in report.verdicts):
-        return "every number of robots"
-    return system.fleet
+def _robots(problem: Problem, report: Report) -> str:
+    if all(v.engine is Engine.EVERY_N for v in report.verdicts):
+        return replace(problem, kinds=None).fleet
+    return problem.fleet
 
 
 #: What the compiled program did of a counterexample.
@@ -188,13 +188,14 @@ Departed: TypeAlias = "Callable[[Verdict, Counterexample], Departure | None]"
 
 
 def as_json(
-    name: str, system: System, bounds: Bounds, report: Report, departed: Departed
+    problem: Problem, bounds: Bounds, report: Report, departed: Departed
 ) -> dict[str, object]:
     """The report as the object that ``--json`` prints."""
     return {
-        "program": name,
-        "robots": None if report.every_n else system.robots,
-        "delta_s": float(system.delta_s),
+        "program": problem.texts[0],
+        "robots": None if problem.kinds is None else len(problem.kinds),
+        "delta_s": float(problem.delta_s),
+        "problem": problem.document(),
         "rounds": bounds.rounds,
         "outcome": report.outcome.value,
         "seconds": round(report.seconds, 3),

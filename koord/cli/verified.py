@@ -12,7 +12,7 @@ from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram
 from koord.cli.requests import Request
 from koord.cli.terminal import style_of
-from koord.semantics.configurations import System
+from koord.syntax.problem import Problem
 
 if TYPE_CHECKING:
     from koord.refinement.rerunning import Departure
@@ -40,7 +40,7 @@ def tell(
             told[-1]["rests_on"] = premises.as_json(found)
     else:
         style = style_of(sys.stdout)
-        for text in verdicts.lines(program.source.name, system, report, style):
+        for text in verdicts.lines(_problem(program, asked), report, style):
             print(text)
         for verdict in report.verdicts:
             if verdict.counterexample is not None:
@@ -64,11 +64,11 @@ def tell(
             for text in premises.lines(program, found, style):
                 print(text)
         print()
-        print(verdicts.summary(system, bounds, report, style))
+        print(verdicts.summary(_problem(program, asked), bounds, report, style))
     if request.trace is not None:
         _keep(program, asked, request.trace)
     if request.found is not None:
-        _save(program, system, asked.at_ends, request.found)
+        _save(_problem(program, asked), asked.at_ends, request.found)
     if request.certificate is not None and not report.interrupted:
         from koord.cli.certifying import certify
 
@@ -86,10 +86,10 @@ def tell_sweep(
     from koord.cli import sweeps
 
     style = style_of(sys.stdout)
-    name = program.source.name
+    of_all = program.problem(None, request.delta_s)
     points: list[sweeps.Point] = []
     if not request.as_json:
-        print("\n".join(sweeps.heading(name, style)))
+        print("\n".join(sweeps.heading(of_all, style)))
     for asked in answers:
         system, report = asked.system, asked.report
         points.append(sweeps.Point(system, report))
@@ -99,7 +99,7 @@ def tell_sweep(
         if report.interrupted:
             break
     if request.plot is not None and points:
-        sweeps.draw(request.plot, name, points)
+        sweeps.draw(request.plot, of_all, points)
     if len(points) < len(request.fleets):
         return Exit.INTERRUPTED
     return gravest(_exit(point.report) for point in points)
@@ -111,8 +111,13 @@ def _as_json(program: LoadedProgram, asked: Asked) -> dict[str, object]:
     def departed(verdict: Verdict, found: Counterexample) -> Departure | None:
         return counterexamples.rerun_of(program, asked.system_of(verdict), found)
 
-    name = program.source.name
-    return verdicts.as_json(name, asked.system, asked.bounds, asked.report, departed)
+    return verdicts.as_json(_problem(program, asked), asked.bounds, asked.report, departed)
+
+
+def _problem(program: LoadedProgram, asked: Asked) -> Problem:
+    """What the verdicts are about."""
+    system = asked.system
+    return program.problem(None if asked.report.every_n else system.kinds, system.delta_s)
 
 
 def _exit(report: Verification) -> Exit:
@@ -148,14 +153,14 @@ def _keep(program: LoadedProgram, asked: Asked, path: str) -> None:
     write_trace(path, counterexamples.trace_of_run(program, asked.system, recording))
 
 
-def _save(program: LoadedProgram, system: System, report: Verification, path: str) -> None:
+def _save(problem: Problem, report: Verification, path: str) -> None:
     """Write the invariants that were found; say so if there are none."""
     from koord.cli import verdicts
 
     if not report.found:
         print("koord verify: no invariant was found that a proof rests on", file=sys.stderr)
         return
-    text = verdicts.invariants(program.source.name, system, report)
+    text = verdicts.invariants(problem, report)
     write_atomically(path, text.encode("utf-8"))
 
 

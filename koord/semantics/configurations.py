@@ -17,6 +17,7 @@ from koord.semantics.patience import ENDLESS, Patience
 from koord.semantics.storage import Storage
 from koord.semantics.values import Value
 from koord.syntax import core
+from koord.syntax.problem import fleet
 from koord.syntax.source import Span
 from koord.syntax.types import Type
 
@@ -146,12 +147,7 @@ class System:
     @property
     def fleet(self) -> str:
         """The robots in words, by kind: ``3 robots``, ``3 robots (2 Car, 1 Drone)``."""
-        agents = self.program.agents
-        together = f"{self.robots} robot{'' if self.robots == 1 else 's'}"
-        if len(agents) == 1:
-            return together
-        each = ", ".join(f"{self.kinds.count(k)} {a.name}" for k, a in enumerate(agents))
-        return f"{together} ({each})"
+        return fleet(self.program, self.kinds)
 
     def agent(self, robot: int) -> core.Agent:
         """The kind of one robot."""

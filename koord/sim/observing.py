@@ -56,6 +56,7 @@ def header_of(
     seed: int,
     safety_m: float = 0.0,
     devices: Sequence[str] = (),
+    differing: tuple[str, ...] = (),
 ) -> Header:
     """The header of a run; ``kinds[i]`` is the position of robot i's class in ``classes``."""
     agents = tuple(
@@ -71,7 +72,19 @@ def header_of(
         for pid, placed in enumerate(robots)
     )
     visit_m = max((placed.kind.visit.epsilon_m for placed in robots), default=0.2)
-    return Header(program, text, delta_s, seed, world, agents, recorded, shared, safety_m, visit_m)
+    return Header(
+        program,
+        text,
+        delta_s,
+        seed,
+        world,
+        agents,
+        recorded,
+        shared,
+        safety_m,
+        visit_m,
+        differing,
+    )
 
 
 class Observer:

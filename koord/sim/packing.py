@@ -212,6 +212,7 @@ def described(header: Header) -> dict[str, Any]:
         "text": header.text,
         "delta": header.delta_s,
         "seed": header.seed,
+        "differing": header.differing,
         "safety": header.safety_m,
         "visit": header.visit_m,
         "step": step_m(world),

@@ -123,6 +123,7 @@ class Header:
     shared: tuple[Variable, ...]
     safety_m: float = 0.0  #: no two robots are to come nearer to each other; 0: not said
     visit_m: float = 0.2  #: a robot so near to a task is there
+    differing: tuple[str, ...] = ()  #: each value that is not the text's, in words
 
     @property
     def sample_s(self) -> float:

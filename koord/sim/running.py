@@ -89,12 +89,16 @@ class Claims(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Cast:
-    """A compiled program, and which robot is of which kind."""
+    """A compiled program, and which robot is of which kind.
+
+    ``differing`` is each value that is not the text's, in words.
+    """
 
     name: str
     text: str
     classes: tuple[type[Robot], ...]
     kinds: tuple[int, ...]
+    differing: tuple[str, ...] = ()
 
 
 class Simulation:
@@ -138,6 +142,7 @@ class Simulation:
             seed=seed,
             safety_m=scene.safety_m,
             devices=scene.names,
+            differing=cast.differing,
         )
         self.recorder = Recorder(header)
         self.observer = Observer(self.recorder, self.engine, self.fleet)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 
+from koord.syntax.literals import ParamValue
 from koord.syntax.source import NOWHERE, Span
 from koord.syntax.types import BOOL, Type
 
@@ -681,12 +682,31 @@ class Instance:
 
 
 @dataclass(frozen=True, slots=True)
+class Parameter:
+    """A constant of the run: its value, and the one that the text gives; None if it gives none."""
+
+    name: str
+    value: ParamValue
+    written: ParamValue | None
+
+    @property
+    def is_set(self) -> bool:
+        """Whether the value is another one than the text says."""
+        return self.value != self.written
+
+
+#: Where the tasks of a world are, in metres.
+Places = tuple[tuple[Fraction, Fraction, Fraction], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Program(Node):
     """A whole program.
 
     ``functions`` and ``externals`` are in order of dependence (a function calls earlier ones only).
-    ``parameters`` are the constants of the run, with the values used. ``expectations`` are
-    statements of kind LEADS_TO that fair runs are supposed to satisfy. [FAIR-ASSUME]
+    ``parameters`` are the constants of the run, with the values used. ``tasks`` are the places of
+    the world's tasks, if a variable starts with them. ``expectations`` are statements of kind
+    LEADS_TO that fair runs are supposed to satisfy. [FAIR-ASSUME]
     """
 
     name: str
@@ -698,9 +718,10 @@ class Program(Node):
     lock_classes: tuple[LockClass, ...]
     assumptions: tuple[Assumption, ...]
     properties: tuple[Property, ...]
-    parameters: tuple[tuple[str, object], ...] = ()
+    parameters: tuple[Parameter, ...] = ()
     expectations: tuple[Property, ...] = ()
     instance: Instance = Instance()
+    tasks: Places | None = None
 
     def function(self, name: str) -> Function:
         return next(f for f in self.functions if f.name == name)

@@ -14,7 +14,8 @@ from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
 from koord.syntax import ast, core
 from koord.syntax.core import PropertyKind
-from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.elaborate.settings import Settings
+from koord.syntax.literals import encoded
 from koord.syntax.load import load
 from koord.syntax.parser import parse
 from koord.syntax.printer import print_program
@@ -134,7 +135,7 @@ def certificate(
         "made_by": f"koord {version}",
         "program": _text(texts.program),
         "properties": [_text(source) for source in texts.properties],
-        "parameters": {name: _value(v) for name, v in texts.settings.params.items()},
+        "parameters": {name: encoded(v) for name, v in texts.settings.params.items()},
         "tasks": None
         if texts.settings.tasks is None
         else [[str(x) for x in task] for task in texts.settings.tasks],
@@ -222,14 +223,6 @@ def digest(text: str) -> str:
     from hashlib import sha256
 
     return sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()
-
-
-def _value(value: ParamValue) -> object:
-    if isinstance(value, tuple):
-        return [_value(part) for part in value]
-    if isinstance(value, bool | int | str):
-        return value
-    return {"fraction": str(value)}
 
 
 # --- the claims -----------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from koord.verify.scripts import script
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class Export:
     """A problem as a file, and what it says more loosely than the program."""
 
     content: bytes
@@ -25,7 +25,7 @@ class Problem:
 
 def problem(
     system: System, names: Sequence[str], format_: Format, rounds: int, comment: str
-) -> Problem:
+) -> Export:
     """The claims about a system, or the named ones, for other tools.
 
     Values that merely flow are opaque. SMT-LIB has Booleans alone where these say everything, and
@@ -56,7 +56,7 @@ def problem(
             "followed in a range only, so a violation with a value beyond need not be one of the "
             f"program{better}: {_listed(circuit.strays)}"
         )
-    return Problem(exported(circuit, format_, rounds, comment), tuple(notes))
+    return Export(exported(circuit, format_, rounds, comment), tuple(notes))
 
 
 def _listed(names: Iterable[str]) -> str:
@@ -64,7 +64,7 @@ def _listed(names: Iterable[str]) -> str:
     return ", ".join(sorted({name.split("@")[0] for name in names}))
 
 
-def _question(system: System, claims: Sequence[Claim], rounds: int, comment: str) -> Problem:
+def _question(system: System, claims: Sequence[Claim], rounds: int, comment: str) -> Export:
     found = script(system, claims, rounds)
     notes = tuple(f"not covered: {limit}" for limit in found.limits)
-    return Problem(f"; {comment}\n{found.text}".encode(), notes)
+    return Export(f"; {comment}\n{found.text}".encode(), notes)

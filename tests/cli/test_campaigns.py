@@ -23,10 +23,12 @@ def test_each_run_has_a_seed_of_its_own_and_a_line(
     table = tmp_path / "runs.csv"
     assert main(["sim", *TASK, "--runs", "3", "--seed", "5", "--csv", str(table)]) == Exit.OK
     out, _ = capsys.readouterr()
-    assert "3 runs, means with 95 % intervals" in out
+    values = "δ = 0.1 s, tasks = 6 (4 in the text), 6 tasks of the world"
+    assert f"task.krd: 3 runs, {values}, means with 95 % intervals" in out
     with table.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["seed"] for row in rows] == ["5", "6", "7"]
+    assert {row["values"] for row in rows} == {values}
     assert len({row["digest"] for row in rows}) == 3
     assert main(["sim", *TASK, "--seed", "6", "--json", "--no-html"]) == Exit.OK
     assert json.loads(capsys.readouterr().out)["digest"] == rows[1]["digest"]

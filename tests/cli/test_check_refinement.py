@@ -42,7 +42,8 @@ def koord(*arguments: str) -> int:
 
 def test_a_program_is_checked(file: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert koord(file, "--runs", "6") == Exit.OK
-    engine, network, udp = capsys.readouterr().out.splitlines()
+    about, engine, network, udp = capsys.readouterr().out.splitlines()
+    assert about == "app.krd: δ = 0.1 s"
     assert engine.startswith("engine: 6 runs, 48 rounds, ")
     assert network.startswith("network: 1 run, 8 rounds, ")
     assert udp.startswith("udp: 1 run, 8 rounds, ")
@@ -83,7 +84,7 @@ def test_a_run_that_is_refused_is_shown_and_kept(
 ) -> None:
     assert koord(file, "--runs", "6", "--seed", "3", "--target", target) == Exit.VIOLATED
     out = capsys.readouterr().out
-    assert f"refused: app.krd, 1 robot, {target}" in out
+    assert f"refused: app.krd: 1 robot, δ = 0.1 s, {target}" in out
     assert "[ENV-TRANS] round 1: the configuration recorded is another" in out
     assert "sum: by the rules 2, recorded 1" in out
     (kept,) = Path().glob("refinement-*.json")

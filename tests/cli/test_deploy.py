@@ -28,7 +28,7 @@ def test_all_robots_run_on_this_machine(three: str, capsys: pytest.CaptureFixtur
     code = main(["deploy", SUM, three, "--all-local", "--rounds", "6"])
     out, err = capsys.readouterr()
     assert code == Exit.OK, err
-    assert out.startswith("6 rounds of 3 robots: ")
+    assert out.startswith(f"{SUM}: 3 robots, δ = 0.02 s\n6 rounds of 3 robots: ")
     assert "dropped: nothing" in out
 
 
@@ -221,6 +221,7 @@ def test_rounds_are_as_long_as_the_program_states_if_the_configuration_does_not_
         as_fast_as_possible=False,
         rounds=2,
     )
-    job = deploy._job(arguments, Report())
-    assert job is not None
+    asked = deploy._asked(arguments, Report())
+    assert asked is not None
+    job, _ = asked
     assert (job.delta_s, job.pace_s) == (0.03, 0.03)

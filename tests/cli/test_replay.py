@@ -25,6 +25,18 @@ Add:
 invariant Bounded: total < 100
 """
 
+#: What the trace is a run of, as text and as JSON.
+OF = "  a run of sum.krd: 3 robots, δ = 0.1 s\n"
+PROBLEM: dict[str, object] = {
+    "robots": 3,
+    "kinds": None,
+    "delta": "1/10",
+    "in_text": {"robots": None, "kinds": None, "delta": None},
+    "params": {},
+    "tasks": None,
+    "properties": [],
+}
+
 
 @pytest.fixture
 def trace(
@@ -51,7 +63,7 @@ def test_a_legal_trace(trace: Any, capsys: pytest.CaptureFixture[str]) -> None:
     """[REPLAY]"""
     assert replayed(capsys, trace) == (
         Exit.OK,
-        "t.json: legal: 13 steps, 3 rounds, 3 robots, exact numbers\n",
+        "t.json: legal: 13 steps, 3 rounds, exact numbers\n" + OF,
         "",
     )
 
@@ -63,7 +75,8 @@ def test_the_first_illegal_step_is_named(trace: Any, capsys: pytest.CaptureFixtu
     assert code == Exit.VIOLATED
     assert out == (
         "t.json: round 2, robot 0, event Add: not legal by SELECT\n"
-        "  the pre of Add does not hold for robot 0\n"
+        + OF
+        + "  the pre of Add does not hold for robot 0\n"
     )
 
 
@@ -74,7 +87,8 @@ def test_what_differs_is_shown(trace: Any, capsys: pytest.CaptureFixture[str]) -
     assert code == Exit.VIOLATED
     assert out == (
         "t.json: round 3, the environment's turn: not legal by ENV-TRANS\n"
-        "  the configuration recorded is another\n"
+        + OF
+        + "  the configuration recorded is another\n"
         "                                by the rules  recorded\n"
         "  total                         3             7\n"
         "  the copy of total of robot 0  3             7\n"
@@ -97,7 +111,15 @@ def test_the_answer_as_json(trace: Any, capsys: pytest.CaptureFixture[str]) -> N
     code, out, _ = replayed(capsys, trace, "--json")
     assert (code, json.loads(out)) == (
         Exit.OK,
-        {"version": 1, "legal": True, "steps": 13, "rounds": 3, "refused": None}
+        {
+            "version": 1,
+            "program": "sum.krd",
+            "problem": PROBLEM,
+            "legal": True,
+            "steps": 13,
+            "rounds": 3,
+            "refused": None,
+        }
         | {"slack": 0.0, "trusted": [], "compiled": None},
     )
     trace["run"]["rounds"][1]["after"]["robots"][1]["locals"]["done"] = False
@@ -153,7 +175,8 @@ def test_where_the_compiled_program_departs_is_told(
     assert claim["violated"]["compiled"] == {"agrees": False, "departs": told}
     assert frame.main(["replay", "t.json", "--compiled"]) == Exit.VIOLATED
     assert capsys.readouterr().out == (
-        "t.json: legal: 6 steps, 3 rounds, 1 robot, exact numbers\n"
+        "t.json: legal: 6 steps, 3 rounds, exact numbers\n"
+        "  a run of x.krd: 1 robot, δ = 0.1 s\n"
         "  it breaks Never, as it says\n"
         f"  the compiled program departs at round 3: {reason}\n"
         "                       recorded  compiled\n"
@@ -167,7 +190,7 @@ def test_the_rounds_are_shown_on_demand(trace: Any, capsys: pytest.CaptureFixtur
     code, out, _ = replayed(capsys, trace, "--show")
     assert code == Exit.OK
     assert "round 2, to t = 0.2 s\n  1     Add   total: 0 → 1, done: false → true\n" in out
-    assert out.endswith("\n\nt.json: legal: 13 steps, 3 rounds, 3 robots, exact numbers\n")
+    assert out.endswith("\n\nt.json: legal: 13 steps, 3 rounds, exact numbers\n" + OF)
 
 
 def test_another_program_behind_the_trace(trace: Any, capsys: pytest.CaptureFixture[str]) -> None:

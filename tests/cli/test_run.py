@@ -299,7 +299,8 @@ def test_a_trace_is_written_and_replays(koord: Koord, write: Path, name: str) ->
     code, out = koord("replay", name)
     assert (code, out) == (
         Exit.OK,
-        f"{name}: legal: 17 steps, 4 rounds, 3 robots, exact numbers\n",
+        f"{name}: legal: 17 steps, 4 rounds, exact numbers\n"
+        "  a run of sum.krd: 3 robots, δ = 0.1 s\n",
     )
 
 

@@ -68,7 +68,8 @@ def test_an_example_does_what_it_is_for(
 def test_task_by_itself_is_the_one_of_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sim", example("task.krd"), "--time", "2", "--no-html"]) == Exit.OK
     out, _ = capsys.readouterr()
-    assert "task.yaml: 3 robots (2 car, 1 drone), δ = 0.1 s, seed 0" in out
+    values = "δ = 0.1 s, tasks = 20 (4 in the text), 20 tasks of the world, seed 0"
+    assert f"task.yaml: 3 robots (2 car, 1 drone), {values}" in out
     assert "0 of 20 visited" in out
     assert "done: the time was up" in out
 

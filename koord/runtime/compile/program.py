@@ -15,6 +15,7 @@ from koord.runtime.compile.spelling import annotation, constant_name, shape, str
 from koord.runtime.compile.statements import Lines, block, indented
 from koord.syntax import core
 from koord.syntax.core import Direction, Home, Start
+from koord.syntax.problem import told
 from koord.syntax.source import Span
 from koord.syntax.types import EnumType, RecordType
 from koord.syntax.walk import nodes, written
@@ -51,7 +52,7 @@ class Module:
         )
         typing = [n for n in ("Any", "NamedTuple") if re.search(rf"\b{n}\b", text)]
         file = _one_line(self.names.file)
-        given = [f"# param {name} = {_shown(v)}" for name, v in self.program.parameters]
+        given = [f"# param {_one_line(told(given))}" for given in self.program.parameters]
         return [
             f'"""{file}, compiled: `koord compile` writes this file anew."""',
             "",
@@ -438,13 +439,6 @@ def _guide(text: str) -> Lines:
 def _one_line(name: str) -> str:
     """A file's name such as can stand in a docstring or a comment."""
     return "".join(c if c.isprintable() and c not in '"\\' else "_" for c in name)
-
-
-def _shown(value: object) -> str:
-    """The value of a param, in one line."""
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_shown, value))}]"
-    return _one_line(str(value))
 
 
 def _is_in_order(low: core.Expr, high: core.Expr) -> bool:

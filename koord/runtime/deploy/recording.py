@@ -8,6 +8,7 @@ from typing import IO, Any
 from koord.runtime.deploy.running import Moment
 from koord.runtime.deploy.status import Status
 from koord.runtime.records import NoLibraryError, RecordFile
+from koord.syntax.problem import Problem
 
 _ROBOTS: tuple[str, dict[str, Any]] = (
     "koord.robots",
@@ -32,6 +33,12 @@ class Record:
     def __init__(self, file: IO[bytes]) -> None:
         """Raises NoLibraryError."""
         self._file = RecordFile(file)
+
+    def describe(self, problem: Problem) -> None:
+        """What the run is a run of."""
+        facts = {"program": problem.name, "robots": problem.fleet}
+        facts |= {"delta_s": str(problem.delta_s), "differing": ", ".join(problem.differing)}
+        self._file.describe("koord", facts)
 
     def moments(self, moments: tuple[Moment, ...], now_ns: int) -> None:
         """What a robot did."""

@@ -17,6 +17,8 @@ from koord.semantics.configurations import Configuration, System, Written
 from koord.semantics.domain import DOUBLES, EXACT, Constant, Domain
 from koord.semantics.execution import Step, execute
 from koord.semantics.traces.recording import Recording
+from koord.syntax import core
+from koord.syntax.problem import Problem
 from koord.syntax.source import Source
 from koord.syntax.types import ArrayType, RecordType, Type
 
@@ -45,7 +47,7 @@ class Sources:
     program: Source
     properties: tuple[Source, ...] = ()
     params: tuple[tuple[str, ParamValue], ...] = ()
-    tasks: tuple[tuple[Fraction, Fraction, Fraction], ...] | None = None
+    tasks: core.Places | None = None
 
     @property
     def texts(self) -> tuple[Source, ...]:
@@ -108,6 +110,12 @@ class Trace:
     outputs: tuple[Emitted, ...] = ()
     violation: Violation | None = None
     slack: Fraction = Fraction(0)
+
+    @property
+    def problem(self) -> Problem:
+        """What it is a run of."""
+        names = tuple(source.name for source in self.sources.texts)
+        return Problem(names, self.system.program, self.system.kinds, self.system.delta_s)
 
 
 @dataclass(slots=True)

@@ -59,6 +59,7 @@ def mcap_of(recording: Recording) -> bytes:
         "delta_s": repr(header.delta_s),
         "seed": str(header.seed),
         "robots": str(len(header.robots)),
+        "differing": ", ".join(header.differing),
         "ending": recording.ending or "",
     }
     file.describe("koord", facts)

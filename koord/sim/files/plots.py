@@ -61,7 +61,9 @@ def plot_of(recording: Recording, form: str) -> bytes:
     drawn.set_xlabel("time (s)")
     for column, (time_s, cells) in enumerate(maps):
         _map(figure.add_subplot(grid[rows - 1, column]), header, cells, time_s)
-    figure.suptitle(header.program.replace("\\", "/").rsplit("/")[-1], fontsize=11)
+    name = header.program.replace("\\", "/").rsplit("/")[-1]
+    title = f"{name}: {', '.join(header.differing)}" if header.differing else name
+    figure.suptitle(title, fontsize=11, wrap=True, parse_math=False)
     raw = io.BytesIO()
     # Without the date equal runs make equal files.
     dated: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}

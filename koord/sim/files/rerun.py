@@ -129,6 +129,9 @@ def _draw_paths(rerun: Any, stream: Any, recording: Recording) -> None:
 def _tell(rerun: Any, stream: Any, recording: Recording) -> None:
     """Events, output and violations as text."""
     header = recording.header
+    stream.set_time(_TIMELINE, duration=0.0)
+    for line in header.differing:
+        stream.log("log", rerun.TextLog(line, level="INFO"))
     for done in recording.rounds:
         words = [*_events(header, done.deeds.tolist())]
         words += [f"robot {said.robot} {said.stream}: {said.text}" for said in done.said]

@@ -67,6 +67,9 @@ class _Messages:
         for change in self.recording.tasks:
             marker = self._task(change.task, change.state, change.time_s)
             yield _ns(change.time_s), "/scene", self._markers([marker])
+        if self.header.differing:
+            text = json.dumps({"differing": self.header.differing})
+            yield 0, "/events", self._make("std_msgs/msg/String", text)
         for done in self.recording.rounds:
             ran = _ran(self.header, done.deeds.tolist())
             if ran:

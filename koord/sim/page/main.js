@@ -186,6 +186,7 @@ class Page {
       ["", made("b", {}, clock(run.duration)), ""],
       ["", "δ ", made("b", {}, `${header.delta} s`)],
       ["", "seed ", made("b", {}, String(header.seed))],
+      ...header.differing.map((words) => ["", words]),
     ];
     const done = run.tasksAt(run.duration).filter((one) => one.state === DONE).length;
     const all = header.world.tasks.length;

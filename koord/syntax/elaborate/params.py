@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from decimal import Decimal
 from fractions import Fraction
 
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body, Where
 from koord.syntax.elaborate.coercion import fit
+from koord.syntax.elaborate.findings import Findings
 from koord.syntax.elaborate.folding import folded
 from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.resolve_types import resolve
 from koord.syntax.elaborate.session import Session
-from koord.syntax.elaborate.settings import ParamValue
+from koord.syntax.literals import ParamValue, literal
 from koord.syntax.types import (
     BOOL,
     FLOAT,
@@ -24,9 +24,6 @@ from koord.syntax.types import (
     ListType,
     Type,
 )
-
-#: Larger numbers are told with an exponent, and need not be a double.
-_LARGE = 10**16
 
 
 def param_value(session: Session, decl: ast.VarDecl) -> core.Expr | None:
@@ -51,7 +48,7 @@ def param_value(session: Session, decl: ast.VarDecl) -> core.Expr | None:
             body.error(
                 "K237",
                 decl.span,
-                f"`{decl.name.name}` is {a(type_)}, but it is set to `{_written(given)}`",
+                f"`{decl.name.name}` is {a(type_)}, but it is set to `{literal(given)[:60]}`",
                 f"it is one of {', '.join(type_.members)}" if isinstance(type_, EnumType) else None,
             )
         return value
@@ -77,6 +74,17 @@ def _initial(body: Body, decl: ast.VarDecl, initial: ast.Expr, type_: Type) -> c
     found = body.expr(initial, type_)
     found = fit(body, found, type_, initial.span, f"`{decl.name.name}`")
     return _constant(body, found, decl) if found is not None else None
+
+
+def text_value(session: Session, decl: ast.VarDecl) -> core.Expr | None:
+    """The value of a param without the settings; None if the text gives it none."""
+    if decl.initial is None:
+        return None
+    body = Body(session, Where.CONSTANT, None, Findings())  # it may be wrong: it is not used
+    type_ = resolve(body, decl.type)
+    found = None if type_ is None else body.expr(decl.initial, type_)
+    found = fit(body, found, type_, decl.initial.span, f"`{decl.name.name}`")
+    return None if found is None else _reduced(found)
 
 
 def _allowed(type_: Type) -> bool:
@@ -149,17 +157,3 @@ def from_setting(given: ParamValue, type_: Type) -> core.Expr | None:
             return core.Const(Fraction(given), FLOAT)
         case _:
             return None
-
-
-def _written(given: ParamValue) -> str:
-    match given:
-        case bool():
-            return "true" if given else "false"
-        case Fraction():
-            if abs(given) < _LARGE:
-                return str(float(given))
-            return f"{Decimal(given.numerator) / given.denominator:.6g}"
-        case tuple():
-            return f"[{', '.join(_written(item) for item in given)}]"
-        case _:
-            return str(given)[:60]

@@ -20,6 +20,7 @@ from koord.syntax.elaborate import (
     properties,
     starts,
     variables,
+    world_tasks,
 )
 from koord.syntax.elaborate.assumed import assumed
 from koord.syntax.elaborate.body import Body, Where
@@ -33,7 +34,6 @@ from koord.syntax.elaborate.settings import Elaborated, Settings
 from koord.syntax.elaborate.statements import block
 from koord.syntax.elaborate.survey import mentioned
 from koord.syntax.elaborate.symbols import AgentScope, Named, VariableSymbol
-from koord.syntax.elaborate.world_tasks import check_tasks
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import ArrayType
 
@@ -163,7 +163,7 @@ def _define(
     cautions.confused(session)
     if not session.partial:
         cautions.unused(session, [session.shared, *(each.scope.variables for each in robots)])
-    check_tasks(allwrite, session.settings, session.findings)
+    world_tasks.check_tasks(allwrite, session.settings, session.findings)
     classes, agents = locks.classified(session.atomic_blocks.values(), agents)
     known = assumed(assumptions, len(agents))
     return core.Program(
@@ -179,8 +179,15 @@ def _define(
         session.parameters,
         expectations,
         instance.instance(session, sections),
+        session.settings.tasks if _starts_with_tasks(session, allwrite) else None,
         span=program.span,
     )
+
+
+def _starts_with_tasks(session: Session, allwrite: tuple[core.Declaration, ...]) -> bool:
+    """Whether the world's tasks are what a variable begins with."""
+    unset = (d for d in allwrite if d.initial is core.Start.UNSET)
+    return any(world_tasks.tasks(d.variable, session.settings) is not None for d in unset)
 
 
 def _shared(

@@ -84,7 +84,7 @@ class Session:
     shared: dict[str, Named] = field(default_factory=dict)
     agents: list[AgentScope] = field(default_factory=list)
     partial: bool = False
-    parameters: tuple[tuple[str, object], ...] = ()
+    parameters: tuple[core.Parameter, ...] = ()
     sites: Counter = field(default_factory=Counter)
     used: set[int] = field(default_factory=set)
     loop_variables: set[str] = field(default_factory=set)

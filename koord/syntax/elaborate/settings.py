@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic
-
-#: A value for a ``param``, as ``--set`` or a configuration gives it.
-ParamValue = int | Fraction | bool | str | tuple["ParamValue", ...]
+from koord.syntax.literals import ParamValue as ParamValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +20,7 @@ class Settings:
     """
 
     params: Mapping[str, ParamValue] = field(default_factory=dict)
-    tasks: tuple[tuple[Fraction, Fraction, Fraction], ...] | None = None
+    tasks: core.Places | None = None
 
 
 @dataclass(frozen=True, slots=True)

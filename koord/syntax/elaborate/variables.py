@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaborate.body import Body, Where
-from koord.syntax.elaborate.params import param_value
+from koord.syntax.elaborate.params import param_value, text_value
 from koord.syntax.elaborate.resolve_types import resolve
 from koord.syntax.elaborate.sections import FLAGS
 from koord.syntax.elaborate.session import Session
@@ -22,8 +22,9 @@ from koord.syntax.elaborate.symbols import (
     Poisoned,
     VariableSymbol,
 )
+from koord.syntax.literals import ParamValue
 from koord.syntax.source import whole_file
-from koord.syntax.types import STREAM, ArrayType, ListType, Robots, Type, show
+from koord.syntax.types import STREAM, ArrayType, EnumType, ListType, Robots, Type, show
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,16 +99,19 @@ def declared_twice(session: Session, name: ast.Ident, first: ast.Ident) -> None:
     )
 
 
-def declare_params(session: Session, decls: list[ast.VarDecl]) -> tuple[tuple[str, object], ...]:
+def declare_params(session: Session, decls: list[ast.VarDecl]) -> tuple[core.Parameter, ...]:
     """Enter the constants of the run, with the values that the settings give them."""
-    used: list[tuple[str, object]] = []
+    used: list[core.Parameter] = []
     for decl in decls:
         if not is_pending(session.shared, decl):
             continue
         value = param_value(session, decl)
         session.shared[decl.name.name] = ParamSymbol(value, decl.name)
         if value is not None:
-            used.append((decl.name.name, plain(value)))
+            is_set = decl.name.name in session.settings.params
+            written = text_value(session, decl) if is_set else value
+            own = None if written is None else plain(written)
+            used.append(core.Parameter(decl.name.name, plain(value), own))
     for name in session.settings.params:
         if name in FLAGS:
             session.findings.error(
@@ -128,9 +132,11 @@ def declare_params(session: Session, decls: list[ast.VarDecl]) -> tuple[tuple[st
     return tuple(used)
 
 
-def plain(value: core.Expr) -> object:
-    """A constant as a Python value."""
+def plain(value: core.Expr) -> ParamValue:
+    """A constant as a setting gives it."""
     match value:
+        case core.Const(value=int() as position, type=EnumType(members=members)):
+            return members[position]
         case core.Const(value=constant):
             return constant
         case core.MakeList(items=items):
@@ -138,7 +144,7 @@ def plain(value: core.Expr) -> object:
         case core.MakeRecord(fields=fields):
             return tuple(plain(field) for field in fields)
         case _:
-            return None
+            raise AssertionError(f"{value!r} is no value of a param")
 
 
 def variable_type(session: Session, decl: ast.VarDecl) -> Type | None:

@@ -250,7 +250,7 @@ class _Words:
 
 def _called(program: core.Program) -> Iterator[str]:
     """Names that mean something everywhere in a program."""
-    yield from (name for name, _ in program.parameters)
+    yield from (given.name for given in program.parameters)
     for node in nodes(program):
         match node:
             case core.Variable(home=home, name=name) if home is not Home.BOUND:
