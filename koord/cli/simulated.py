@@ -45,8 +45,7 @@ def heading(job: Job) -> str:
     is_given = job.configuration.bounded and name != NO_FILE
     if is_given or not moves(job.loaded.program):
         return told
-    return f"{told}
-no bounds are given: the world reaches {bounds_words(scene.world)}"
+    return f"{told}\nno bounds are given: the world reaches {bounds_words(scene.world)}"
 
 
 # --- the report -----------------------------------------------------------------------------------
