@@ -60,6 +60,7 @@ from koord.runtime.shapes import (
     default,
     element_of,
     from_plain,
+    holds_map,
     to_plain,
 )
 from koord.runtime.shapes import Mapping as MapOf
@@ -175,6 +176,8 @@ class Robot:
     _numbers: ClassVar[dict[str, int]] = {}
     _urgent: ClassVar[tuple[int, ...]] = ()
     _modelled: ClassVar[bool] = False
+    #: Sensors with maps in them: to these it matters in which order their keys are.
+    _ordered: ClassVar[frozenset[str]] = frozenset()
     _blanks: ClassVar[dict[int, dict[str, Any]]] = {}
 
     __slots__ = (
@@ -197,6 +200,7 @@ class Robot:
         cls._numbers = {v.name: k for k, v in enumerate(cls.SHARED.variables)}
         cls._urgent = tuple(k for k, event in enumerate(cls.EVENTS) if event.urgent)
         cls._modelled = cls.environment is not Robot.environment
+        cls._ordered = frozenset(n for n in cls.SENSORS if holds_map(cls.PORTS[n]))
         cls._blanks = {}
 
     def __init__(self, pid: int, kinds: Sequence[int], delta: float, host: Host) -> None:
@@ -409,7 +413,7 @@ class Robot:
         for name in self.SENSORS:
             if name in readings and (reading := readings[name]) is not held[name]:
                 value = from_plain(self.PORTS[name], reading, self.numAgents)
-                if value != held[name]:
+                if name in self._ordered or value != held[name]:
                     held[name] = value
         return None
 

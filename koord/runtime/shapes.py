@@ -205,6 +205,19 @@ def from_plain(shape: Shape, plain: Any, robots: int, *, unset: bool = False) ->
     assert_never(shape)
 
 
+def holds_map(shape: Shape) -> bool:
+    """Whether values of a shape have maps in them: equal ones may differ in the order of keys."""
+    match shape:
+        case Mapping():
+            return True
+        case Record(fields=fields):
+            return any(map(holds_map, fields))
+        case Array(element=element) | PerRobot(element=element) | Sequence(element=element):
+            return holds_map(element)
+        case _:
+            return False
+
+
 def _map(shape: Mapping, plain: Any, robots: int) -> dict[Any, Any]:
     """A map, of its pairs; a ``dict`` will do, as drivers make them."""
     pairs = plain.items() if isinstance(plain, MappingOf) else _items(plain, None)

@@ -23,6 +23,7 @@ from koord.semantics.rounds import (
 )
 from koord.semantics.traces.recording import Answer, Concrete, Reading, Recording, Round, Start
 from koord.semantics.turns import holds_in
+from koord.semantics.values import identical
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import Type
@@ -48,7 +49,7 @@ class RecordedOracle:
         self, function: core.External, key: Key, arguments: tuple[Concrete, ...]
     ) -> Concrete:
         answer = self._answer(key, function.name)
-        if answer.arguments != arguments:
+        if not all(map(identical, answer.arguments, arguments)):
             raise IllegalStepError(
                 "EXTERNAL", f"{function.name} was asked with other arguments than recorded"
             )
@@ -231,7 +232,7 @@ def _consistent(
         if answer.function is None or kinds.get(answer.function) is not core.ExternalKind.FUNCTION:
             continue
         question = (answer.function, answer.arguments)
-        if known.setdefault(question, answer.value) != answer.value:
+        if not identical(known.setdefault(question, answer.value), answer.value):
             raise IllegalStepError(
                 "EXTERNAL", f"{answer.function} answered equal arguments differently"
             )

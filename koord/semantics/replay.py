@@ -17,7 +17,7 @@ from koord.semantics.races import overlap, rewritten
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.runs.answering import SampledInputs
 from koord.semantics.runs.sampling import Sampler
-from koord.semantics.traces.changes import Change, differences, identical
+from koord.semantics.traces.changes import Change, differences
 from koord.semantics.traces.names import Names
 from koord.semantics.traces.recording import Answer
 from koord.semantics.traces.rendering import show_output
@@ -31,6 +31,7 @@ from koord.semantics.traces.trace import (
     emitted,
 )
 from koord.semantics.turns import holds_in, program_turn
+from koord.semantics.values import identical
 from koord.syntax import core
 from koord.syntax.core import PropertyKind
 from koord.syntax.walk import nodes

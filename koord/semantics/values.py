@@ -7,12 +7,13 @@ knows only in part has a ``length`` scalar and as many ``items`` as it may have 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeAlias, TypeVar
 
 from koord.semantics.crowds import Crowd, NotFiniteError, Size
-from koord.semantics.domain import Domain, conjunction, disjunction
+from koord.semantics.domain import Constant, Domain, conjunction, disjunction
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import (
@@ -212,6 +213,25 @@ def equal(d: Domain[V], left: Value[V], right: Value[V]) -> V:
             parts.append(disjunction(d, [beyond, conjunction(d, [found, same])]))
         return conjunction(d, parts)
     return d.binary(BinaryOp.EQ, scalar(left), scalar(right))
+
+
+def identical(old: Value[Constant], new: Value[Constant]) -> bool:
+    """Whether two values are one: NaN is itself, maps have their keys in order. [CONFIG]"""
+    if old == new:
+        return True
+    match old, new:
+        case float(), float():
+            return math.isnan(old) and math.isnan(new)
+        case Rec(fields=a), Rec(fields=b):
+            return all(map(identical, a, b))
+        case Seq(items=a), Seq(items=b):
+            return len(a) == len(b) and all(map(identical, a, b))
+        case Table(entries=a), Table(entries=b):
+            return len(a) == len(b) and all(
+                identical(k, m) and identical(v, w) for (k, v), (m, w) in zip(a, b, strict=True)
+            )
+        case _:
+            return False
 
 
 def inside(d: Domain[V], position: int, length: V) -> V:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 GENERATED = "tests/refinement/test_generated.py"
+ROUNDS = "tests/refinement/test_rounds.py"
+REPLAY = "tests/semantics/test_replay.py"
 WITNESS = "tests/verify/test_witness.py"
 
 SHOWN = (
@@ -44,5 +46,26 @@ SHOWN = (
         "        recording, phase = until(recording, last), _phase_of(last)\n",
         "        phase = _phase_of(last)\n",
         (WITNESS,),
+    ),
+    Mutant(
+        "a map that is read again in another order stays as it was",
+        "runtime/robot.py",
+        "if name in self._ordered or value != held[name]:",
+        "if value != held[name]:",
+        (ROUNDS, GENERATED),
+    ),
+    Mutant(
+        "an argument that is no number is another one each time",
+        "semantics/execution.py",
+        "if not all(map(identical, answer.arguments, arguments)):",
+        "if answer.arguments != arguments:",
+        (REPLAY,),
+    ),
+    Mutant(
+        "an answer that is no number is another one each time",
+        "semantics/execution.py",
+        "if not identical(known.setdefault(question, answer.value), answer.value):",
+        "if known.setdefault(question, answer.value) != answer.value:",
+        (REPLAY,),
     ),
 )

@@ -116,6 +116,22 @@ def test_what_is_read_again_stays_the_same_object() -> None:
             robot.evolve({name: wrong})
 
 
+def test_a_map_that_is_read_again_in_another_order_is_another() -> None:
+    """[CONFIG]: a loop over it can tell."""
+    text = (
+        "using Heard:\n  sensors:\n    Map<bool, string>[] by\n"
+        "Say:\n  eff:\n    stdout << length(by)\n"
+    )
+    made = ready(program(text))
+    (robot,) = Fleet(made.classes, dealt(made.program, 1).kinds, 0.1, Nothing()).robots
+    (name,) = robot.SENSORS
+    pairs = (True, "a"), (False, "b")
+    for read in (pairs, pairs[::-1]):
+        assert robot.evolve({name: (read,)}) is None
+        (seen,) = vars(robot)[name]
+        assert tuple(seen.items()) == read
+
+
 def test_a_robot_reads_what_was_there_when_the_round_began() -> None:
     """[LOOKUP]"""
     it = fleet(

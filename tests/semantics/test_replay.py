@@ -17,7 +17,7 @@ from koord.semantics.oracle import Phase
 from koord.semantics.replay import Planned, Refused, planned, replay
 from koord.semantics.runs.policies import AtRandom, First
 from koord.semantics.storage import Cell
-from koord.semantics.traces.recording import Recording, Round
+from koord.semantics.traces.recording import Answer, Opening, Recording, Round
 from koord.semantics.traces.trace import Numbers, Trace, Violation, ViolationKind, traced
 from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT
@@ -214,6 +214,27 @@ def test_a_function_that_changes_its_mind() -> None:
     wrong = first_wrong(with_round(trace, 1, answers=answers))
     assert (wrong.rule, wrong.step.round) == ("EXTERNAL", 1)
     assert "differently" in wrong.reason
+
+
+def test_an_answer_that_is_no_number_is_the_same_answer() -> None:
+    """[CONFIG] [EXTERNAL]: NaN, which equals nothing, is itself wherever runs are compared."""
+    b = Build()
+    b.external("near", [bound("x", 0, FLOAT)], bound("result", 1, FLOAT))
+    huge, at = b.local("huge", FLOAT, 1e308), b.local("at", FLOAT, 0.0)
+    b.event("Ask", TRUE, at.set(b.ask("near", huge * 10 - huge * 10)))
+    system = dealt(b.program(), 1)
+
+    def heard() -> Answer:
+        none = float("nan")
+        return Answer(Phase.PROG, 0, (1,), "near", (none,), float("nan"))
+
+    rounds = tuple(Round((0,), (0,), answers=(heard(),)) for _ in range(2))
+    trace = traced(NO_TEXT, system, Numbers.DOUBLE, Recording(Opening((0,)), rounds))
+    none = trace.recording.rounds[0].answers[0].arguments
+    assert replay(trace).refused is None
+    same = replace(heard(), arguments=none), replace(heard(), arguments=none)
+    again = tuple(replace(r, answers=(a,)) for r, a in zip(rounds, same, strict=True))
+    assert replay(replace(trace, recording=Recording(Opening((0,)), again))).refused is None
 
 
 def test_answers_that_nobody_asked_for_have_no_effect() -> None:

@@ -15,7 +15,7 @@ from koord.semantics.domain import Constant
 from koord.semantics.execution import execute
 from koord.semantics.runs.policies import AtRandom, First
 from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.traces.changes import changes, differences, identical
+from koord.semantics.traces.changes import changes, differences
 from koord.semantics.traces.names import Names, distinct
 from koord.semantics.traces.recording import Concrete, Recording, Round
 from koord.semantics.traces.rendering import show_storage, show_value
@@ -27,7 +27,7 @@ from koord.semantics.traces.trace import (
     digest,
     traced,
 )
-from koord.semantics.values import Rec, Seq, Table
+from koord.semantics.values import Rec, Seq, Table, identical
 from koord.syntax import core
 from koord.syntax.source import Source
 from koord.syntax.types import BOOL, FLOAT, INT, POS, STRING, ListType, MapType, Type

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -13,7 +12,7 @@ from koord.semantics.traces.codec_values import encode_value
 from koord.semantics.traces.names import Named, Names
 from koord.semantics.traces.rendering import show_storage, show_value
 from koord.semantics.traces.trace import part_types
-from koord.semantics.values import Rec, Seq, Table, Value
+from koord.semantics.values import Rec, Seq, Table, Value, identical
 from koord.syntax.types import (
     POS,
     ArrayType,
@@ -192,25 +191,6 @@ def _told_apart(old: Value[Constant], new: Value[Constant], type_: Type) -> tupl
     if shown[0] != shown[1]:
         return shown
     return str(encode_value(old, type_)), str(encode_value(new, type_))
-
-
-def identical(old: Value[Constant], new: Value[Constant]) -> bool:
-    """Whether two values are the same one: NaN is itself, and maps have their keys in order."""
-    if old == new:
-        return True
-    match old, new:
-        case float(), float():
-            return math.isnan(old) and math.isnan(new)
-        case Rec(fields=a), Rec(fields=b):
-            return all(map(identical, a, b))
-        case Seq(items=a), Seq(items=b):
-            return len(a) == len(b) and all(map(identical, a, b))
-        case Table(entries=a), Table(entries=b):
-            return len(a) == len(b) and all(
-                identical(k, m) and identical(v, w) for (k, v), (m, w) in zip(a, b, strict=True)
-            )
-        case _:
-            return False
 
 
 def _anything_set(storage: Storage[Constant]) -> bool:
