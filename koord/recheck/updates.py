@@ -60,15 +60,23 @@ def updated(effect: core.Block) -> Iterator[str]:
     for s in _outside(effect):
         match s:
             case core.Assign(place=place, value=value) if place.variable.home is Home.ALLWRITE:
-                if any(
+                if _keeps_the_rest(place) or any(
                     (read, place.variable) in flows or read == place.variable for read in _in(value)
                 ):
                     yield place.variable.name
             case core.Append(place=place) | core.Remove(place=place) | core.Pop(place=place):
                 if place.variable.home is Home.ALLWRITE:
                     yield place.variable.name
+                if isinstance(s, core.Pop) and s.into is not None and _keeps_the_rest(s.into):
+                    yield s.into.variable.name
             case _:
                 pass
+
+
+def _keeps_the_rest(place: core.Place) -> bool:
+    """Whether a write of a place writes an entry of a shared map, most of it as it was read."""
+    keys = [n for n, step in enumerate(place.steps, 1) if isinstance(step, core.KeyStep)]
+    return place.variable.home is Home.ALLWRITE and keys != [] and keys[0] < len(place.steps)
 
 
 def _outside(block: core.Block) -> Iterator[core.Stmt]:

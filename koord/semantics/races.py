@@ -52,19 +52,23 @@ def updates(effect: core.Block) -> Iterator[tuple[int, Span]]:
     """The statements of an effect that update allwrite variables, each with its slot.
 
     To update is, outside of ``atomic``, to write a value that is computed from the variable's own
-    old value, in the same statement or by way of others, or to append, remove or pop.
+    old value, in the same statement or by way of others; to append, remove or pop; or to write a
+    part of a map's entry, which writes the rest of the entry as it was read.
     """
     givers = _givers(effect)
     for statement in _unlocked(effect):
         match statement:
             case core.Assign(place=place, value=value):
-                if place.variable.home is Home.ALLWRITE and place.variable in _origins(
-                    givers, _read(value)
+                if place.variable.home is Home.ALLWRITE and (
+                    place.is_below_key or place.variable in _origins(givers, _read(value))
                 ):
                     yield place.variable.slot, statement.span
             case core.Append(place=place) | core.Remove(place=place) | core.Pop(place=place):
                 if place.variable.home is Home.ALLWRITE:
                     yield place.variable.slot, statement.span
+                into = statement.into if isinstance(statement, core.Pop) else None
+                if into is not None and into.variable.home is Home.ALLWRITE and into.is_below_key:
+                    yield into.variable.slot, statement.span
             case _:
                 pass
 

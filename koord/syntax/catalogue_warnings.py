@@ -13,7 +13,8 @@ ENTRIES: dict[str, Entry] = {
             """An event reads an `allwrite` variable, in its guard or its effect, and writes it
             outside of `atomic`. Reads are of the state at the start of the round: if two robots run
             the event in one round, both read the old value, and the later write wins. Under
-            `atomic:` at most one robot a round runs the event.
+            `atomic:` at most one robot a round runs the event. A write of a part of a map's entry,
+            as `m[k].f = v`, writes the whole entry, and so reads the rest of it.
 
             It is no error. An algorithm that lets robots race for a variable looks later who won,
             in another event (as Fischer's does): of that nothing is said.""",

@@ -100,6 +100,11 @@ class Place(Node):
     def type(self) -> Type:
         return self.steps[-1].type if self.steps else self.variable.type
 
+    @property
+    def is_below_key(self) -> bool:
+        """Whether it is a part of a map's entry, so that a write rewrites the entry. [LOCATION]"""
+        return any(isinstance(step, KeyStep) for step in self.steps[:-1])
+
 
 # --- expressions --------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ from tests.mutants.mutant import Mutant
 GENERATED = "tests/refinement/test_generated.py"
 ROUNDS = "tests/refinement/test_rounds.py"
 REPLAY = "tests/semantics/test_replay.py"
+CLAIMS = "tests/verify/test_claims.py"
 WITNESS = "tests/verify/test_witness.py"
 
 SHOWN = (
@@ -67,5 +68,33 @@ SHOWN = (
         "if not identical(known.setdefault(question, answer.value), answer.value):",
         "if known.setdefault(question, answer.value) != answer.value:",
         (REPLAY,),
+    ),
+    Mutant(
+        "a part of an entry is written without the rest",
+        "semantics/races.py",
+        "place.is_below_key or place.variable in _origins(givers, _read(value))",
+        "place.variable in _origins(givers, _read(value))",
+        (CLAIMS, "tests/verify/test_lost_entries.py"),
+    ),
+    Mutant(
+        "an entry that is written as a whole is updated",
+        "syntax/core.py",
+        "return any(isinstance(step, KeyStep) for step in self.steps[:-1])",
+        "return any(isinstance(step, KeyStep) for step in self.steps)",
+        (CLAIMS,),
+    ),
+    Mutant(
+        "what is popped into a part of an entry updates nothing",
+        "semantics/races.py",
+        "if into is not None and into.variable.home is Home.ALLWRITE and into.is_below_key:",
+        "if into is not None and into.variable.home is Home.LOCAL and into.is_below_key:",
+        (CLAIMS,),
+    ),
+    Mutant(
+        "certificates forget that a part of an entry is written with the rest",
+        "recheck/updates.py",
+        "if _keeps_the_rest(place) or any(",
+        "if any(",
+        (CLAIMS,),
     ),
 )

@@ -269,6 +269,10 @@ def test_atomic_inside_atomic_is_an_error() -> None:
         ("total = other", False),
         ("if total > 3: other = 1", False),
         ("n = total\n    atomic: total = n", False),
+        ("at[0].x = 1.0", True),
+        ("at[pid].x = 1.0", False),
+        ("atomic: at[0].x = 1.0", False),
+        ("at[0] = pos(1.0, 2.0, 3.0)", False),
     ],
 )
 def test_lost_updates(statement: str, warned: bool) -> None:
@@ -280,11 +284,12 @@ allwrite:
   int total = 0
   int other = 0
   Task[] tasks
+  Map<int, pos> at = {{}}
 Go:
   eff:
     {statement}
 Use:
-  pre: n > total + other
+  pre: n > total + other + length(at)
   eff: task = tasks[0]
 """
     assert ("K401" in codes(text)) == warned

@@ -431,10 +431,19 @@ def _updated(effect: core.Block) -> Iterator[int]:
         if isinstance(s, core.Append | core.Remove | core.Pop):
             if s.place.variable.home is Home.ALLWRITE:
                 yield s.place.variable.slot
+            if isinstance(s, core.Pop) and s.into is not None and _inside_entry(s.into):
+                yield s.into.variable.slot
         elif isinstance(s, core.Assign) and s.place.variable.home is Home.ALLWRITE:
             read = {node.variable for node in nodes(s.value) if isinstance(node, core.Place)}
-            if s.place.variable in read.union(*[given.get(v, set()) for v in read]):
+            sources = read.union(*[given.get(v, set()) for v in read])
+            if s.place.variable in sources or _inside_entry(s.place):
                 yield s.place.variable.slot
+
+
+def _inside_entry(place: core.Place) -> bool:
+    before_last = place.steps[: len(place.steps) - 1]
+    shared = place.variable.home is Home.ALLWRITE
+    return shared and core.KeyStep in map(type, before_last)
 
 
 def _gifts(s: core.Stmt) -> Iterator[tuple[core.Variable, core.Expr | core.Place]]:

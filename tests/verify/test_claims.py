@@ -60,14 +60,25 @@ def test_updates_in_atomic_blocks_are_not_asked_about() -> None:
         ("n = w\natomic: w = n + 1", ""),
         ("n = w\nfor k = 0, 2: w = k", ""),
         ("v = w", ""),
+        ("ps[1].x = 2.0", "ps"),
+        ("es[1][0].y = 1.0", "es"),
+        ("es[1][0] = ps[2]", "es"),
+        ("ns[pid][1] = 2", "ns"),
+        ("append(xs, 1)\nns[0][0] = pop(xs)", "ns"),
+        ("append(xs, 1)\nms[0] = pop(xs)", ""),
+        ("ps[1] = pos(1.0, 2.0, 3.0)", ""),
+        ("es[1] = [ps[2], ps[3]]", ""),
+        ("atomic: ps[1].x = 2.0", ""),
+        ("qs[1].x = 2.0", ""),
     ],
 )
 def test_what_an_update_is(effect: str, updated: str) -> None:
     """[LOST-UPDATE]: the same to the verifier, to who checks proofs again, and to the tests."""
     lines = "".join(f"    {line}\n" for line in effect.splitlines())
     text = (
-        "allwrite:\n  int w = 0\n  int v = 0\n  int[3] ws = [0, 0, 0]\n"
-        "local:\n  int n = 0\n  int m = 0\n  int[] xs = []\n"
+        "allwrite:\n  int w = 0\n  int v = 0\n  int[3] ws = [0, 0, 0]\n  Map<int, pos> ps = {}\n"
+        "  Map<int, pos[]> es = {}\n  Map<int, Map<int, int>> ns = {}\n  Map<int, int> ms = {}\n"
+        "local:\n  int n = 0\n  int m = 0\n  int[] xs = []\n  Map<int, pos> qs = {}\n"
         f"Go:\n  eff:\n{lines}"
     )
     program = load(Source("t.krd", text), Settings({})).program

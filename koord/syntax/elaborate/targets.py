@@ -33,6 +33,8 @@ def target(body: Body, e: ast.Expr) -> core.Place | None:
         return None
     if found.variable.home is core.Home.ALLWRITE and found.variable.slot not in read_before:
         body.shared_reads.discard(found.variable.slot)
+        if found.is_below_key:
+            body.shared_reads.add(found.variable.slot)  # the entry's other parts are written, too
     return found if _allowed(body, e, root, found) else None
 
 
