@@ -10,6 +10,7 @@ from koord.cli import departures
 from koord.cli.terminal import Paint, Style, visible
 from koord.syntax.problem import Problem
 from koord.verify.claims import ClaimKind
+from koord.verify.vacuity import words
 from koord.verify.verdicts import (
     Bounds,
     Counterexample,
@@ -59,6 +60,9 @@ def lines(problem: Problem, report: Report, style: Style) -> Iterator[str]:
         yield ""
     for vacuity in report.vacuities:
         yield f"  {_empty(vacuity, style)}"
+    if report.unlooked:
+        yield ""
+        yield from _given_up(report, style)
 
 
 def _fairly(fairness: tuple[str, ...]) -> str:
@@ -76,6 +80,15 @@ def _ways(count: int, ways: Ways) -> str:
     if ways.complete:
         return f"{found}: there is no other within the bound"
     return f"{found}; there may be more: {ways.reason}"
+
+
+def _given_up(report: Report, style: Style) -> Iterator[str]:
+    """What may be empty and was not looked at to the end, in a line."""
+    label = style.paint("note:", Paint.NOTE)
+    some = ", ".join(words(each.what, each.subject) for each in report.unlooked[:MOST_SHOWN])
+    more = len(report.unlooked) - MOST_SHOWN
+    rest = f" and {more} more" if more > 0 else ""
+    yield f"  {label} not looked at to the end, whether it ever happens: {some}{rest}"
 
 
 def _empty(vacuity: Vacuity, style: Style) -> str:
@@ -183,12 +196,19 @@ def _robots(problem: Problem, report: Report) -> str:
     return problem.fleet
 
 
+#: Why a counterexample without end is fair, as JSON.
+Fairly: TypeAlias = "Callable[[Verdict, Counterexample], dict[str, object] | None]"
+
 #: What the compiled program did of a counterexample.
 Departed: TypeAlias = "Callable[[Verdict, Counterexample], Departure | None]"
 
 
 def as_json(
-    problem: Problem, bounds: Bounds, report: Report, departed: Departed
+    problem: Problem,
+    bounds: Bounds,
+    report: Report,
+    departed: Departed,
+    fair: Fairly = lambda verdict, found: None,
 ) -> dict[str, object]:
     """The report as the object that ``--json`` prints."""
     return {
@@ -200,10 +220,13 @@ def as_json(
         "outcome": report.outcome.value,
         "seconds": round(report.seconds, 3),
         "interrupted": report.interrupted,
-        "claims": [_verdict_json(verdict, departed) for verdict in report.verdicts],
+        "claims": [_verdict_json(verdict, departed, fair) for verdict in report.verdicts],
         "found_invariants": list(report.found),
         "vacuous": report.is_vacuous,
         "vacuities": [_vacuity_json(vacuity) for vacuity in report.vacuities],
+        "not_looked_at": [
+            {"what": each.what.value, "subject": each.subject} for each in report.unlooked
+        ],
     }
 
 
@@ -218,11 +241,11 @@ def _vacuity_json(vacuity: Vacuity) -> dict[str, object]:
     }
 
 
-def _verdict_json(verdict: Verdict, departed: Departed) -> dict[str, object]:
+def _verdict_json(verdict: Verdict, departed: Departed, fair: Fairly) -> dict[str, object]:
     found = verdict.counterexample
 
     def violation(shown: Counterexample) -> dict[str, object]:
-        return _violation_json(shown, departed(verdict, shown))
+        return _violation_json(shown, departed(verdict, shown), fair(verdict, shown))
 
     return {
         "name": verdict.claim.name,
@@ -245,7 +268,9 @@ def _ways_json(count: int, ways: Ways) -> dict[str, object]:
     return {"found": count, "complete": ways.complete, "reason": ways.reason or None}
 
 
-def _violation_json(found: Counterexample, departure: Departure | None) -> dict[str, object]:
+def _violation_json(
+    found: Counterexample, departure: Departure | None, fair: dict[str, object] | None
+) -> dict[str, object]:
     return {
         "round": found.round,
         "phase": found.phase.value,
@@ -253,5 +278,6 @@ def _violation_json(found: Counterexample, departure: Departure | None) -> dict[
         "detail": found.detail,
         "place": None if found.span is None else str(found.span),
         "loop": None if found.recording.loop is None else found.recording.loop + 1,
+        "fair": fair,
         "compiled": departures.as_json(departure, first=1),
     }

@@ -23,9 +23,18 @@ from koord.verify.ledger import Ledger, Subject, Works, reach_of
 from koord.verify.pool import DIED, Job, Pool, Progress
 from koord.verify.singly import ByRounds
 from koord.verify.solving import Deadline
-from koord.verify.vacuity import Looked, look, of_any_number, vacuities
+from koord.verify.vacuity import Hollow, Looked, look, of_any_number, unlooked, vacuities
 from koord.verify.varieties import others
-from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Vacuity, Verdict, Ways
+from koord.verify.verdicts import (
+    Bounds,
+    Counterexample,
+    Outcome,
+    Report,
+    Unlooked,
+    Vacuity,
+    Verdict,
+    Ways,
+)
 from koord.verify.witness import replayed, simplified
 
 if TYPE_CHECKING:
@@ -127,7 +136,8 @@ def verify(
     seconds = time.monotonic() - started
     cut = cut or hollow.interrupted
     every_n = choice is Choice.EVERY_N
-    return Report(verdicts, hollow.vacuities + empty, seconds, cut, every_n=every_n)
+    vacuities_ = hollow.vacuities + empty
+    return Report(verdicts, vacuities_, seconds, cut, every_n=every_n, unlooked=hollow.unlooked)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +159,7 @@ class _Hollow:
 
     vacuities: tuple[Vacuity, ...] = ()
     interrupted: bool = False
+    unlooked: tuple[Unlooked, ...] = ()
 
 
 @dataclass(slots=True)
@@ -176,7 +187,7 @@ class _Beside:
 
     def end(self, ledger: Ledger, names: Collection[str]) -> _Hollow:
         """What makes the verdicts of a ledger say less than they seem to."""
-        found: tuple[Vacuity, ...] = ()
+        found: Hollow | None = None
         own = ledger.of(ledger.open(), ledger.report)
         everywhere = ledger.is_of_all_rounds(names)
         if self.wanted and self.of_any_number:
@@ -187,7 +198,10 @@ class _Beside:
                 looked = look(own) if self.job is None else self.pool.answer(self.job)
                 if isinstance(looked, Looked):
                     found = vacuities(own, looked, of_all_rounds=everywhere)
-        return _Hollow(found, own.interrupted)
+        if found is None:
+            missing = unlooked(ledger.system) if self.wanted else ()
+            return _Hollow((), own.interrupted, missing)
+        return _Hollow(found.vacuities, own.interrupted, found.unlooked)
 
 
 #: They are asked first, and seldom take longer than a process does to start.

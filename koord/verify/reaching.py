@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from random import Random
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
 from koord.semantics.execution import Step
+from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.runs.policies import AtRandom, First, Play, Policy
 from koord.semantics.runs.running import Run, new_run
 from koord.semantics.runs.watching import Watch
@@ -117,12 +119,12 @@ def unbroken(
         return few
     pending = [claim for claim in nevers if claim in few.claims]
     if runs == 0:
-        return _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
+        return _unbroken(system, seed, pending, rounds, deadline, effort)
     met = seen(system, pending, min(rounds, runs), deadline.sooner(runs_s), seed)
     pending = [claim for claim in pending if claim not in met]
     if not pending and any(round_ > 0 for round_ in met.values()):
         return Unbroken(frozenset())
-    left = _unbroken(Unrolling(system, seed), pending, rounds, deadline, hasty)
+    left = _unbroken(system, seed, pending, rounds, deadline, hasty)
     if deadline.passed() or not left.claims:
         return left
     met = seen(system, left.claims, runs, deadline.sooner(runs_s), seed)
@@ -133,7 +135,7 @@ def unbroken(
         if few.known and few.claims:
             # What two of a kind cannot do all together seldom can, and that takes long to tell.
             effort = Effort(effort.left // 4)
-        left = _unbroken(Unrolling(system, seed), pending, rounds, deadline, effort)
+        left = _unbroken(system, seed, pending, rounds, deadline, effort)
     return replace(left, later=left.claims & met.keys())
 
 
@@ -154,7 +156,7 @@ def _of_few(
         return Unbroken(frozenset(nevers), known=False)
     half = Effort(effort.left // 2)
     effort.left -= half.left
-    left = _unbroken(Unrolling(system, seed, movers), list(nevers), rounds, deadline, half)
+    left = _unbroken(system, seed, list(nevers), rounds, deadline, half, movers=movers)
     effort.left += half.left
     return left
 
@@ -168,16 +170,34 @@ def _some_of_each_kind(system: System) -> frozenset[int]:
 
 
 def _unbroken(
-    unrolling: Unrolling,
+    system: System,
+    seed: int,
     claims: Sequence[Claim],
     rounds: int,
     deadline: Deadline,
     effort: Effort,
     *,
+    movers: frozenset[int] | None = None,
     ending: bool = False,
 ) -> Unbroken:
     """With ``ending`` what is broken after program turns counts only if the round can end."""
     pending = list(claims)
+    with suppress(OutOfPatienceError):
+        unrolling = Unrolling(system, seed, movers)
+        return _round_by_round(unrolling, pending, rounds, deadline, effort, ending=ending)
+    return Unbroken(frozenset(pending), known=False)
+
+
+def _round_by_round(
+    unrolling: Unrolling,
+    pending: list[Claim],
+    rounds: int,
+    deadline: Deadline,
+    effort: Effort,
+    *,
+    ending: bool,
+) -> Unbroken:
+    """What is broken is taken off the list as it is found."""
     for moment in unrolling.moments():
         after = []
         if ending and moment.phase is Phase.MIDDLE:
@@ -268,8 +288,7 @@ def broken_between(
     asked = {inside_rounds(never): never for never in nevers}
     if not asked:
         return set(), True
-    unrolling = Unrolling(system, seed)
-    left = _unbroken(unrolling, list(asked), rounds, deadline, effort, ending=ending)
+    left = _unbroken(system, seed, list(asked), rounds, deadline, effort, ending=ending)
     return {never for claim, never in asked.items() if claim not in left.claims}, left.known
 
 

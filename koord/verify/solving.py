@@ -29,16 +29,26 @@ class Answer(Enum):
 
 @dataclass(slots=True)
 class Deadline:
-    """A moment after which no question is asked any more; None: never."""
+    """A moment after which no question is asked any more; None: never.
+
+    ``cpu_at`` is one in the time of this process' own work, which passes no faster where others
+    work as well.
+    """
 
     at: float | None = None
+    cpu_at: float | None = None
 
     @staticmethod
     def after(seconds: float | None) -> Deadline:
         return Deadline(None if seconds is None else time.monotonic() + seconds)
 
     def left_s(self) -> float | None:
-        return None if self.at is None else max(0.0, self.at - time.monotonic())
+        left = []
+        if self.at is not None:
+            left.append(self.at - time.monotonic())
+        if self.cpu_at is not None:
+            left.append(self.cpu_at - time.process_time())
+        return max(0.0, min(left)) if left else None
 
     def is_near(self) -> bool:
         """Whether a solver that stops now may have done so because of it."""
@@ -46,12 +56,18 @@ class Deadline:
         return left is not None and left < 0.05
 
     def passed(self) -> bool:
-        return self.at is not None and time.monotonic() >= self.at
+        left = self.left_s()
+        return left is not None and left <= 0
 
     def sooner(self, seconds: float) -> Deadline:
         """The one of two moments that comes first: this one, or so many seconds from now."""
         soon = time.monotonic() + seconds
-        return Deadline(soon if self.at is None else min(self.at, soon))
+        return Deadline(soon if self.at is None else min(self.at, soon), self.cpu_at)
+
+    def of_work(self, seconds: float) -> Deadline:
+        """The same moment, or when this process has worked for so many seconds."""
+        soon = time.process_time() + seconds
+        return Deadline(self.at, soon if self.cpu_at is None else min(self.cpu_at, soon))
 
 
 #: Roughly what a solver does in a second, in its own units.
@@ -126,6 +142,7 @@ class Solver:
         asked = [k for k, term in enumerate(question) if self.d.known(term) is not True]
         terms = [self.d.boolean(question[k]) for k in asked]
         left = deadline.left_s()
+        given = Deadline.after(left)  # Z3 has a clock of its own
         if left is not None:
             if left <= 0:
                 return Answer.UNKNOWN
@@ -161,7 +178,7 @@ class Solver:
         if result == z3.sat:
             return Answer.SAT
         exhausted = bool(limit) and spent >= limit
-        if reason in _INTERRUPTED and not exhausted and not deadline.is_near():
+        if reason in _INTERRUPTED and not exhausted and not given.is_near():
             raise KeyboardInterrupt
         return Answer.UNKNOWN
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from koord.semantics.configurations import System
+from koord.semantics.patience import OutOfPatienceError, Patience
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.walk import reached
@@ -22,8 +24,12 @@ from koord.verify.solving import Answer, Deadline, Effort
 from koord.verify.summaries import unanswerable
 from koord.verify.symbols import SymbolicInputs
 from koord.verify.unmet import unmet
-from koord.verify.verdicts import Emptiness, Outcome, Vacuity
-from koord.verify.wishes import supposes, wishes_of
+from koord.verify.verdicts import Emptiness, Outcome, Unlooked, Vacuity
+from koord.verify.wishes import Aim, Wish, Wishes, supposes, wishes_of
+
+#: For how long it is looked at all whether verdicts say something: so many seconds of work, or so
+#: many times as long as the verdicts took.
+WORTH_S, WORTH = 8.0, 2.0
 
 #: What the search for what can happen may cost.
 WISHES_S = 10.0
@@ -43,24 +49,86 @@ class Looked:
     """What was found out about what can happen, whatever the verdicts are.
 
     ``never`` are the wishes that no run fulfils; None if no run can start, as ``empty`` says.
-    ``effort`` is what is left of it.
+    ``effort`` is what is left of it, and ``spent_s`` the work that was done.
     """
 
     empty: tuple[Vacuity, ...]
     never: Unbroken | None
     effort: Effort
+    spent_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Hollow:
+    """What makes verdicts say less than they seem to, and what was not looked at to the end."""
+
+    vacuities: tuple[Vacuity, ...] = ()
+    unlooked: tuple[Unlooked, ...] = ()
 
 
 def look(ledger: Ledger) -> Looked:
     """Find out what hangs on no verdict: it can be done beside other work."""
-    system, deadline, seed = ledger.system, ledger.deadline, ledger.seed
+    started = time.process_time()
     effort = Effort.of_seconds(WISHES_S)
+    wished = wishes_of(ledger.system)
+    tell(ledger, wished.all)
+    own = _limited(ledger, _worth(ledger))
+    try:
+        looked = _look(own, wishes_of(own.system), effort)
+    except OutOfPatienceError:
+        nevers = frozenset(wish.never for wish in wished.all)
+        looked = Looked((), Unbroken(nevers, known=False), effort)
+    return replace(looked, spent_s=time.process_time() - started)
+
+
+def _worth(ledger: Ledger) -> float:
+    """How many seconds of work it is worth to know that the verdicts say something."""
+    return max(WORTH_S, WORTH * max((ledger.verdict(c).seconds for c in ledger.claims), default=0))
+
+
+def _limited(ledger: Ledger, seconds: float) -> Ledger:
+    """The ledger for at most so many seconds of work. Past them, evaluation ends as well."""
+    deadline, whole = ledger.deadline.of_work(seconds), ledger.system.patience
+    patience = Patience(lambda: deadline.passed() or whole.is_over())
+    subject = replace(
+        ledger.subject,
+        system=replace(ledger.system, patience=patience),
+        original=replace(ledger.subject.original, patience=patience),
+    )
+    if not ledger.subject.is_abstract:
+        subject = replace(subject, original=subject.system)
+    return replace(ledger, subject=subject, deadline=deadline)
+
+
+def tell(ledger: Ledger, wishes: Sequence[Wish]) -> None:
+    """Say what is looked for."""
+    asked = list(dict.fromkeys(words(_aim(wish), wish.subject) for wish in wishes))
+    more = f" and {len(asked) - 2} more" if len(asked) > 2 else ""
+    ledger.progress(f"looking for what never happens: {', '.join(asked[:2])}{more}")
+
+
+def words(what: Emptiness, subject: str) -> str:
+    """What may never happen, in words."""
+    supposed = what is Emptiness.SUPPOSITION
+    return f"what {subject} supposes" if supposed else f"{what.value} {subject}"
+
+
+def _aim(wish: Wish) -> Emptiness:
+    return Emptiness.EVENT if wish.aim is Aim.EVENT else Emptiness.SUPPOSITION
+
+
+def unlooked(system: System, nevers: Collection[Claim] | None = None) -> tuple[Unlooked, ...]:
+    """What is not known to happen: all that should, or what denies it."""
+    wishes = (w for w in wishes_of(system).all if nevers is None or w.never in nevers)
+    return tuple(dict.fromkeys(Unlooked(_aim(wish), wish.subject) for wish in wishes))
+
+
+def _look(ledger: Ledger, wished: Wishes, effort: Effort) -> Looked:
+    system, deadline, seed = ledger.system, ledger.deadline, ledger.seed
     start = _start(system, seed, deadline, effort)
     if start is not None:
         return Looked((start,), None, effort)
-    ledger.progress("looking for what never happens")
     silent = tuple(_silent(ledger, deadline, effort))
-    wished = wishes_of(system)
     nevers = [wish.never for wish in wished.all]
     rounds = ledger.bounds.rounds
     # Making up positions and paths that meet assumptions can cost more than it spares.
@@ -72,7 +140,7 @@ def look(ledger: Ledger) -> Looked:
     return Looked(silent if ended is None else (*silent, ended), never, effort)
 
 
-def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> tuple[Vacuity, ...]:
+def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> Hollow:
     """All that makes verdicts for every number of robots say less than they seem to."""
     for system in any_number.examples(ledger.system):
         some = any_number.with_robots_of(system, ledger)
@@ -80,37 +148,57 @@ def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> tuple[Vacuity, ...]
         if looked.never is not None:
             return vacuities(some, looked, of_all_rounds=of_all_rounds, of_any_number=True)
     if any_number.never_starts(ledger):
-        return looked.empty
-    return tuple(any_number.among(ledger, empty) for empty in looked.empty)
+        return Hollow(looked.empty)
+    return Hollow(tuple(any_number.among(ledger, empty) for empty in looked.empty))
 
 
 def vacuities(
     ledger: Ledger, looked: Looked, *, of_all_rounds: bool, of_any_number: bool = False
-) -> tuple[Vacuity, ...]:
+) -> Hollow:
     """All that makes the verdicts of a ledger say less than they seem to.
 
     Verdicts ``of_all_rounds`` say something if things happen late, too; those ``of_any_number`` of
     robots if more can do them.
     """
     if looked.never is None:
-        return looked.empty
-    ledger.progress("looking for what never happens")
-    untouched = tuple(_untouched(ledger))
+        return Hollow(looked.empty)
     later = looked.never.later if of_all_rounds else frozenset()
     left = replace(looked.never, claims=looked.never.claims - later)
-    missing = tuple(_missing(ledger, left, looked.effort, of_any_number))
-    sure = [vacuity for vacuity in (*untouched, *missing) if vacuity.certain]
+    tell(ledger, [wish for wish in wishes_of(ledger.system).all if wish.never in left.claims])
+    own = _limited(ledger, max(0.0, _worth(ledger) - looked.spent_s))
+    missing: list[Vacuity] = []
+    given_up: tuple[Unlooked, ...] = ()
+    try:
+        missing += _missing(own, left, looked.effort, of_any_number)
+    except OutOfPatienceError:
+        given_up = unlooked(ledger.system, left.claims)
+    if not left.known:
+        given_up = unlooked(ledger.system, left.claims)
+    own = _limited(ledger, REGARDLESS_S)
+    untouched: list[Vacuity] = []
+    unbreakable: list[Vacuity] = []
+    try:
+        untouched += _untouched(own)
+        unbreakable += _unbreakable(own, [*untouched, *missing], of_any_number)
+    except OutOfPatienceError:
+        pass  # it is seldom so, and each verdict says how far it holds in any case
+    return Hollow((*looked.empty, *missing, *untouched, *unbreakable), given_up)
+
+
+def _unbreakable(
+    ledger: Ledger, known: Sequence[Vacuity], of_any_number: bool
+) -> Iterator[Vacuity]:
+    """Invariants that any configuration keeps, but for those of which something is known."""
+    sure = [vacuity for vacuity in known if vacuity.certain]
     told = {vacuity.subject for vacuity in sure if vacuity.what is not Emptiness.EVENT}
     regardless = list(_regardless(ledger, told))
     if of_any_number:
         regardless = any_number.true_of_anything(ledger, regardless)
     detail = "it is true whatever the events do"
-    unbreakable = [
-        Vacuity(Emptiness.UNTOUCHED, claim.name, detail, certain=True, span=claim.stated.span)
-        for claim in regardless
-        if claim.stated is not None
-    ]
-    return (*looked.empty, *missing, *untouched, *unbreakable)
+    for claim in regardless:
+        if claim.stated is not None:
+            span = claim.stated.span
+            yield Vacuity(Emptiness.UNTOUCHED, claim.name, detail, certain=True, span=span)
 
 
 def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:

@@ -151,6 +151,14 @@ class Vacuity:
 
 
 @dataclass(frozen=True, slots=True)
+class Unlooked:
+    """Something of which nobody knows whether it ever happens: looking for that was given up."""
+
+    what: Emptiness
+    subject: str
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
     """All verdicts on one system; on systems of every size if ``every_n``."""
 
@@ -160,6 +168,7 @@ class Report:
     interrupted: bool = False
     notes: tuple[str, ...] = field(default=())
     every_n: bool = False
+    unlooked: tuple[Unlooked, ...] = ()
 
     @property
     def found(self) -> tuple[str, ...]:
