@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from koord.cli import departures
+from koord.cli import departures, fairness
 from koord.cli.excerpt import place
 from koord.cli.inputs import LoadedProgram
 from koord.cli.tables import Shown, Table, repeats
@@ -29,8 +29,17 @@ _KINDS = {
 }
 
 
-def lines(loaded: LoadedProgram, system: System, verdict: Verdict, style: Style) -> Iterator[str]:
-    """The runs that break a claim: a heading, the rounds, and the place in the text."""
+def lines(
+    loaded: LoadedProgram,
+    system: System,
+    verdict: Verdict,
+    style: Style,
+    left_s: float | None = None,
+) -> Iterator[str]:
+    """The runs that break a claim: a heading, the rounds, and the place in the text.
+
+    ``left_s`` is what is left of the time for everything.
+    """
     assert verdict.counterexample is not None
     shown = [verdict.counterexample, *verdict.others]
     for number, found in enumerate(shown, start=1):
@@ -38,6 +47,8 @@ def lines(loaded: LoadedProgram, system: System, verdict: Verdict, style: Style)
         if number > 1:
             yield ""
         yield from _lines(loaded, system, verdict, found, count, style)
+        if (fair := fairness.of(loaded, system, verdict, found, left_s)) is not None:
+            yield from fairness.lines(fair)
 
 
 def _lines(

@@ -33,7 +33,7 @@ def tell(
         print(f"koord verify: {why}", file=sys.stderr)
     found = resting(system, bounds, asked.at_ends, request) if request.rests_on else None
     if request.as_json:
-        told.append(_as_json(program, asked))
+        told.append(_as_json(program, asked, request))
         if found is not None:
             from koord.cli import premises
 
@@ -48,7 +48,7 @@ def tell(
 
                 print()
                 for text in counterexamples.lines(
-                    program, asked.system_of(verdict), verdict, style
+                    program, asked.system_of(verdict), verdict, style, request.left_s()
                 ):
                     print(text)
             elif request.explain and verdict.step is not None:
@@ -93,7 +93,7 @@ def tell_sweep(
     for asked in answers:
         system, report = asked.system, asked.report
         points.append(sweeps.Point(system, report))
-        told.append(_as_json(program, asked))
+        told.append(_as_json(program, asked, request))
         if not request.as_json:
             print(sweeps.row(points[-1], style), flush=True)
         if report.interrupted:
@@ -105,13 +105,18 @@ def tell_sweep(
     return gravest(_exit(point.report) for point in points)
 
 
-def _as_json(program: LoadedProgram, asked: Asked) -> dict[str, object]:
-    from koord.cli import counterexamples, verdicts
+def _as_json(program: LoadedProgram, asked: Asked, request: Request) -> dict[str, object]:
+    from koord.cli import counterexamples, fairness, verdicts
 
     def departed(verdict: Verdict, found: Counterexample) -> Departure | None:
         return counterexamples.rerun_of(program, asked.system_of(verdict), found)
 
-    return verdicts.as_json(_problem(program, asked), asked.bounds, asked.report, departed)
+    def fair(verdict: Verdict, found: Counterexample) -> dict[str, object] | None:
+        system = asked.system_of(verdict)
+        return fairness.as_json(fairness.of(program, system, verdict, found, request.left_s()))
+
+    problem = _problem(program, asked)
+    return verdicts.as_json(problem, asked.bounds, asked.report, departed, fair)
 
 
 def _problem(program: LoadedProgram, asked: Asked) -> Problem:

@@ -43,11 +43,11 @@ def flaw_of(
     after each round. ``stated`` is the property that it is to break, if it is to break one.
     """
     assert recording.loop is not None
-    return next(_flaws(_Lasso(system, recording, tuple(configurations)), stated), None)
+    return next(_flaws(Lasso(system, recording, tuple(configurations)), stated), None)
 
 
 @dataclass(frozen=True, slots=True)
-class _Lasso:
+class Lasso:
     """A lasso with its configurations: one more than there are rounds."""
 
     system: System
@@ -71,14 +71,14 @@ class _Lasso:
         return range(self.begins + 1, len(self.configurations))
 
 
-def _flaws(lasso: _Lasso, stated: core.Property | None) -> Iterator[Flaw]:
+def _flaws(lasso: Lasso, stated: core.Property | None) -> Iterator[Flaw]:
     yield from _shape(lasso)
     if stated is not None:
         yield from _unbroken(lasso, stated)
     yield from _unfair(lasso)
 
 
-def _shape(lasso: _Lasso) -> Iterator[Flaw]:
+def _shape(lasso: Lasso) -> Iterator[Flaw]:
     """It consists of whole rounds, and ends where its loop begins. [LIVE-RUN]"""
     recording, configurations = lasso.recording, lasso.configurations
     if not 0 <= lasso.begins < len(recording.rounds):
@@ -108,7 +108,7 @@ def _timeless(configuration: Configuration[Constant]) -> Configuration[Constant]
 # --- the property ---------------------------------------------------------------------------------
 
 
-def _unbroken(lasso: _Lasso, stated: core.Property) -> Iterator[Flaw]:
+def _unbroken(lasso: Lasso, stated: core.Property) -> Iterator[Flaw]:
     """It breaks the property: of some robot, if that is about each. [PROP-LEADS-TO]"""
     rule = "PROP-EVENTUALLY" if stated.trigger is None else "PROP-LEADS-TO"
     if stated.kind not in LIVENESS:
@@ -126,7 +126,7 @@ def broken_by(
     stated: core.Property,
 ) -> tuple[Response, int] | None:
     """The first response that a lasso breaks, and the configuration from which it does."""
-    lasso = _Lasso(system, recording, tuple(configurations))
+    lasso = Lasso(system, recording, tuple(configurations))
     for response in responses(system, stated):
         since = _since(lasso, response)
         if since is not None:
@@ -134,24 +134,24 @@ def broken_by(
     return None
 
 
-def breaks(lasso: _Lasso, response: Response) -> bool:
+def breaks(lasso: Lasso, response: Response) -> bool:
     """Whether the goal never follows the trigger."""
     return _since(lasso, response) is not None
 
 
-def _since(lasso: _Lasso, response: Response) -> int | None:
+def _since(lasso: Lasso, response: Response) -> int | None:
     """The first configuration with the trigger that the goal never follows."""
-    met = [_holds(lasso, response.goal, n) for n in range(len(lasso.configurations))]
+    met = [holds_at(lasso, response.goal, n) for n in range(len(lasso.configurations))]
     if any(met[n] for n in lasso.repeated):
         return None
     last = max((n for n, holds in enumerate(met) if holds), default=-1)
     if response.trigger is None:
         return 0 if last < 0 else None
     after = range(last + 1, len(met))
-    return next((n for n in after if _holds(lasso, response.trigger, n)), None)
+    return next((n for n in after if holds_at(lasso, response.trigger, n)), None)
 
 
-def _holds(lasso: _Lasso, statement: core.Property, number: int) -> bool:
+def holds_at(lasso: Lasso, statement: core.Property, number: int) -> bool:
     configuration = lasso.configurations[number]
     holds, _ = holds_in(
         EXACT, lasso.system, configuration, statement.condition, statement.bound, NoInputs()
@@ -167,18 +167,19 @@ def _is_open(system: System, stated: core.Property) -> bool:
 # --- fairness -------------------------------------------------------------------------------------
 
 
-def _unfair(lasso: _Lasso) -> Iterator[Flaw]:
+def _unfair(lasso: Lasso) -> Iterator[Flaw]:
     system = lasso.system
     able = [
-        [_able(system, start, robot) for robot in range(system.robots)] for start, _ in lasso.rounds
+        [able_in(system, start, robot) for robot in range(system.robots)]
+        for start, _ in lasso.rounds
     ]
     for robot in range(system.robots):
         pairs = zip(lasso.rounds, able, strict=True)
-        if all(here[robot].ready and not _ran(round_, robot) for (_, round_), here in pairs):
+        if all(here[robot].ready and not ran(round_, robot) for (_, round_), here in pairs):
             yield Flaw("FAIR-ROBOT", f"robot {robot} could run an event, and never does")
     for robot, k in locks_of(system):
         asked = any(here[robot].asks_for(k) for here in able)
-        if asked and not any(k in _classes(system, round_, robot) for _, round_ in lasso.rounds):
+        if asked and not any(k in classes_of(system, round_, robot) for _, round_ in lasso.rounds):
             variables = ", ".join(system.program.lock_classes[k].variables) or f"class {k}"
             yield Flaw("FAIR-LOCK", f"robot {robot} asks for the lock of {variables} in vain")
     for stated in system.program.expectations:
@@ -191,7 +192,7 @@ def _unfair(lasso: _Lasso) -> Iterator[Flaw]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Able:
+class Able:
     """What a robot could do in a configuration: lock classes of the events that it may run.
 
     Where the answers that a guard may get are too many to try them, a robot counts as ready, and as
@@ -200,28 +201,32 @@ class _Able:
 
     ready: bool
     classes: tuple[frozenset[int], ...]
+    events: tuple[bool, ...] = ()  #: whether each event is one of them
 
     def asks_for(self, k: int) -> bool:
         return self.ready and all(k in each for each in self.classes)
 
 
-def _able(system: System, configuration: Configuration[Constant], robot: int) -> _Able:
+def able_in(system: System, configuration: Configuration[Constant], robot: int) -> Able:
     """What a robot may do. [FAIR-ROBOT] [FAIR-LOCK]"""
     state = configuration.robots[robot]
     if state.status == Status.STOPPED:
-        return _Able(False, ())
+        return Able(False, (), (False,) * len(system.agent(robot).events))
     ready = False
     classes: list[frozenset[int]] = []
+    open_: list[bool] = []
     for event in system.agent(robot).events:
         try:
             found = _guard(system, configuration, robot, event)
         except UnboundedError:
             ready = True
+            open_.append(True)
             continue
         ready |= all(holds for holds, _ in found)
-        if any(holds or not sound for holds, sound in found):
+        open_.append(any(holds or not sound for holds, sound in found))
+        if open_[-1]:
             classes.append(event.lock_classes)
-    return _Able(ready, tuple(classes))
+    return Able(ready, tuple(classes), tuple(open_))
 
 
 def _guard(
@@ -236,11 +241,11 @@ def _guard(
     return [(turn.outcome[0] is True, turn.outcome[1] is True) for turn in turns]
 
 
-def _ran(round_: Round, robot: int) -> bool:
+def ran(round_: Round, robot: int) -> bool:
     return round_.events[robot] is not None
 
 
-def _classes(system: System, round_: Round, robot: int) -> frozenset[int]:
+def classes_of(system: System, round_: Round, robot: int) -> frozenset[int]:
     position = round_.events[robot]
     if position is None:
         return frozenset()
