@@ -96,14 +96,16 @@ def kinds_by_role(
     names = [agent.name for agent in program.agents]
     if all(role is None for role in roles):
         return dealt(program, len(roles)).kinds, ()
-    known = ", ".join(str(name) for name in names)
+    cure = f"its kinds are {', '.join(names)}"
+    if names == [""]:
+        cure = "its robots are of one kind, which has no name: leave `kind` out"
     problems = tuple(
         Diagnostic(
             "K932",
             Severity.ERROR,
             whole_file(file),
             f"robot {pid} is of kind {role}, which the program does not have",
-            f"its kinds are {known}",
+            cure,
         )
         for pid, role in enumerate(roles)
         if role not in names

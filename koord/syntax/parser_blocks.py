@@ -44,6 +44,8 @@ def block(reader: Reader, parts: list[Part]) -> ast.Block:
             reader.ends(part, 1)
             body = block(reader, reader.body(part))
             statements.append(ast.Atomic(body, span=reach(part)))
+        elif (part.colon or part.body) and reader.is_displaced(part):
+            pass
         elif part.colon or first in _SECTIONS or first == "ELSE" or first == "ELIF":
             statements.extend(_misplaced(reader, part))
         else:

@@ -23,12 +23,16 @@ _OVER_LINES = frozenset([Form.EXPRESSION, Form.GOAL, Form.MEMBERS])
 _BLOCKS = words("IF FOR ATOMIC")
 #: Complaints that may as well mean a missing colon.
 _NO_COLON = frozenset(["K130", "K131", "K135"])
+#: First words of sections: nothing else begins so.
+_SECTIONS = words(
+    "AGENT ALLREAD ALLWRITE ASSUME DEF ENUM EVENTUALLY INIT INVARIANT LOCAL PARAM URGENT USING"
+)
 
 
 class Reader:
     """Reads parts; a part with a mistake is told, and None where nothing can be made of it."""
 
-    __slots__ = ("heads", "lost", "report")
+    __slots__ = ("around", "displaced", "heads", "lost", "report")
 
     def __init__(self, report: Report) -> None:
         self.report = report
@@ -36,6 +40,34 @@ class Reader:
         self.heads: list[ast.Ident] = []
         #: Names in what could not be read.
         self.lost: set[str] = set()
+        #: The section that is being read, beside which others stand.
+        self.around: Part | None = None
+        #: Sections that stood inside of others, to be read as if they stood beside them.
+        self.displaced: list[Part] = []
+
+    # --- sections in sections
+
+    def is_displaced(self, part: Part, *, or_named: bool = False) -> bool:
+        """Whether a part that stands inside of a section is one itself, which is told then.
+
+        ``or_named`` says that a word with a block can be nothing but an event here.
+        """
+        named = or_named and part.first == "NAME" and len(part.tokens) == 1
+        named = named and any(line.end.line > part.end.line for line in part.body)
+        if part.first not in _SECTIONS and not named and not has_pieces(part):
+            return False
+        around = self.around
+        if around is None:
+            return False
+        word = f"`{shown(part.tokens[0].text)}`" if part.first in _SECTIONS else "an event"
+        head = shown(" ".join(token.text for token in around.tokens))
+        by = part.tokens[0].column - around.tokens[0].column
+        cure = f"dedent it by {by} space{'s' * (by != 1)}: it stands beside `{head}`, not in it"
+        if by <= 0 or part.tokens[0].line == around.tokens[0].line:
+            cure = f"write it on a line of its own, beside `{head}`"
+        self.complain(part, "K141", part.span, f"{word} cannot stand inside of `{head}`", cure)
+        self.displaced.append(part)
+        return True
 
     # --- lines
 
@@ -110,7 +142,8 @@ class Reader:
         """What the body of a part declares."""
         if part.colon is None:
             self.body(part)
-        return tuple(decl for line in part.body for decl in self.declaration(line))
+        lines = [line for line in part.body if not self.is_displaced(line, or_named=True)]
+        return tuple(decl for line in lines for decl in self.declaration(line))
 
     def declaration(self, part: Part, start: int = 0) -> list[ast.VarDecl]:
         """What a line declares: one variable, unless it is wrong."""
@@ -120,7 +153,7 @@ class Reader:
                 "K115",
                 part.colon.span,
                 "no `:` stands in a declaration",
-                "write `int x` or `int x = 3`",
+                _typed(part) or "leave the `:` out; a value stands behind `=`: `int x = 3`",
             )
         decl = self.line(Form.DECLARATION, part, start)
         if decl:
@@ -267,3 +300,19 @@ def _others(decl: ast.VarDecl, tokens: list[Token]) -> list[ast.VarDecl]:
             name = ast.Ident(following.text, span=following.span)
             found.append(ast.VarDecl(decl.type, name, span=following.span))
     return found
+
+
+def _typed(part: Part) -> str | None:
+    """The cure of ``x: int``, as other languages declare."""
+    inside = [token for line in part.body for token in line.tokens]
+    if len(part.tokens) != 1 or not inside or inside[0].type != "NAME":
+        return None
+    at = next((k for k, token in enumerate(inside) if token.type == "ASSIGN"), len(inside))
+    type_ = "".join(f"{shown(token.text)}{' ' * (token.text == ',')}" for token in inside[:at])
+    value = " …" if at < len(inside) else ""
+    return f"write `{type_} {shown(part.tokens[0].text)}{' =' * bool(value)}{value}`"
+
+
+def has_pieces(part: Part) -> bool:
+    """Whether a guard or an effect stands in a part."""
+    return any(line.first in ("PRE", "EFF") for line in part.body)

@@ -7,8 +7,9 @@ from koord.syntax.lines import Part
 from koord.syntax.parser_blocks import block, reach
 from koord.syntax.parser_lines import Form
 from koord.syntax.parser_nodes import LeadsTo, Signature
-from koord.syntax.parser_reader import Reader
+from koord.syntax.parser_reader import Reader, has_pieces
 from koord.syntax.parser_strays import (
+    OPENING,
     PIECES,
     Strays,
     adopted,
@@ -17,6 +18,7 @@ from koord.syntax.parser_strays import (
     stray_port,
     stray_section,
 )
+from koord.syntax.tokens import KEYWORDS, words
 
 
 def sections(reader: Reader, parts: list[Part], *, agent: bool = False) -> tuple[ast.Section, ...]:
@@ -33,11 +35,15 @@ def sections(reader: Reader, parts: list[Part], *, agent: bool = False) -> tuple
             continue
         strays.over()
         found.extend(read)
+        while reader.displaced:
+            found.extend(_section(reader, reader.displaced.pop(0)) or ())
     return tuple(found)
 
 
 def _section(reader: Reader, part: Part) -> tuple[ast.Section, ...] | None:
     """The sections that a part is; None if it is none."""
+    if part.first != "AGENT":
+        reader.around = part
     match part.first:
         case "LOCAL" | "ALLREAD" | "ALLWRITE":
             reader.ends(part, 1)
@@ -72,6 +78,8 @@ def _section(reader: Reader, part: Part) -> tuple[ast.Section, ...] | None:
             return (_event(reader, part, urgent=True),)
         case "NAME" if _is_event(part):
             return (_event(reader, part, urgent=False),)
+        case _ if part.tokens and part.tokens[0].text in KEYWORDS and _is_misnamed(part):
+            return (_event(reader, part, urgent=False),)  # which tells of the name
         case _:
             return None
 
@@ -83,12 +91,15 @@ def _is_event(part: Part) -> bool:
     if not (part.colon or part.body) or len(part.tokens) != 1:
         return False
     if part.tokens[0].text not in PIECES:
-        return _has_pieces(part) or misspelt_section(part) is None
-    return _has_pieces(part)
+        return has_pieces(part) or misspelt_section(part) is None
+    return has_pieces(part)
 
 
-def _has_pieces(part: Part) -> bool:
-    return any(line.first in ("PRE", "EFF") for line in part.body)
+def _is_misnamed(part: Part) -> bool:
+    """Whether a part is an event that has a keyword for its name."""
+    if len(part.tokens) != 1 or not part.colon:
+        return False
+    return has_pieces(part) or part.first not in OPENING | words("PRE EFF")
 
 
 def _event(reader: Reader, part: Part, *, urgent: bool) -> ast.Event:
@@ -108,6 +119,8 @@ def _event(reader: Reader, part: Part, *, urgent: bool) -> ast.Event:
                 strays.once(line, seen)
                 reader.head(line)
                 eff += block(reader, reader.body(line))
+            case _ if reader.is_displaced(line):
+                pass
             case _:
                 strays.add(line, *stray_piece(line), lost=False)
                 loose.append(line)
@@ -160,6 +173,8 @@ def _using(reader: Reader, part: Part) -> ast.Using:
                 contract = reader.name(line, 1, "a contract")
                 requires, ensures = _summary(reader, reader.body(line))
                 contracts.append(ast.ContractDef(contract, requires, ensures, span=reach(line)))
+            case _ if reader.is_displaced(line):
+                pass
             case _:
                 strays.add(line, *stray_port(line))
                 continue

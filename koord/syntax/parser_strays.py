@@ -13,7 +13,9 @@ from koord.syntax.tokens import shown, words
 _OF_MODULES = frozenset(["sensors", "actuators", "environment", "contract"])
 #: Words that begin a piece of a module or of a contract.
 PIECES = _OF_MODULES | frozenset(["requires", "ensures"])
-_STATEMENTS = words("IF FOR ATOMIC BREAK RETURN STOP TRYSTOP PASS ELSE ELIF")
+#: First words of statements that have a body.
+OPENING = words("IF FOR ATOMIC ELSE ELIF")
+_STATEMENTS = OPENING | words("BREAK RETURN STOP TRYSTOP PASS")
 _SECTIONS = ("local", "allread", "allwrite", "init", "assume", "invariant", "eventually", "using")
 #: The pieces of an event, and what they are called elsewhere.
 _OF_EVENTS = {

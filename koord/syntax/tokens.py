@@ -306,6 +306,8 @@ def _bad(token: Token, report: Report) -> bool:
         hint = "write an ordinary space"
     elif character == "$":
         hint = "leave the `$` out: it belongs to the typesetting of a listing"
+    elif character == "\\":
+        hint = "leave it out, and put what stands on both lines in `(` `)`"
     elif word:
         hint = "names are made of the letters a to z, digits and `_`"
     report.damaged.add(token.line)

@@ -113,7 +113,7 @@ IN_SECTIONS = [
     ("Assign:\n  x = 3\n  y = 4", [("K141", 2, 3)]),
     ("Assign:\n  pre: x", [("K143", 1, 1)]),
     ("Assign:", [("K113", 1, 1)]),
-    ("stop:\n  eff: stop", [("K141", 1, 1)]),
+    ("stop:\n  eff: stop", [("K131", 1, 1)]),
     ("urgent:\n  eff: stop", [("K130", 1, 7)]),
     ("urgent stop:\n  eff: stop", [("K131", 1, 8)]),
     ("event Assign:\n  eff: stop", [("K141", 1, 1)]),

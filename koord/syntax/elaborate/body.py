@@ -141,6 +141,14 @@ class Body:
         """Record an error."""
         self.findings.error(code, span, message, hint)
 
+    def is_told(self, code: str, name: str, span: Span) -> bool:
+        """Whether it was told of another place that a name means nothing; then of this one, too."""
+        first = self.session.unknown.setdefault((self.findings, name), span)
+        if first == span:
+            return False
+        self.findings.again(code, first, span)
+        return True
+
     def slot(self, name: str, type_: Type) -> core.Variable:
         """A new bound variable."""
         self.bound += 1

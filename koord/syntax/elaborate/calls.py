@@ -10,9 +10,10 @@ from koord.syntax.elaborate.builtins import BUILTINS
 from koord.syntax.elaborate.coercion import POISON, fit, widened
 from koord.syntax.elaborate.function_calls import call, candidates
 from koord.syntax.elaborate.library import library_names
+from koord.syntax.elaborate.phrases import listed
 from koord.syntax.elaborate.quantifiers import ran
 from koord.syntax.elaborate.records import construct
-from koord.syntax.elaborate.suggest import did_you_mean, otherwise
+from koord.syntax.elaborate.suggest import did_you_mean, mathematics, otherwise
 from koord.syntax.elaborate.symbols import RecordInfo
 from koord.syntax.types import FLOAT, INT, POS, Type
 
@@ -55,6 +56,10 @@ def function_call(body: Body, e: ast.Call, expected: Type | None) -> core.Expr |
     return _unknown(body, e)
 
 
+#: Where statements may change lists.
+_CHANGING = frozenset({Where.EFFECT, Where.INIT, Where.ENVIRONMENT, Where.FUNCTION})
+
+
 def _nameless(body: Body, e: ast.Call) -> bool:
     for argument in e.arguments:
         if argument.name is not None:
@@ -72,15 +77,33 @@ def method_call(body: Body, e: ast.MethodCall, expected: Type | None) -> core.Ex
     """``x.f(a)`` is ``f(x, a)`` for the operations on lists."""
     if e.method.name in METHODS:
         return function_call(body, as_call(e), expected)
-    for argument in e.arguments:
-        body.expr(argument.value, POISON)
+    for value in (e.receiver, *(argument.value for argument in e.arguments)):
+        body.expr(value, POISON)
     body.error(
         "K202",
         e.method.span,
         f"there is no operation `{e.method.name}`",
-        did_you_mean(e.method.name, METHODS) or f"call functions as `{e.method.name}(…)`",
+        did_you_mean(e.method.name, METHODS) or _as_function(body, e),
     )
     return None
+
+
+def _as_function(body: Body, e: ast.MethodCall) -> str:
+    """The hint for `x.f(a)` where there is no operation `f`."""
+    name = e.method.name
+    if name in _functions(body):
+        return f"call the function as `{name}({'…, …' if e.arguments else '…'})`"
+    return (
+        f"lists have {listed(sorted(METHODS - {'assign', 'len'}))}; functions are called as `f(x)`"
+    )
+
+
+def _functions(body: Body) -> list[str]:
+    """What can be called in an expression."""
+    session = body.session
+    drawn = ["choose"] if body.where in CLOSED | {Where.ENVIRONMENT, Where.INIT} else []
+    own = [*session.functions.own, *session.types.records, "pos"]
+    return [*own, *library_names(), *BUILTINS, *drawn]
 
 
 def as_call(e: ast.MethodCall) -> ast.Call:
@@ -104,18 +127,13 @@ def _change(body: Body, e: ast.Call, name: str) -> core.Expr | None:
 def _unknown(body: Body, e: ast.Call) -> core.Expr | None:
     for argument in e.arguments:
         body.expr(argument.value, POISON)
-    session = body.session
-    if session.partial:
+    if body.session.partial:
         return None
     name = e.function.name
-    known = [
-        *session.functions.own,
-        *session.types.records,
-        *library_names(),
-        *BUILTINS,
-        *CHANGES,
-    ]
-    hint = otherwise(name) or did_you_mean(name, known)
+    if body.is_told("K202", f"{name}()", e.function.span):
+        return None
+    known = _functions(body) + (list(CHANGES) if body.where in _CHANGING else [])
+    hint = otherwise(name) or mathematics(name) or did_you_mean(name, known)
     hint = hint or f"declare it: `def fun {name}(…) -> …:`"
     body.error("K202", e.function.span, f"there is no function `{name}`", hint)
     return None

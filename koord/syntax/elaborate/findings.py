@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from koord.syntax.diagnostics import Diagnostic, Note, Severity
 from koord.syntax.source import Span
+
+#: Of the other places of a mistake so many are named.
+_MOST_LINES = 5
 
 
 class Findings:
     """The errors and warnings found so far; the same thing at the same place is kept once."""
 
-    __slots__ = ("_found", "errors")
+    __slots__ = ("_again", "_found", "errors")
 
     def __init__(self) -> None:
         self._found: dict[tuple[str, Span], Diagnostic] = {}
+        self._again: dict[tuple[str, Span], list[Span]] = {}
         self.errors = 0
 
     def error(
@@ -38,6 +44,11 @@ class Findings:
         """Record a warning."""
         self._add(Diagnostic(code, Severity.WARNING, span, message, hint, notes))
 
+    def again(self, code: str, first: Span, place: Span) -> None:
+        """Record that what was told of a first place is so in another."""
+        self.errors += 1
+        self._again.setdefault((code, first), []).append(place)
+
     def _add(self, diagnostic: Diagnostic) -> None:
         self._found.setdefault((diagnostic.code, diagnostic.span), diagnostic)
 
@@ -48,7 +59,23 @@ class Findings:
             files.setdefault(diagnostic.span.file, len(files))
         return tuple(
             sorted(
-                self._found.values(),
+                (self._with_others(*found) for found in self._found.items()),
                 key=lambda d: (files[d.span.file], d.span.line, d.span.column),
             )
         )
+
+    def _with_others(self, key: tuple[str, Span], found: Diagnostic) -> Diagnostic:
+        """A finding that tells in which other lines it is so."""
+        first = key[1]
+        lines = dict.fromkeys(
+            place.line if place.file == first.file else f"{place.file}:{place.line}"
+            for place in self._again.get(key, ())
+            if (place.file, place.line) != (first.file, first.line)
+        )
+        if not lines:
+            return found
+        shown = [str(line) for line in list(lines)[:_MOST_LINES]]
+        more = f" and {len(lines) - len(shown)} more" if len(lines) > len(shown) else ""
+        plural = "s" if len(lines) > 1 else ""
+        story = f"{found.message}; it stands in line{plural} {', '.join(shown)}{more} as well"
+        return replace(found, message=story)

@@ -92,6 +92,8 @@ class Session:
     logical_calls: list[tuple[str, Span]] = field(default_factory=list)
     #: Names that are declared twice.
     ambiguous: set[str] = field(default_factory=set)
+    #: Names that mean nothing, by where that is told, and their first places.
+    unknown: dict[tuple[Findings, str], Span] = field(default_factory=dict)
     confusions: list[Confusion] = field(default_factory=list)
     atomic_blocks: dict[int, AtomicBlock] = field(default_factory=dict)
     #: The library's modules, which a program can use without declaring their ports.

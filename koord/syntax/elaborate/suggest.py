@@ -39,6 +39,13 @@ _OTHERWISE = {
     "none": "there is no such value: a variable is unset until it is written",
 }
 
+#: Functions of other languages that Koord does not have, and of how many numbers.
+_OF_ONE = """acos asin atan ceil cos cosh exp floor ln log log10 log2 round sin sinh tan tanh"""
+_MATHEMATICS = {
+    **dict.fromkeys(_OF_ONE.split(), 1),
+    **dict.fromkeys(("atan2", "fmod", "hypot", "pow"), 2),
+}
+
 #: With how many names one misspelt name is compared: all, if they are no more; else those that
 #: differ in a letter or two, and some others.
 MOST_COMPARED = 100
@@ -47,6 +54,12 @@ _OTHERS_COMPARED = 20
 #: Names are compared up to here.
 _LONGEST = 60
 
+#: Names that are alike share so many of their letters: `nrom` and `norm`, but not `sin` and `min`.
+_ALIKE = 0.75
+
+#: A name that is cut short has so many letters left.
+_SHORTEST_CUT = 3
+
 
 def closest(name: str, known: Iterable[str]) -> str | None:
     """The known name most like ``name``, or None if none is much like it."""
@@ -54,8 +67,22 @@ def closest(name: str, known: Iterable[str]) -> str | None:
     wanted = name.lower()
     if wanted in index.folded:
         return index.folded[wanted]
-    found = get_close_matches(wanted[:_LONGEST], index.likely(wanted), n=1, cutoff=0.6)
+    likely = index.likely(wanted)
+    found = get_close_matches(wanted[:_LONGEST], likely, n=1, cutoff=_ALIKE)
+    found = found or [o for o in likely if _is_cut(wanted, o) or _is_turned(wanted, o)]
     return index.folded[found[0]] if found else None
+
+
+def _is_turned(one: str, other: str) -> bool:
+    """Whether two names differ in the order of two letters, as `pns` and `psn`."""
+    different = [(a, b) for a, b in zip(one, other, strict=False) if a != b]
+    return len(one) == len(other) and len(different) == 2 and different[0] == different[1][::-1]
+
+
+def _is_cut(one: str, other: str) -> bool:
+    """Whether one name is the beginning of the other, as `max` is of `maximum`."""
+    short, long = sorted((one, other), key=len)
+    return len(short) >= _SHORTEST_CUT and long.startswith(short)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,3 +139,12 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
 def otherwise(name: str) -> str | None:
     """A hint for a name of other languages for which Koord has no name, but another way."""
     return _OTHERWISE.get(name.lower())
+
+
+def mathematics(name: str) -> str | None:
+    """A hint for a function on numbers that Koord does not have."""
+    count = _MATHEMATICS.get(name.lower())
+    if count is None:
+        return None
+    parameters = ", ".join(f"float {letter}" for letter in "xy"[:count])
+    return f"the language has none: declare it, `def fun {name}({parameters}) -> float: extern`"

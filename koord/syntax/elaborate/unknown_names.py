@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from koord.syntax import ast
-from koord.syntax.elaborate.body import (
-    Body,
-)
+from koord.syntax.elaborate.body import SEES_PID, SEES_PORTS, SEES_VARIABLES, Body, Where
 from koord.syntax.elaborate.suggest import did_you_mean, otherwise
+from koord.syntax.elaborate.symbols import MemberSymbol, Named, ParamSymbol, Pending
 from koord.syntax.types import EnumType
 
 
 def unknown(body: Body, e: ast.Name, field: str | None = None) -> None:
-    """Tell that there is no such name, and what may have been meant."""
+    """Tell that there is no such name, and what may have been meant: once for each name."""
+    if body.is_told("K201", e.name, e.span):
+        return
     hint = _element_hint(body, e.name, field)
     for module, ports in body.session.library_ports.items():
         if hint is None and e.name in ports:
@@ -46,11 +47,25 @@ def visible(body: Body) -> list[str]:
     """The names that could stand here."""
     session = body.session
     names = [name_ for frame in body.frames for name_ in frame]
-    names += session.shared
+    sees_variables = body.where in SEES_VARIABLES
+    names += [
+        name for name, found in session.shared.items() if sees_variables or _is_constant(found)
+    ]
     names += session.types.members
     for agent in [body.agent] if body.agent else session.agents:
-        names += agent.variables
-        names += agent.ports
-        for module in agent.modules:
-            names += session.library_ports.get(module, ())
-    return [*names, "pid", "numAgents", "delta"]
+        if sees_variables:
+            names += agent.variables
+        if body.where in SEES_PORTS:
+            names += agent.ports
+            for module in agent.modules:
+                names += session.library_ports.get(module, ())
+    own = ["pid"] if body.where in SEES_PID else []
+    of_run = ["numAgents", "delta"] if body.where is not Where.CONSTANT else []
+    return [*names, *own, *of_run]
+
+
+def _is_constant(found: Named) -> bool:
+    """Whether a name stands for the same value everywhere."""
+    return isinstance(found, ParamSymbol | MemberSymbol) or (
+        isinstance(found, Pending) and found.is_param
+    )
