@@ -108,5 +108,24 @@ ENTRIES: dict[str, Entry] = {
               eff: pass
             """,
         ),
+        warning(
+            "K406",
+            "a variable is read and never set",
+            """A variable without an initial value is unset; to read it is a fault. Nothing in the
+            program sets this one: no `init:`, no event. To append to a list, or to change one of
+            its elements, reads it first. Of records and arrays each field counts by itself.""",
+            """
+            local:
+              Queue<int> waiting
+            Join:
+              eff: waiting.append(pid)
+            """,
+            """
+            local:
+              Queue<int> waiting = []
+            Join:
+              eff: waiting.append(pid)
+            """,
+        ),
     )
 }

@@ -19,6 +19,7 @@ from koord.syntax.elaborate import (
     modules,
     properties,
     starts,
+    unset,
     variables,
     world_tasks,
 )
@@ -166,7 +167,7 @@ def _define(
     world_tasks.check_tasks(allwrite, session.settings, session.findings)
     classes, agents = locks.classified(session.atomic_blocks.values(), agents)
     known = assumed(assumptions, len(agents))
-    return core.Program(
+    made = core.Program(
         PurePath(program.span.file).stem,
         tuple(starts.agent(each, number, known) for number, each in enumerate(agents)),
         starts.settle(allread, None, known, session.settings),
@@ -182,6 +183,9 @@ def _define(
         session.settings.tasks if _starts_with_tasks(session, allwrite) else None,
         span=program.span,
     )
+    if not session.partial:
+        unset.never_set(session, made)
+    return made
 
 
 def _starts_with_tasks(session: Session, allwrite: tuple[core.Declaration, ...]) -> bool:

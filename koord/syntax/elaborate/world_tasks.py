@@ -41,6 +41,15 @@ def check_tasks(
         )
 
 
+def takes_tasks(variable: core.Variable) -> bool:
+    """Whether a variable without a value begins with the tasks of the world, if there are any."""
+    match variable.type:
+        case ListType(element=RecordType(name="Task")) | ArrayType(element=RecordType(name="Task")):
+            return variable.home is core.Home.ALLWRITE
+        case _:
+            return False
+
+
 def tasks(variable: core.Variable, settings: Settings) -> core.Expr | None:
     """The tasks of the world, for an allwrite list of tasks."""
     if settings.tasks is None or variable.home is not core.Home.ALLWRITE:
