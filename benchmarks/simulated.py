@@ -100,7 +100,7 @@ def squares(devices: tuple[str, ...], count: int) -> str:
 def begun(program: str, devices: str = "", count: int = 0) -> Any:
     """A run after INIT, as `koord sim` makes it. An example has its own configuration."""
     from koord.cli.diagnostics import Report as Diagnostics
-    from koord.cli.simulating import Asked
+    from koord.cli.fitting import Asked
     from koord.runtime.configuration.checking import load
     from koord.syntax.source import Source
 

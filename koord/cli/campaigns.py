@@ -21,8 +21,8 @@ from typing import Any, TypeAlias
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable, write_atomically
+from koord.cli.fitting import Asked
 from koord.cli.progress import Interruption, LiveLine
-from koord.cli.simulating import Asked
 from koord.cli.sweeps import check_drawable, keep_figure
 from koord.cli.terminal import Paint, style_of, visible
 from koord.runtime.motion.libraries import require

@@ -9,9 +9,9 @@ from dataclasses import asdict, dataclass
 
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
+from koord.cli.fitting import asked
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.simulated_traces import Tracing
-from koord.cli.simulating import asked
 from koord.cli.terminal import Paint, style_of, visible
 from koord.cli.traces import write_trace
 from koord.refinement.judging import Judged

@@ -9,7 +9,8 @@ from koord.cli.arguments import add_json, check_files
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.files import read_program
-from koord.runtime.configuration.checking import load
+from koord.cli.fitting import Asked, beside, check_alone, check_start, read_configuration
+from koord.cli.terminal import visible
 from koord.runtime.configuration.model import Configuration
 from koord.syntax.diagnostics import KoordError
 
@@ -19,6 +20,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "files", metavar="FILE", nargs="+", help="a configuration (.yaml); - is standard input"
     )
+    parser.add_argument(
+        "--program",
+        metavar="PROGRAM",
+        help="the program that is to be run with them; else the one beside a file, if there is one "
+        "of its name",
+    )
     add_json(parser, "the diagnostics")
     parser.epilog = "exit codes: 0 no errors, 2 errors"
 
@@ -27,25 +34,34 @@ def main(arguments: argparse.Namespace) -> int:
     check_files(arguments.files)
     report = Report()
     for path in arguments.files:
-        configuration = read_configuration(path, report)
-        if configuration is not None and not arguments.json:
-            print(f"{configuration.name}: {story(configuration)}")
+        before = report.errors
+        found = check(path, arguments.program, report)
+        if found is not None and report.errors == before and not arguments.json:
+            configuration, program = found
+            suits = "" if program is None else f", suits {visible(program)}"
+            print(f"{visible(configuration.name)}: {story(configuration)}{suits}")
     report.print(sys.stdout, as_json=arguments.json)
     return Exit.BAD_INPUT if report.errors else Exit.OK
 
 
-def read_configuration(path: str, report: Report) -> Configuration | None:
-    """The configuration in a file; what is wrong goes to the report."""
+def check(
+    path: str, program: str | None, report: Report
+) -> tuple[Configuration, str | None] | None:
+    """What a file says, and the program that it was checked with; errors go to the report."""
+    configuration = read_configuration(path, report)
+    if configuration is None:
+        return None
+    program = program or beside(path, ".krd")
     try:
-        source = read_program(path).source
+        if program is None:
+            check_alone(configuration)
+            return configuration, None
+        source = read_program(program).source
+        report.add((), source)
+        check_start(Asked(source, configuration, (), {}).fitted(report))
     except KoordError as error:
         report.add(error.diagnostics)
-        return None
-    try:
-        return load(source)
-    except KoordError as error:
-        report.add(error.diagnostics, source)
-        return None
+    return configuration, program
 
 
 def story(configuration: Configuration) -> str:

@@ -22,15 +22,12 @@ from koord.cli.arguments import (
     check_files,
     delta,
     rounds,
-    settings,
 )
-from koord.cli.config import read_configuration
 from koord.cli.deployed import Board, as_document, summary
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.files import check_writable
-from koord.cli.inputs import Reading, load_programs
-from koord.cli.systems import kinds_by_role, suited, unlike
+from koord.cli.fitting import asked, check_start
 from koord.cli.terminal import visible
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
@@ -43,8 +40,7 @@ from koord.runtime.deploy.running import Job, Runner
 from koord.runtime.deploy.status import Status
 from koord.runtime.robot import Robot
 from koord.runtime.transports.transport import TransportError
-from koord.syntax.diagnostics import Diagnostic, Severity, refusal
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
 from koord.syntax.problem import Problem
 from koord.syntax.source import whole_file
 
@@ -95,11 +91,15 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.record is not None:
         check_writable(arguments.record)
     report = Report()
-    asked = _asked(arguments, report)
+    wanted = None
+    try:
+        wanted = job_of(arguments, report)
+    except KoordError as error:
+        report.add(error.diagnostics)
     report.print(sys.stderr, as_json=False)
-    if asked is None or report.errors:
+    if wanted is None or report.errors:
         return Exit.BAD_INPUT
-    job, problem = asked
+    job, problem = wanted
     if not arguments.json:
         print(visible(str(problem)), flush=True)
     deploy = _all if arguments.all_local else _one
@@ -112,34 +112,20 @@ def main(arguments: argparse.Namespace) -> int:
 # --- what is to be run ----------------------------------------------------------------------------
 
 
-def _asked(arguments: argparse.Namespace, report: Report) -> tuple[Job, Problem] | None:
-    """The run, and what it is a run of."""
-    configuration = read_configuration(arguments.config, report)
-    if configuration is None:
+def job_of(arguments: argparse.Namespace, report: Report) -> tuple[Job, Problem] | None:
+    """The run, and what it is a run of. Raises KoordError."""
+    wanted = asked(arguments, report)
+    found = None if wanted is None else wanted.fitted(report)
+    if found is None:
         return None
-    reading = Reading.of(arguments)
-    if configuration.world is not None and configuration.world.tasks:
-        places = tuple(
-            (Fraction(x), Fraction(y), Fraction(z)) for x, y, z in configuration.world.tasks
-        )
-        reading = replace(reading, settings=Settings(settings(arguments.settings), places))
-    programs = load_programs([arguments.file], reading, report)
-    if not programs:
-        return None
-    program = programs[0].program
-    classes = loaded(compiled(program))
-    roles = [robot.kind for robot in configuration.robots]
-    kinds, problems = kinds_by_role(program, roles, configuration.name)
-    report.add(problems)
-    if arguments.delta is None and not problems:
-        report.add(unlike(configuration, program, kinds))
-    configuration = suited(configuration, program, arguments.delta)
+    check_start(found)
+    configuration, classes = found.configuration, loaded(compiled(found.loaded.program))
     assert configuration.delta_s is not None
     _check_functions(classes, configuration, report)
     key, run = _secret(arguments, configuration, report)
     job = Job(
         classes,
-        kinds,
+        found.kinds,
         configuration,
         key,
         run,
@@ -148,7 +134,7 @@ def _asked(arguments: argparse.Namespace, report: Report) -> tuple[Job, Problem]
         rounds=arguments.rounds,
         journals=None,
     )
-    return job, programs[0].problem(kinds, Fraction(repr(configuration.delta_s)))
+    return job, found.loaded.problem(found.kinds, Fraction(repr(configuration.delta_s)))
 
 
 def _check_functions(

@@ -6,8 +6,9 @@ import argparse
 from fractions import Fraction
 
 from koord.cli.files import read_bytes, read_program
+from koord.cli.fitting import NO_FILE
 from koord.cli.inputs import LoadedProgram, Reading
-from koord.cli.simulating import NO_FILE, Job, watching
+from koord.cli.simulating import Job, watching
 from koord.cli.traces import read_trace
 from koord.refinement.rehearsing import Rehearsal, Rehearsed, places
 from koord.refinement.running import ready

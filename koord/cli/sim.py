@@ -120,7 +120,7 @@ def main(arguments: argparse.Namespace) -> int:
 
     require(SIM, "sim")
     from koord.cli.diagnostics import Report
-    from koord.cli.simulating import asked
+    from koord.cli.fitting import asked
 
     if arguments.schedule is not None:
         return _rehearse(arguments)

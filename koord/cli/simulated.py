@@ -13,8 +13,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from koord.cli.fitting import NO_FILE
 from koord.cli.progress import LiveLine
-from koord.cli.simulating import NO_FILE, Job
+from koord.cli.simulating import Job
 from koord.cli.terminal import Paint, style_of, visible
 from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import World

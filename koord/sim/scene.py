@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Any, assert_never
 
 import numpy as np
@@ -32,7 +31,6 @@ from koord.sim.kinds import Kind, Level
 from koord.sim.lidar import Lidar
 from koord.syntax.core import USUAL_DELTA_S
 from koord.syntax.diagnostics import Diagnostic, KoordError
-from koord.syntax.elaborate.settings import ParamValue
 
 #: How far from its path a robot may be.
 TRACKING_M = 0.15
@@ -126,28 +124,6 @@ def scene(
         float(USUAL_DELTA_S) if configuration.delta_s is None else configuration.delta_s,
         seed,
     )
-
-
-def params(configuration: Configuration) -> dict[str, ParamValue]:
-    """The values that a configuration gives params. Raises KoordError for what is no value."""
-    return {
-        name: _value(configuration, value, ("params", name))
-        for name, value in configuration.params.items()
-    }
-
-
-def _value(configuration: Configuration, value: Any, path: tuple[str | int, ...]) -> ParamValue:
-    match value:
-        case bool() | int() | str():
-            return value
-        case float() if math.isfinite(value):
-            return Fraction(repr(value))
-        case list():
-            return tuple(_value(configuration, v, (*path, k)) for k, v in enumerate(value))
-        case _:
-            hint = "a param is a number, a truth value, a text or a list of them"
-            span = configuration.place(*path)
-            raise KoordError((problem(span, "this is no value of a param", hint),))
 
 
 def _as_many(robots: tuple[RobotPlace, ...], count: int | None) -> tuple[RobotPlace, ...]:

@@ -86,11 +86,9 @@ def test_a_pid_that_nobody_has_is_told(tmp_path: Path, capsys: pytest.CaptureFix
     assert "the pids are 0 to 1" in err
 
 
-def test_functions_that_robots_do_not_have_are_told(
-    three: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    mapping = str(EXAMPLES / "mapping.krd")
-    assert main(["deploy", mapping, three, "--all-local"]) == Exit.BAD_INPUT
+def test_functions_that_robots_do_not_have_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    mapping, config = str(EXAMPLES / "mapping.krd"), str(EXAMPLES / "mapping.yaml")
+    assert main(["deploy", mapping, config, "--all-local"]) == Exit.BAD_INPUT
     assert "pickFrontierPos" in capsys.readouterr().err
 
 
@@ -221,7 +219,7 @@ def test_rounds_are_as_long_as_the_program_states_if_the_configuration_does_not_
         as_fast_as_possible=False,
         rounds=2,
     )
-    asked = deploy._asked(arguments, Report())
-    assert asked is not None
-    job, _ = asked
+    wanted = deploy.job_of(arguments, Report())
+    assert wanted is not None
+    job, _ = wanted
     assert (job.delta_s, job.pace_s) == (0.03, 0.03)

@@ -12,9 +12,10 @@ import pytest
 
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
+from koord.cli.fitting import asked
 from koord.cli.main import main
 from koord.cli.simulated_traces import Tracing
-from koord.cli.simulating import Job, asked
+from koord.cli.simulating import Job
 from koord.refinement.judging import Judged
 from koord.runtime.motion.clearance import Clearance
 from koord.runtime.motion.library import Library
