@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from koord.cli.arguments import add_json, check_files, seconds
@@ -13,15 +14,17 @@ from koord.cli.exits import Exit
 from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_program
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.recheck.certificate import REWRITE, Certificate, read
+from koord.recheck.certificate import REWRITE, Certificate, digest_of, read
 from koord.recheck.checking import Outcome, Part, Rechecked, recheck
 from koord.recheck.settling import Settled
 from koord.recheck.solving import Answer, MissingSolverError, version
+from koord.recheck.statements import Premise, PremiseKind, Statement
 from koord.syntax.diagnostics import KoordError, refusal
-from koord.syntax.source import NOWHERE
+from koord.syntax.problem import told
+from koord.syntax.source import NOWHERE, Span
 
 #: Raised when the JSON changes in a way that its readers must know of.
-JSON_VERSION = 2
+JSON_VERSION = 3
 
 _SOLVERS = ("cvc5",)
 
@@ -57,7 +60,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_json(parser, "the verdict")
     parser.epilog = (
         "exit codes: 0 confirmed, 1 refuted, 2 a damaged certificate or no solver, 3 unknown "
-        "(no answer in time, a construct that is not rechecked, or the solver crashed)"
+        "(no answer in time, a construct that is not rechecked, or the solver crashed), "
+        "4 confirmed, but vacuously"
     )
 
 
@@ -93,10 +97,10 @@ def _recheck(request: Request) -> Exit:
     if request.as_json:
         print(json.dumps(_as_json(certificate, found, solver), indent=2))
     else:
-        for text in _lines(certificate, found, solver, style_of(sys.stdout)):
+        for text in _lines(certificate, found, request, style_of(sys.stdout)):
             print(text)
     codes = {
-        Outcome.CONFIRMED: Exit.OK,
+        Outcome.CONFIRMED: Exit.VACUOUS if found.hollow else Exit.OK,
         Outcome.REFUTED: Exit.VIOLATED,
         Outcome.UNKNOWN: Exit.UNKNOWN,
     }
@@ -119,40 +123,67 @@ def _no_solver() -> KoordError:
     return refusal("K942", "cvc5", message, hint)
 
 
-def _lines(certificate: Certificate, found: Rechecked, solver: str, style: Style) -> list[str]:
+def _lines(certificate: Certificate, found: Rechecked, request: Request, style: Style) -> list[str]:
+    about = found.about
+    digest = digest_of(certificate.program.text)
+    of = "" if request.program is None else f", which is {request.program.source.name}"
     lines = [
-        f"{visible(certificate.program.name)}: {_team(certificate)}, "
-        f"delta {certificate.delta_s} s, {solver}",
-        "claimed: " + visible(", ".join(claimed.name for claimed in certificate.claims)),
+        str(about.problem),
+        f"  the text in the certificate{of}: SHA-256 {digest}",
+        *(f"  param {told(given)}" for given in about.problem.program.parameters),
         "",
     ]
     if found.everyone is not None:
         lines += _part_lines(found.everyone, " for every number of robots")
     if found.here is not None:
-        where = f" for {_team(certificate)}" if found.everyone is not None else ""
+        where = f" for {_team(found)}" if found.everyone is not None else ""
         lines += _part_lines(found.here, where)
     lines += [*_opinion_lines(found), ""]
-    for names, scope in _confirmed(certificate, found):
-        if names:
-            lines += [f"{scope}, in every round: {visible(', '.join(names))}"]
+    everyone, here = found.shown()
+    rest = [s for s in about.statements if s not in (*everyone, *here)]
+    lines += _said("shown for every number of robots, in every round:", everyone)
+    lines += _said(f"shown for {_team(found)}, in every round:", here)
+    lines += _said("claimed, and not shown:", rest)
+    lines += _relied_on(about.premises)
     for name, reason in certificate.not_covered:
-        lines += [f"not covered: {visible(name)}: {visible(reason)}"]
+        lines += [f"not covered: {name}: {reason}"]
+    lines += [f"vacuous: {why}" for why in found.hollow]
     paint = {
         Outcome.CONFIRMED: Paint.ADDED,
         Outcome.REFUTED: Paint.ERROR,
         Outcome.UNKNOWN: Paint.WARNING,
     }[found.outcome]
     verdict = style.paint(found.outcome.value, paint)
+    if found.hollow and found.outcome is Outcome.CONFIRMED:
+        verdict += ", but vacuously"
     why = f": {visible(found.reason)}" if found.reason else ""
     place = ""
     if found.span is not NOWHERE and found.reason:
-        place = f" ({visible(found.span.file)}:{found.span.line}:{found.span.column})"
-    return [*lines, f"{verdict}{why}{place} [{found.seconds:.1f} s]"]
+        place = f" ({visible(str(found.span))})"
+    last = f"{verdict}{why}{place}; {version()} [{found.seconds:.1f} s]"
+    return [*map(visible, lines), last]
 
 
-def _team(certificate: Certificate) -> str:
-    robots = len(certificate.kinds)
-    return f"{robots} robot{'' if robots == 1 else 's'}"
+def _said(heading: str, statements: Sequence[Statement]) -> list[str]:
+    """Statements in full: Koord, or what is asked of every program in words."""
+    return [heading, *_indented(s.text for s in statements)] if statements else []
+
+
+def _relied_on(premises: Sequence[Premise]) -> list[str]:
+    """What is relied on: assumptions in full, of what is promised the names and places."""
+    told = (
+        p.text if p.kind is PremiseKind.ASSUMPTION else f"{p.kind.value} {p.name} ({p.span})"
+        for p in premises
+    )
+    return ["relying on:", *_indented(told)] if premises else []
+
+
+def _indented(texts: Iterable[str]) -> list[str]:
+    return [f"  {line}" for text in texts for line in text.splitlines()]
+
+
+def _team(found: Rechecked) -> str:
+    return found.about.problem.fleet
 
 
 def _part_lines(part: Part, where: str) -> list[str]:
@@ -178,37 +209,40 @@ def _opinion_lines(found: Rechecked) -> list[str]:
     return lines
 
 
-def _confirmed(certificate: Certificate, found: Rechecked) -> list[tuple[list[str], str]]:
-    """The names of the claims that are shown, for every number of robots and for those here."""
-    everyone: list[str] = []
-    here: list[str] = []
-    if found.outcome is not Outcome.REFUTED:
-        if found.everyone is not None and found.everyone.outcome is Outcome.CONFIRMED:
-            everyone = [claimed.name for claimed in certificate.claims if claimed.everyone]
-        if found.here is not None and found.here.outcome is Outcome.CONFIRMED:
-            here = [claimed.name for claimed in certificate.claims if claimed.name not in everyone]
-    return [(everyone, "for every number of robots"), (here, f"for {_team(certificate)}")]
-
-
 _WORDS = {Answer.SAT: "does not follow", Answer.UNKNOWN: "not settled", Answer.UNSAT: "met"}
 
 
 def _as_json(certificate: Certificate, found: Rechecked, solver: str) -> dict[str, object]:
-    (everyone, _), (here, _) = _confirmed(certificate, found)
-    place: dict[str, object] | None = None
-    if found.span is not NOWHERE:
-        span = found.span
-        place = {"file": span.file, "line": span.line, "column": span.column}
+    everyone, here = found.shown()
     return {
         "version": JSON_VERSION,
         "verdict": found.outcome.value,
         "reason": found.reason,
-        "place": place,
+        "place": _place(found.span),
         "solver": solver,
         "program": certificate.program.name,
-        "robots": len(certificate.kinds),
-        "claims": [claimed.name for claimed in certificate.claims],
-        "confirmed": {"every_number_of_robots": everyone, "these_robots": here},
+        "sha256": digest_of(certificate.program.text),
+        "problem": found.about.problem.document(),
+        "vacuous": list(found.hollow),
+        "claims": [
+            {
+                "kind": s.claimed.kind.value,
+                "subject": s.claimed.subject,
+                "name": s.claimed.name,
+                "statement": s.text,
+                "place": _place(s.span),
+                "shown_for": "every number of robots"
+                if s in everyone
+                else "these robots"
+                if s in here
+                else None,
+            }
+            for s in found.about.statements
+        ],
+        "relies_on": [
+            {"kind": p.kind.value, "name": p.name, "statement": p.text, "place": _place(p.span)}
+            for p in found.about.premises
+        ],
         "not_covered": [
             {"name": name, "reason": reason} for name, reason in certificate.not_covered
         ],
@@ -228,6 +262,13 @@ def _as_json(certificate: Certificate, found: Rechecked, solver: str) -> dict[st
         ],
         "seconds": round(found.seconds, 3),
     }
+
+
+def _place(span: Span) -> dict[str, object] | None:
+    """A place in the text; None for what stands in none."""
+    if span.file == NOWHERE.file:
+        return None
+    return {"file": span.file, "line": span.line, "column": span.column}
 
 
 _MET = {Answer.SAT: "not met", Answer.UNKNOWN: "unknown", Answer.UNSAT: "met"}

@@ -9,13 +9,15 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from koord.recheck import instances
-from koord.recheck.certificate import REWRITE, Argument, Certificate, Opened, opened
-from koord.recheck.claims import Obligation
+from koord.recheck.certificate import REWRITE, Certificate
+from koord.recheck.claims import NO_START, Obligation
 from koord.recheck.commands import Harmless, NotACommandError, harmless
 from koord.recheck.every_number import EveryNumber
 from koord.recheck.obligations import Obligations
+from koord.recheck.opening import Argument, Meant, Opened, meant, opened
 from koord.recheck.settling import Settled, Settling
 from koord.recheck.solving import Answer, Session, SolverEndedError, TextError, answer_of, read
+from koord.recheck.statements import Statement
 from koord.recheck.terms import Terms
 from koord.recheck.values import NotRecheckedError, Values
 from koord.recheck.world import World
@@ -58,15 +60,21 @@ class Part:
     reason: str = ""
     span: Span = NOWHERE
 
+    @property
+    def hollow(self) -> tuple[str, ...]:
+        """Why less is shown than it seems: nothing satisfies what was supposed."""
+        return tuple(dict.fromkeys(one.hollow for one in self.settled if one.hollow))[:1]
+
 
 @dataclass(frozen=True, slots=True)
 class Rechecked:
-    """The verdict, with what it rests on.
+    """The verdict, what it is about, and what it rests on.
 
     ``everyone`` is about every number of robots, where that is claimed; ``here`` about those of the
     certificate, where that is not all that is claimed, or not shown.
     """
 
+    about: Meant
     outcome: Outcome
     everyone: Part | None
     here: Part | None
@@ -78,6 +86,23 @@ class Rechecked:
     @property
     def settled(self) -> tuple[Settled, ...]:
         return tuple(one for part in (self.everyone, self.here) if part for one in part.settled)
+
+    @property
+    def hollow(self) -> tuple[str, ...]:
+        """Why less is shown than it seems."""
+        parts = (part for part in (self.everyone, self.here) if part is not None)
+        return tuple(dict.fromkeys(why for part in parts for why in part.hollow))
+
+    def shown(self) -> tuple[tuple[Statement, ...], tuple[Statement, ...]]:
+        """What is confirmed, for every number of robots and for those of the certificate."""
+        everyone: tuple[Statement, ...] = ()
+        here: tuple[Statement, ...] = ()
+        if self.outcome is not Outcome.REFUTED:
+            if self.everyone is not None and self.everyone.outcome is Outcome.CONFIRMED:
+                everyone = tuple(s for s in self.about.statements if s.claimed.everyone)
+            if self.here is not None and self.here.outcome is Outcome.CONFIRMED:
+                here = tuple(s for s in self.about.statements if s not in everyone)
+        return everyone, here
 
 
 @dataclass(slots=True)
@@ -104,8 +129,9 @@ def recheck(
     clock = _Clock(None if timeout_s is None else started + timeout_s)
     everyone: Part | None = None
     here: Part | None = None
+    about = meant(certificate)
     try:
-        it = opened(certificate)
+        it = opened(certificate, about)
     except NotRecheckedError as error:
         here = Part(Outcome.UNKNOWN, (), error.reason, error.span)
         scripts = _read(certificate, progress)
@@ -113,7 +139,7 @@ def recheck(
         scripts = _read(certificate, progress)
         everyone, here = _argued(certificate, it, seed, clock, progress)
     opinions = tuple(_opinion(name, script, clock, progress) for name, script in scripts)
-    return _joined(everyone, here, opinions, time.monotonic() - started)
+    return _joined(about, everyone, here, opinions, time.monotonic() - started)
 
 
 def _argued(
@@ -165,7 +191,7 @@ def _for_everyone(
         for obligation in EveryNumber(it.world, it.claims, values, it.consequences):
             progress(f"any number of robots: {obligation.name}")
             with _named(obligation):
-                one = instances.settled(settling, obligation)
+                one = settling.weighed(instances.settled(settling, obligation), obligation)
             if one.answer is not Answer.UNSAT and not looked:
                 looked = True
                 yield from _refuted_by_few(it, seed, clock, progress)
@@ -204,26 +230,31 @@ def _refuted_by_few(
 
 
 def _joined(
-    everyone: Part | None, here: Part | None, opinions: tuple[Opinion, ...], seconds: float
+    about: Meant,
+    everyone: Part | None,
+    here: Part | None,
+    opinions: tuple[Opinion, ...],
+    seconds: float,
 ) -> Rechecked:
+    def found(outcome: Outcome, reason: str = "", span: Span = NOWHERE) -> Rechecked:
+        return Rechecked(about, outcome, everyone, here, opinions, seconds, reason, span)
+
     parts = [part for part in (everyone, here) if part is not None]
     for part in parts:
         if part.outcome is Outcome.REFUTED:
-            return Rechecked(Outcome.REFUTED, everyone, here, opinions, seconds, part.reason)
+            return found(Outcome.REFUTED, part.reason)
     for opinion in opinions:
         if opinion.answer is Answer.SAT:
             reason = f"the script {opinion.name!r} in the certificate can be satisfied"
-            return Rechecked(Outcome.REFUTED, everyone, here, opinions, seconds, reason)
+            return found(Outcome.REFUTED, reason)
     for part in parts:
         if part.outcome is Outcome.UNKNOWN:
-            return Rechecked(
-                Outcome.UNKNOWN, everyone, here, opinions, seconds, part.reason, part.span
-            )
+            return found(Outcome.UNKNOWN, part.reason, part.span)
     for opinion in opinions:
         if opinion.answer is Answer.UNKNOWN:
             reason = f"the script {opinion.name!r} in the certificate: {opinion.reason}"
-            return Rechecked(Outcome.UNKNOWN, everyone, here, opinions, seconds, reason)
-    return Rechecked(Outcome.CONFIRMED, everyone, here, opinions, seconds)
+            return found(Outcome.UNKNOWN, reason)
+    return found(Outcome.CONFIRMED)
 
 
 @dataclass(slots=True)
@@ -249,6 +280,8 @@ class _Pass:
                 if one.answer is Answer.UNKNOWN and self._derives(obligations, settling, one.claim):
                     exact = obligation.attempts[-1]()
                     one = settling.exactly(obligation.name, exact, self._derived)
+                one = settling.weighed(one, obligation)
+            obligations.nothing_begins = obligations.nothing_begins or one.hollow == NO_START
             yield one
 
     def _derives(self, obligations: Obligations, settling: Settling, name: str) -> bool:

@@ -77,10 +77,17 @@ class Obligation:
     """Something to be shown, in one way or another: the first attempts are quick, and know less.
 
     A counterexample to the last attempt is one to the obligation. Attempts are made when asked for.
+    ``hollow`` is what it means if nothing satisfies the hypotheses: less is shown than it seems.
     """
 
     name: str
     attempts: tuple[Callable[[], Attempt], ...]
+    hollow: str = ""
+
+
+#: What it means that no configuration is an initial one, or that contracts let no round end.
+NO_START = "no configuration satisfies what is assumed of the start"
+NO_END = "no round can end: nothing satisfies the contracts"
 
 
 @dataclass(frozen=True, slots=True)

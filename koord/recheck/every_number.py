@@ -10,7 +10,16 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 from koord.recheck.anyone import Anyone, Begun, Crowds
-from koord.recheck.claims import Attempt, Claim, Goal, Kind, Obligation, stated
+from koord.recheck.claims import (
+    NO_END,
+    NO_START,
+    Attempt,
+    Claim,
+    Goal,
+    Kind,
+    Obligation,
+    stated,
+)
 from koord.recheck.gatherings import Gathered, Gathering, Moves, may_run, off, stopped_together
 from koord.recheck.memory import Fault
 from koord.recheck.racing import made
@@ -46,7 +55,8 @@ class EveryNumber:
             goals = [_sound(t, fault) for fault in opening.faults]
             yield _once("initiation: no fault", Attempt(opening.facts, tuple(goals)))
         goals = stated(self.turns, opening.state, self.claims, between_rounds=True)
-        yield _once("initiation", Attempt((*opening.facts, *sound), tuple(goals)))
+        starts = Attempt((*opening.facts, *sound), tuple(goals))
+        yield replace(_once("initiation", starts), hollow=NO_START)
         yield from Step(self, self._anything(opening))
         for property_ in self.consequences:
             claim = Claim(property_.name, Kind.STATEMENT, property_)
@@ -343,7 +353,8 @@ class Step:
         if any(claim.kind is Kind.FAULT for claim in self.claims):
             faults = tuple(partial(self._no_fault_after, end) for end in ways)
             yield Obligation(f"{name}: no fault", faults)
-        yield Obligation(name, tuple(partial(self._evolved, end) for end in ways))
+        hollow = NO_END if self.world.promised else ""
+        yield Obligation(name, tuple(partial(self._evolved, end) for end in ways), hollow)
 
     def _end_loosely(self) -> tuple[Crowd, list[Term]]:
         return self.loose, taken(self._stated(self.loose))

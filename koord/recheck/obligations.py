@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from koord.recheck.claims import (
+    NO_START,
     Attempt,
     Claim,
     Goal,
@@ -41,6 +42,8 @@ class Obligations:
     claims: Sequence[Claim]
     v: Values
     consequences: Sequence[core.Property] = ()
+    #: Whether no configuration is an initial one, which is then known of each that is looked at.
+    nothing_begins: bool = False
     turns: Turns = field(init=False)
     rounds: Rounds = field(init=False)
 
@@ -95,7 +98,7 @@ class Obligations:
     def _initiation(self, opening: Opening) -> Iterator[Obligation]:
         if any(claim.kind is Kind.FAULT for claim in self.claims):
             yield Obligation("initiation: no fault", (partial(self._no_fault_at_start, opening),))
-        yield Obligation("initiation", (partial(self._starts, opening),))
+        yield Obligation("initiation", (partial(self._starts, opening),), NO_START)
 
     def _no_fault_at_start(self, opening: Opening) -> Attempt:
         goals = [sound(self.turns, fault) for fault in opening.faults]
@@ -120,7 +123,7 @@ class Obligations:
             for key, storage in self._variables(first.state)
             if key not in self.world.written
         ]
-        if any(_has_unknown(storage) for storage in kept):
+        if self.nothing_begins or any(_has_unknown(storage) for storage in kept):
             # What INIT and the assumptions say of them still holds.
             facts += first.facts
         return Past(state, tuple(facts))

@@ -32,6 +32,8 @@ class Settled:
     answer: Answer
     claim: str = ""
     state: tuple[str, ...] = ()
+    #: What it means that nothing satisfies the hypotheses; empty if something may.
+    hollow: str = ""
 
 
 @dataclass(slots=True)
@@ -45,6 +47,14 @@ class Settling:
     _script: Script = field(default_factory=Script)
     _declared: int = 0
     _quick_fails: int = 0
+
+    def weighed(self, one: Settled, obligation: Obligation) -> Settled:
+        """The same, with what it means that it is met by nothing, if that is soon found out."""
+        if not obligation.hollow or one.answer is not Answer.UNSAT:
+            return one
+        with self.pushed([*self.values.ranges, *obligation.attempts[0]().hypotheses]):
+            is_hollow = self._check(quick=True) is Answer.UNSAT
+        return replace(one, hollow=obligation.hollow) if is_hollow else one
 
     def settled(self, obligation: Obligation) -> Settled:
         *quick, exact = obligation.attempts

@@ -7,7 +7,18 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
-from koord.recheck.claims import Attempt, Claim, Goal, Kind, Obligation, Past, Shown, sound, taken
+from koord.recheck.claims import (
+    NO_END,
+    Attempt,
+    Claim,
+    Goal,
+    Kind,
+    Obligation,
+    Past,
+    Shown,
+    sound,
+    taken,
+)
 from koord.recheck.racing import made
 from koord.recheck.rounds import Prefix
 from koord.recheck.storage import State, Store
@@ -227,7 +238,8 @@ class Round:
         if self._faults_asked():
             faults = tuple(partial(self._no_fault_after, end) for end in ways)
             yield Obligation(f"{name}: no fault", faults)
-        yield Obligation(name, tuple(partial(self._evolved, end) for end in ways))
+        hollow = NO_END if self.of.world.promised else ""
+        yield Obligation(name, tuple(partial(self._evolved, end) for end in ways), hollow)
 
     def _end_loosely(self) -> tuple[State, list[Term]]:
         return self.loose, taken(self.of.goals(self.loose, self.assumed))

@@ -88,6 +88,12 @@ class World:
         """Whether a property has such a node in it."""
         return any(isinstance(node, kind) for node in nodes(self.program.properties))
 
+    @property
+    def promised(self) -> bool:
+        """Whether contracts say what the environment may do."""
+        modules = [module for agent in self.program.agents for module in agent.modules]
+        return any(m.contracts for m in modules if m.environment is None)
+
     def asks(self) -> bool:
         """Whether some robot may call ``trystop``."""
         bodies = tuple((agent.init, agent.events) for agent in self.program.agents)

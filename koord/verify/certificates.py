@@ -18,8 +18,8 @@ from koord.syntax.elaborate.settings import Settings
 from koord.syntax.literals import encoded
 from koord.syntax.load import load
 from koord.syntax.parser import parse
-from koord.syntax.printer import print_program
 from koord.syntax.source import Source
+from koord.syntax.stated import stated
 from koord.verify.abstraction import abstracted
 from koord.verify.bmc import Unrolling, violations
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
@@ -120,9 +120,10 @@ def certificate(
     helping = {name for (name, _), lemma in zip(found, shown.lemmas, strict=True) if lemma.everyone}
     originals = dict(zip(claims_of(subject), claims_of(system), strict=True))
     depth_of = {originals[claim].name: depth for claim, depth in depths.items()}
-    # A proof for every number stands or falls as a whole.
+    # A proof for every number stands or falls as a whole, and is one over single rounds.
     together = helping | shown.everyone
-    everyone = together if together <= set(depth_of) else frozenset[str]()
+    is_whole = all(depth_of.get(name) == 1 for name in together)
+    everyone = together if is_whole else frozenset[str]()
     claimed = [originals[claim] for claim in depths if originals[claim].name not in names]
     not_covered = dict(shown.beyond) | {
         name: shown.unsaid.get(name, "it is not shown by induction over the rounds")
@@ -275,16 +276,14 @@ def _invariant(
         section
         for source in (texts.program, *texts.properties, *(source for _, source in found))
         for section in parse(source).program.sections
-        if isinstance(section, ast.Invariant)
     ]
-    for name, section in zip(names, sections, strict=True):
+    for name, written in zip(names, stated(sections, ast.Invariant), strict=True):
         if name in depth_of:
-            written = print_program(ast.Program((section,), (), span=section.span))
             yield {
                 "name": name,
                 "depth": depth_of[name],
                 "every_number": name in everyone,
-                "text": written.rstrip("\n"),
+                "text": written.text,
             }
 
 

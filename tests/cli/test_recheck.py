@@ -34,13 +34,17 @@ def test_a_proof_is_confirmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     capsys.readouterr()
     assert main(["recheck", path, "--program", program]) == Exit.OK
     said = capsys.readouterr().out
-    assert "claimed: Best, Real, Informed, Highest, Agree, no fault" in said
+    about = f"{program}: 2 robots, δ = 0.1 s"
+    assert said.startswith(f"{about}\n  the text in the certificate, which is {program}: SHA-256 ")
     assert "8 of 8 obligations for every number of robots are met" in said
-    everyone = "for every number of robots, in every round: Best, Real, Informed, Highest, Agree"
+    everyone = (
+        "shown for every number of robots, in every round:\n  invariant Best: forall i: voted"
+    )
     assert everyone in said
+    assert "claimed, and not shown" not in said
     assert "for 2 robots" not in said
     assert "\nnot covered: Decided: it is about whole runs" in said
-    assert "\nconfirmed [" in said
+    assert "\nconfirmed; cvc5 " in said
 
 
 def test_what_holds_for_the_robots_at_hand_is_told_apart(
@@ -53,8 +57,11 @@ def test_what_holds_for_the_robots_at_hand_is_told_apart(
     assert "not in the certificate: Decided: it is about whole" in capsys.readouterr().err
     assert main(["recheck", path, "--json"]) == Exit.OK
     found = json.loads(capsys.readouterr().out)
-    assert "Agree" in found["confirmed"]["every_number_of_robots"]
-    assert found["confirmed"]["these_robots"] == ["Two"]
+    shown_for = {claim["name"]: claim["shown_for"] for claim in found["claims"]}
+    assert shown_for["Agree"] == "every number of robots"
+    assert shown_for["Two"] == "these robots"
+    (two,) = (claim for claim in found["claims"] if claim["name"] == "Two")
+    assert two["statement"] == "invariant Two: candidate < 2"
     assert [one["name"] for one in found["not_covered"]] == ["Decided"]
     assert {one["every_number"] for one in found["obligations"]} == {True, False}
 
@@ -170,3 +177,91 @@ def test_nothing_to_certify_is_told(tmp_path: Path, capsys: pytest.CaptureFixtur
     main(["verify", str(program), "--robots", "1", "--rounds", "2", "--certificate", str(path)])
     assert "nothing to certify" in capsys.readouterr().err
     assert not path.exists()
+
+
+def test_values_that_are_not_the_text_s_are_part_of_what_is_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program, path = tmp_path / "k.krd", str(tmp_path / "proof.json")
+    program.write_text(
+        "param int k = 2\nlocal:\n    int n = 0\nassume: k < 9\n"
+        "Step:\n    pre: n < k\n    eff: n = n + 1\n"
+        "invariant Small: n <= 1\n"
+    )
+    flags = ["--set", "k=1", "--delta", "1/3", "--robots", "2"]
+    assert main(["verify", str(program), *flags, "--certificate", path]) == Exit.OK
+    capsys.readouterr()
+    assert main(["recheck", path, "--program", str(program)]) == Exit.OK
+    said = capsys.readouterr().out
+    assert said.startswith(f"{program}: 2 robots, δ = 1/3 s, k = 1 (2 in the text)\n")
+    assert "\n  param k = 1 (2 in the text)\n" in said
+    assert "\n  invariant Small: n <= 1\n" in said
+    assert "\nrelying on:\n  assume: k < 9\n" in said
+    assert main(["recheck", path, "--json"]) == Exit.OK
+    problem = json.loads(capsys.readouterr().out)["problem"]
+    assert (problem["robots"], problem["delta"]) == (2, "1/3")
+    assert problem["params"] == {"k": {"value": 1, "in_text": 2}}
+
+
+NOTHING_BEGINS = """\
+local:
+    int n = 0
+assume: n > 0
+assume: n < 0
+Step:
+    eff: n = n + 1
+invariant Small: n <= 2
+"""
+
+NO_ROUND_ENDS = """\
+using Room:
+    sensors:
+        int warm
+    contract Up:
+        ensures: warm' > warm
+    contract Down:
+        ensures: warm' < warm
+local:
+    int n = 0
+assume: warm == 0
+Step:
+    eff: n = n + 1
+invariant Small: n <= 1
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (NOTHING_BEGINS, "no configuration satisfies what is assumed of the start"),
+        (NO_ROUND_ENDS, "no round can end: nothing satisfies the contracts"),
+    ],
+    ids=["assumptions", "contracts"],
+)
+def test_what_holds_of_nothing_is_confirmed_and_said_to_be_vacuous(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, why: str
+) -> None:
+    program, path = tmp_path / "none.krd", str(tmp_path / "proof.json")
+    program.write_text(text)
+    main(["verify", str(program), "--robots", "2", "--certificate", path])
+    capsys.readouterr()
+    assert main(["recheck", path]) == Exit.VACUOUS
+    said = capsys.readouterr().out
+    assert f"\nvacuous: {why}\nconfirmed, but vacuously; cvc5 " in said
+    assert "\n  invariant Small: n <= " in said
+
+
+def test_statements_of_one_kind_of_robot_are_certified(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program, path = tmp_path / "kinds.krd", str(tmp_path / "proof.json")
+    program.write_text(
+        "agent Car:\n    local:\n        int n = 0\n    Step:\n        pre: n < 2\n"
+        "        eff: n = n + 1\n    invariant Small: n <= 2\n"
+        "agent Drone:\n    local:\n        int m = 0\n    Up:\n        pre: m < 3\n"
+        "        eff: m = m + 1\ninvariant Both: forall Drone i: m@i <= 3\n"
+    )
+    assert main(["verify", str(program), "--robots", "2", "--certificate", path]) == Exit.OK
+    capsys.readouterr()
+    assert main(["recheck", path]) == Exit.OK
+    assert "  agent Car:\n      invariant Small: n <= 2\n" in capsys.readouterr().out
