@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -46,6 +47,7 @@ class Asked:
             verdicts=self.at_ends.verdicts + self.between.verdicts,
             seconds=self.at_ends.seconds + self.between.seconds,
             interrupted=self.at_ends.interrupted or self.between.interrupted,
+            failures=(*self.at_ends.failures, *self.between.failures),
         )
 
     def system_of(self, verdict: Verdict) -> System:
@@ -61,6 +63,7 @@ def asked_each(systems: Sequence[System], request: Request) -> Iterator[Asked]:
     Several are asked about in processes of their own, ``request.jobs`` at a time. After Ctrl-C the
     answers are what is known by then, and there may be fewer of them.
     """
+    check_loadable()
     # Loaded once, before there are several processes.
     import koord.verify.apart  # noqa: F401
     from koord.verify.pool import Pool
@@ -92,7 +95,32 @@ def asked_each(systems: Sequence[System], request: Request) -> Iterator[Asked]:
                         answer = pool.answer(job)
                 except KeyboardInterrupt:
                     return
-                yield answer or _unanswered(system, request)
+                yield answer or _unanswered(system, request, job.end)
+
+
+def check_loadable() -> None:
+    """Raise MemoryError where Z3 would crash while it is loaded, for want of memory.
+
+    Another process tries it, which is done only where memory is limited.
+    """
+    try:
+        from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
+    except ImportError:
+        return
+    if getrlimit(RLIMIT_AS)[0] == RLIM_INFINITY or "koord.verify.apart" in sys.modules:
+        return
+    child = os.fork()
+    if child == 0:
+        try:
+            import koord.verify.apart
+            import koord.verify.bits.engine
+            import koord.verify.horn.engine
+            import koord.verify.live.settling  # noqa: F401
+        except BaseException:
+            os._exit(1)
+        os._exit(0)
+    if os.waitpid(child, 0)[1] != 0:
+        raise MemoryError
 
 
 def _named(system: System, request: Request) -> str:
@@ -100,14 +128,13 @@ def _named(system: System, request: Request) -> str:
     return f"{system.robots} robots" if len(request.fleets) > 1 else system.program.name
 
 
-def _unanswered(system: System, request: Request) -> Asked:
+def _unanswered(system: System, request: Request, end: str) -> Asked:
     """What is known if the process of a system died."""
     from koord.verify.claims import claims_of, liveness_of
-    from koord.verify.pool import DIED
     from koord.verify.verdicts import Engine, Outcome, Report, Verdict
 
     claims = (*claims_of(system), *liveness_of(system))
-    verdicts = (Verdict(c, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=DIED) for c in claims)
+    verdicts = (Verdict(c, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=end) for c in claims)
     return Asked(system, _bounds(request), Report(tuple(verdicts), (), 0.0))
 
 

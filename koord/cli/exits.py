@@ -16,6 +16,7 @@ class Exit(IntEnum):
     VACUOUS = 4  #: every property holds, but says less than it seems to
     STUCK = 5  #: a robot of a simulated run stands still that is to go somewhere
     INTERNAL = 70  #: a mistake in koord itself (EX_SOFTWARE of sysexits.h)
+    NO_MEMORY = 71  #: too little memory to do anything (EX_OSERR of sysexits.h)
     INTERRUPTED = 130  #: stopped with Ctrl-C
     PIPE_CLOSED = 141  #: the reader of the output went away
 

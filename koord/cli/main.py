@@ -35,6 +35,7 @@ exit codes:
   4    vacuous: what was asked for holds, but says less than it seems to
   5    stuck: a robot of a simulated run stands still that is to go somewhere
   70   a mistake in koord itself
+  71   too little memory to do anything
   130  interrupted with Ctrl-C
 
 `koord COMMAND --help` lists the arguments of a command. NO_COLOR=1 turns colours off."""
@@ -137,6 +138,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         _complain("koord: interrupted")
         return Exit.INTERRUPTED
+    except MemoryError:
+        _complain("koord: there is too little memory to go on" + _limit_of_memory())
+        return Exit.NO_MEMORY
     except Exception as error:
         if isinstance(error, OSError) and _is_of_output(error):
             _abandon(sys.stdout)
@@ -230,12 +234,10 @@ def _is_of_output(error: OSError) -> bool:
     return error.filename is None and error.errno in _OUTPUT_ERRORS
 
 
-def _debugging() -> bool:
-    return os.environ.get("KOORD_DEBUG", "") not in ("", "0")
-
-
 def _report_internal(error: Exception) -> None:
-    if _debugging():
+    from koord.cli.terminal import is_debugging
+
+    if is_debugging():
         import traceback
 
         traceback.print_exc()
@@ -246,6 +248,18 @@ def _report_internal(error: Exception) -> None:
         f"[koord {__version__}, Python {version}, {sys.platform}]. This is a mistake in koord: "
         "please report it with the input that shows it; KOORD_DEBUG=1 shows the traceback."
     )
+
+
+def _limit_of_memory() -> str:
+    """The limit that a process like this one is under, as one that could be raised."""
+    try:
+        from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
+    except ImportError:
+        return ""
+    limit, _ = getrlimit(RLIMIT_AS)
+    if limit == RLIM_INFINITY:
+        return ""
+    return f": it may have {limit // 1_000_000} MB (`ulimit -v`); most programs need 1,000 MB"
 
 
 def _complain(line: str) -> None:

@@ -45,6 +45,11 @@ class Style:
 PLAIN = Style()
 
 
+def is_debugging() -> bool:
+    """Whether tracebacks are to be shown, which are for who works on koord itself."""
+    return os.environ.get("KOORD_DEBUG", "") not in ("", "0")
+
+
 def style_of(stream: TextIO | None, environment: Mapping[str, str] | None = None) -> Style:
     """The style that fits a stream: colour only on a terminal, and never with ``NO_COLOR``."""
     environment = os.environ if environment is None else environment

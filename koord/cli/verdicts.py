@@ -16,6 +16,7 @@ from koord.verify.verdicts import (
     Counterexample,
     Emptiness,
     Engine,
+    Failure,
     Outcome,
     Report,
     Vacuity,
@@ -63,6 +64,22 @@ def lines(problem: Problem, report: Report, style: Style) -> Iterator[str]:
     if report.unlooked:
         yield ""
         yield from _given_up(report, style)
+    if report.failures:
+        yield ""
+    for failure in report.failures:
+        yield f"  {style.paint('failed:', Paint.WARNING)} {_failed(failure)}"
+
+
+def _failed(failure: Failure) -> str:
+    """What an engine ran into, in a line."""
+    place = f" ({failure.where})" if failure.where else ""
+    mistake = ""
+    if failure.where:
+        mistake = (
+            "; this is a mistake in koord: please report it with the program, "
+            "KOORD_DEBUG=1 shows the traceback"
+        )
+    return f"{failure.who}, others were asked instead: {failure.what}{place}{mistake}"
 
 
 def _fairly(fairness: tuple[str, ...]) -> str:
@@ -226,6 +243,10 @@ def as_json(
         "vacuities": [_vacuity_json(vacuity) for vacuity in report.vacuities],
         "not_looked_at": [
             {"what": each.what.value, "subject": each.subject} for each in report.unlooked
+        ],
+        "failures": [
+            {"who": each.who, "what": each.what, "place": each.where or None}
+            for each in report.failures
         ],
     }
 

@@ -11,7 +11,7 @@ from koord.cli.exits import Exit, gravest
 from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram
 from koord.cli.requests import Request
-from koord.cli.terminal import style_of
+from koord.cli.terminal import is_debugging, style_of
 from koord.syntax.problem import Problem
 
 if TYPE_CHECKING:
@@ -65,6 +65,9 @@ def tell(
                 print(text)
         print()
         print(verdicts.summary(_problem(program, asked), bounds, report, style))
+    if is_debugging():
+        for failure in report.failures:
+            print(failure.trace, file=sys.stderr)
     if request.trace is not None:
         _keep(program, asked, request.trace)
     if request.found is not None:

@@ -19,8 +19,9 @@ from functools import partial
 
 from koord.semantics.configurations import System
 from koord.verify.claims import claims_of, liveness_of
-from koord.verify.pool import DIED, Job, Pool, Teller
+from koord.verify.pool import Pool, Teller
 from koord.verify.portfolio import Choice, verify
+from koord.verify.resuming import Past
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
 
@@ -75,22 +76,34 @@ class _Asking:
     def together(self, seconds: float | None, jobs: int, names: Sequence[str] = ()) -> Report:
         """All claims, or the named ones."""
         started = time.monotonic()
-        bounds = replace(self.bounds, timeout_s=seconds)
+        deadline = Deadline.after(seconds)
 
-        def work(tell: Teller) -> Report:
-            return self._asked(tell, bounds, names=names, jobs=jobs)
+        def work(past: Past, tell: Teller) -> Report:
+            bounds = replace(self.bounds, timeout_s=deadline.left_s())
+            return self._asked(tell, bounds, names=names, jobs=jobs, past=past)
 
-        report, cut = None, False
+        report, cut, past = None, False, Past()
         with Pool(1, self.progress, self.interrupted) as pool:
-            job = pool.hand_in("", work, lasts_s=_with_grace(seconds))
-            try:
-                report = pool.answer(job)
-            except KeyboardInterrupt:
-                cut = True
+            while report is None:
+                lasts_s = _with_grace(deadline.left_s())
+                job = pool.hand_in("", partial(work, past), lasts_s=lasts_s)
+                try:
+                    report = pool.answer(job)
+                except KeyboardInterrupt:
+                    cut = True
+                if report is None:
+                    before, past = past, past.told(job.noted)
+                    if cut or job.is_late:
+                        break
+                    past = past.ended(job.end)
+                    if past.begun == before.begun:
+                        break  # it gets no further
         if report is None:
             spent = time.monotonic() - started
-            verdicts = self._noted(job, cut, spent, names)
-            report = Report(verdicts, (), spent, cut, every_n=self.choice is Choice.EVERY_N)
+            why = "interrupted" if cut else _late(past) if job.is_late else ""
+            every_n = self.choice is Choice.EVERY_N
+            verdicts = self._known(past, why, spent, names)
+            report = Report(verdicts, (), spent, cut, past.failures, every_n)
         return report
 
     def each(
@@ -107,27 +120,40 @@ class _Asking:
         """
         bounds = replace(self.bounds, timeout_s=seconds)
 
-        def alone(name: str, tell: Teller) -> Report:
+        def alone(name: str, past: Past, tell: Teller) -> Report:
             limited = replace(bounds, timeout_s=_least(seconds, deadline.left_s()))
-            return self._asked(tell, limited, names=[name], known=known)
+            return self._asked(tell, limited, names=[name], known=known, past=past)
 
         cut = False
         grace_s = _with_grace(seconds)
         until = None if deadline.at is None else deadline.at + GRACE_S
+        pasts = dict.fromkeys(names, Past())
         with Pool(self.jobs, self.progress, self.interrupted) as pool:
-            work = {
-                name: pool.hand_in(name, partial(alone, name), lasts_s=grace_s, until=until)
-                for name in names
-            }
             try:
-                for name, answer in pool.answers(work):
-                    if answer is not None:
-                        (verdict,), cut = answer.verdicts, cut or answer.interrupted
-                    else:
-                        spent = found[name].seconds + seconds
-                        (verdict,) = self._noted(work[name], False, spent, [name])
-                    if _is_better(verdict, found[name]):
-                        found[name] = replace(verdict, claim=found[name].claim)
+                while pasts:
+                    work = {
+                        name: pool.hand_in(
+                            name, partial(alone, name, past), lasts_s=grace_s, until=until
+                        )
+                        for name, past in pasts.items()
+                    }
+                    again = {}
+                    for name, answer in pool.answers(work):
+                        spent, job = found[name].seconds + seconds, work[name]
+                        if answer is not None:
+                            (verdict,), cut = answer.verdicts, cut or answer.interrupted
+                        else:
+                            past = pasts[name].told(job.noted)
+                            if not job.is_late:
+                                is_further = past.begun != pasts[name].begun
+                                past = past.ended(job.end)
+                                if is_further:
+                                    again[name] = past
+                            why = _late(past) if job.is_late else ""
+                            (verdict,) = self._known(past, why, spent, [name])
+                        if _is_better(verdict, found[name]):
+                            found[name] = replace(verdict, claim=found[name].claim)
+                    pasts = again
             except KeyboardInterrupt:
                 cut = True
         return cut
@@ -138,6 +164,7 @@ class _Asking:
         bounds: Bounds,
         *,
         names: Sequence[str],
+        past: Past,
         known: Sequence[Verdict] = (),
         jobs: int = 1,
     ) -> Report:
@@ -152,25 +179,30 @@ class _Asking:
             progress=tell,
             interrupted=self.interrupted,
             noted=tell.note,
+            past=past,
         )
 
-    def _noted(
-        self, job: Job[Report], cut: bool, spent: float, names: Sequence[str]
+    def _known(
+        self, past: Past, why: str, spent: float, names: Sequence[str]
     ) -> tuple[Verdict, ...]:
-        """What a process had told of before it was ended, or died."""
-        told = {v.claim.name: v for v in job.noted if isinstance(v, Verdict)}
-        why = "interrupted" if cut else "timeout" if job.is_late else DIED
+        """What processes had told of before they were ended, or died, and why there is no more."""
+        reason = "; ".join(filter(None, [why, *map(str, past.failures)]))
         found = []
         for claim in (*claims_of(self.system), *liveness_of(self.system)):
             if names and claim.name not in names:
                 continue
-            verdict = told.get(claim.name)
+            verdict = past.verdict(claim.name)
             if verdict is None:
                 verdict = Verdict(claim, Outcome.UNKNOWN, Engine.NONE, spent)
             if verdict.outcome is Outcome.UNKNOWN:
-                verdict = replace(verdict, seconds=spent, reason=why)
+                verdict = replace(verdict, seconds=spent, reason=reason)
             found.append(verdict)
         return tuple(found)
+
+
+def _late(past: Past) -> str:
+    """Why a process was ended: whose turn it was when its time was up."""
+    return f"timeout; {past.who} was being asked" if past.begun else "timeout"
 
 
 def _with_grace(seconds: float | None) -> float | None:

@@ -6,7 +6,10 @@ import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from koord.semantics.machine import NotFiniteError
+from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.search.limits import Limits
+from koord.syntax.diagnostics import KoordError
 from koord.verify.bmc import Bounded
 from koord.verify.claims import Claim
 from koord.verify.induction import prove
@@ -38,6 +41,10 @@ class ByUnrolling:
     relying: bool = True  #: takes for granted what is proved
     afterwards: Effort = field(default_factory=lambda: Effort.of_seconds(AFTERWARDS_S))
 
+    @property
+    def name(self) -> str:
+        return Engine.BMC.value
+
     def work(self, ledger: Ledger) -> None:
         if ledger.wanting():
             self.through(ledger, ledger.bounds.rounds)
@@ -58,6 +65,11 @@ class ByUnrolling:
         bounded = self.of(ledger)
         try:
             self._through(bounded, ledger, rounds, effort)
+        except (KoordError, NotFiniteError, OutOfPatienceError):
+            raise
+        except Exception:
+            self.bounded = None  # it may be half done: nobody relies on it any more
+            raise
         finally:
             self._leave(bounded, ledger)
 
@@ -99,6 +111,10 @@ class ByGlance:
     unrolling: ByUnrolling
     effort: Effort = field(default_factory=lambda: Effort.of_seconds(GLANCE_S))
 
+    @property
+    def name(self) -> str:
+        return Engine.BMC.value
+
     def work(self, ledger: Ledger) -> None:
         if ledger.wanting():
             self.unrolling.through(ledger, ledger.bounds.rounds, self.effort)
@@ -116,6 +132,10 @@ class ByInduction:
     afterwards: Effort = field(default_factory=lambda: Effort.of_seconds(AFTERWARDS_S))
     _done: int = 0
     _shortest: dict[Claim, BrokenStep] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return Engine.INDUCTION.value
 
     def work(self, ledger: Ledger) -> None:
         self.over(MAX_DEPTH, ledger)
@@ -161,6 +181,10 @@ class ByStep:
 
     induction: ByInduction
 
+    @property
+    def name(self) -> str:
+        return Engine.INDUCTION.value
+
     def work(self, ledger: Ledger) -> None:
         self.induction.over(1, ledger)
 
@@ -170,6 +194,10 @@ class BySearch:
     """All configurations one by one, where they are few."""
 
     limits: Limits
+
+    @property
+    def name(self) -> str:
+        return Engine.SEARCH.value
 
     def work(self, ledger: Ledger) -> None:
         # Seldom needed, and takes a while to load.

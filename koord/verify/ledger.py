@@ -16,9 +16,19 @@ from koord.semantics.domain import NumberTooLongError
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.traces.recording import Recording
+from koord.syntax.diagnostics import KoordError
 from koord.verify.claims import Claim, Phase
+from koord.verify.failures import failure_of
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Bounds, BrokenStep, Counterexample, Engine, Outcome, Verdict
+from koord.verify.verdicts import (
+    Bounds,
+    BrokenStep,
+    Counterexample,
+    Engine,
+    Failure,
+    Outcome,
+    Verdict,
+)
 
 #: Replays a recording that should break a claim; raises NotReplayedError if it does not.
 Judge = Callable[[Recording, Claim, Phase], Counterexample]
@@ -67,6 +77,7 @@ class Said:
     reaches: Mapping[Claim, Sequence[Reach]]
     stopped: str
     interrupted: bool
+    failures: Mapping[Failure, frozenset[Claim]] = field(default_factory=dict)
     spans: Mapping[Claim, Sequence[Interval]] = field(default_factory=dict)
 
 
@@ -85,6 +96,10 @@ class Ledger:
     interrupted: bool = False  #: whether that was Ctrl-C
     #: is told of each claim of which more is known than before
     noted: Callable[[Verdict], None] = lambda verdict: None
+    #: is told of each engine that failed
+    failed: Callable[[Failure], None] = lambda failure: None
+    #: what engines ran into, with the claims that were open then
+    failures: dict[Failure, frozenset[Claim]] = field(default_factory=dict)
     #: what was spent on claims before, in seconds
     before: Mapping[Claim, float] = field(default_factory=dict)
     clock: Callable[[], float] = time.monotonic
@@ -117,6 +132,24 @@ class Ledger:
             self.stopped = "timeout"
         except KeyboardInterrupt:
             self.stopped, self.interrupted = "interrupted", True
+
+    @contextmanager
+    def enduring(self, who: str) -> Iterator[None]:
+        """While this lasts, what an engine runs into ends that engine, and nothing else."""
+        try:
+            yield
+        except NumberTooLongError as error:
+            self.fail(Failure(who, error.diagnostics[0].message))
+        except (KoordError, OutOfPatienceError):
+            raise
+        except Exception as error:
+            self.fail(failure_of(who, error))
+
+    def fail(self, failure: Failure) -> None:
+        """An engine gives no answer to what is open."""
+        before = self.failures.get(failure, frozenset())
+        self.failures[failure] = before.union(self.open())
+        self.failed(failure)
 
     def open(self) -> list[Claim]:
         """The claims that are not settled, in order."""
@@ -203,6 +236,8 @@ class Ledger:
             report=report,
             verdicts=known,
             noted=lambda verdict: None,
+            failed=lambda failure: None,
+            failures={},
             _reaches=reaches,
             _spans=spans,
         )
@@ -214,12 +249,16 @@ class Ledger:
         reaches = {claim: [*self._reaches.get(claim, {}).values()] for claim in asked}
         self._put_down_time()
         spans = {claim: tuple(self._spans.get(claim, ())) for claim in asked}
-        return Said(verdicts, reaches, self.stopped, self.interrupted, spans)
+        failures = dict(self.failures)
+        return Said(verdicts, reaches, self.stopped, self.interrupted, failures, spans)
 
     def take(self, said: Said) -> None:
         """Put down what was found out elsewhere about claims that are open here."""
         self.stopped = self.stopped or said.stopped
         self.interrupted = self.interrupted or said.interrupted
+        for failure, claims in said.failures.items():
+            self.failures[failure] = self.failures.get(failure, frozenset()) | claims
+            self.failed(failure)
         for claim in self.open():
             self._spans.setdefault(claim, []).extend(said.spans.get(claim, ()))
             if claim in said.verdicts:
@@ -234,15 +273,14 @@ class Ledger:
         # Of engines that came equally far the last one knows best why nobody went further.
         reaches = list(self._reaches.get(claim, {}).values())[::-1]
         if not reaches:
-            reason = self.stopped or "not decided"
+            reason = self._why(claim, [self.stopped])
             return Verdict(claim, Outcome.UNKNOWN, Engine.NONE, self.spent(claim), reason=reason)
         farthest = max(reaches, key=_rounds)
         engine = Engine.NONE if farthest.rounds is None else farthest.engine
         outcome, reason = Outcome.HOLDS, ""
         if not any(not r.reason and _rounds(r) >= self.bounds.rounds for r in reaches):
             outcome = Outcome.UNKNOWN
-            reasons = [self.stopped, farthest.reason, *(r.reason for r in reaches), "not decided"]
-            reason = next(filter(None, reasons))
+            reason = self._why(claim, [self.stopped, farthest.reason, *(r.reason for r in reaches)])
         steps = (r.step for r in reaches if r.step is not None)
         return Verdict(
             claim,
@@ -253,6 +291,13 @@ class Ledger:
             reason=reason,
             step=next(steps, None),
         )
+
+    def _why(self, claim: Claim, reasons: Sequence[str]) -> str:
+        """Why a claim is open: the first of some reasons, and each engine that failed."""
+        failed = [str(failure) for failure, of in self.failures.items() if claim in of]
+        first = next(filter(None, reasons), "")
+        told = [text for text in failed if text not in first]
+        return "; ".join(filter(None, [first, *told])) or "not decided"
 
 
 def reach_of(verdict: Verdict) -> Reach:
@@ -275,5 +320,9 @@ def _together(spans: Iterable[Interval]) -> float:
 
 class Works(Protocol):
     """An engine: settles the open claims of a ledger, or says how far it came with them."""
+
+    @property
+    def name(self) -> str:
+        """What it is called where it fails."""
 
     def work(self, ledger: Ledger) -> None: ...

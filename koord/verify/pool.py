@@ -69,8 +69,8 @@ _depth = 0
 _PR_SET_PDEATHSIG = 1
 
 
-#: Why nothing is known of what a process was asked.
-DIED = "its process ended before it was done, as for want of memory"
+#: What ends processes that ask for more memory than there is.
+_FOR_WANT = frozenset({"SIGKILL", "SIGSEGV", "SIGABRT", "SIGBUS"})
 
 
 def can_fork() -> bool:
@@ -99,6 +99,16 @@ class Job(Generic[T]):
     failure: Exception | None = None
     noted: list[object] = field(default_factory=list)
     told: str = ""
+    exit_code: int | None = None
+
+    @property
+    def end(self) -> str:
+        """What became of its process, where that did not do its work."""
+        if self.exit_code is None or self.exit_code >= 0:
+            return "its process ended before it was done"
+        ended_by = signal.Signals(-self.exit_code).name
+        wanting = ", as for want of memory" if ended_by in _FOR_WANT else ""
+        return f"its process was ended by {ended_by}{wanting}"
 
 
 @dataclass(slots=True)
@@ -297,6 +307,7 @@ def _end(job: Job[T]) -> None:
 def _join(job: Job[T]) -> None:
     if job.process is not None:
         job.process.join()
+        job.exit_code = job.process.exitcode
         job.process.close()
         job.process = None
     if job.line is not None:

@@ -19,8 +19,10 @@ from koord.verify.concretion import Concretion
 from koord.verify.engines import ByGlance, ByInduction, BySearch, ByStep, ByUnrolling
 from koord.verify.every_n.engine import FEW, ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
+from koord.verify.failures import VACUITY, failure_of
 from koord.verify.ledger import Ledger, Subject, Works, reach_of
-from koord.verify.pool import DIED, Job, Pool, Progress
+from koord.verify.pool import Job, Pool, Progress
+from koord.verify.resuming import Past, Steps
 from koord.verify.singly import ByRounds
 from koord.verify.solving import Deadline
 from koord.verify.vacuity import Hollow, Looked, look, of_any_number, unlooked, vacuities
@@ -28,6 +30,8 @@ from koord.verify.varieties import others
 from koord.verify.verdicts import (
     Bounds,
     Counterexample,
+    Engine,
+    Failure,
     Outcome,
     Report,
     Unlooked,
@@ -66,14 +70,17 @@ def verify(
     jobs: int = 1,
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
-    noted: Callable[[Verdict], None] = lambda verdict: None,
+    noted: Callable[[object], None] = lambda value: None,
+    past: Past | None = None,
 ) -> Report:
     """Verdicts on all claims about a system, or on the named ones.
 
     Claims that are not named still serve as lemmas. If verdicts on all claims are ``known``, of
     what they leave open the named ones alone are asked. KeyboardInterrupt ends it with what is
     known so far, and so does ``interrupted``, which is asked now and then. Of what takes long so
-    many ``jobs`` are done at a time, which has no influence on the verdicts.
+    many ``jobs`` are done at a time, which has no influence on the verdicts. ``noted`` is told of
+    verdicts, steps and failures as they come; with those of a process that died as its ``past``,
+    another one goes on behind it.
     """
 
     def is_over() -> bool:
@@ -84,8 +91,12 @@ def verify(
     started = time.monotonic()
     deadline = Deadline.after(bounds.timeout_s)
     system = replace(system, patience=Patience(is_over))
+    steps = Steps(past or Past(), noted)
+    failures: list[Failure] = []
     with Pool(jobs, progress, interrupted) as pool:
-        beside = _Beside(pool, wanted=not known, of_any_number=choice is Choice.EVERY_N)
+        beside = _Beside(
+            pool, steps, failures, wanted=not known, of_any_number=choice is Choice.EVERY_N
+        )
         own = frozenset(names) if _are_all_of_states(system, names) else frozenset()
         ask = partial(
             _ask,
@@ -95,7 +106,7 @@ def verify(
             seed=seed,
             pool=pool,
             names=own,
-            noted=noted,
+            steps=steps,
         )
         subject = _abstract_subject(system) or _plain_subject(system)
         found, ledger = ask(subject, _before(system, known, names) if known else None, beside)
@@ -122,8 +133,9 @@ def verify(
             asked = None if cut else choice
             spent = {v.claim.name: v.seconds for v in known}
             live = _of_whole_runs(
-                system, bounds, asked, deadline, names, held, seed, pool, spent, noted
+                system, bounds, asked, deadline, names, held, seed, pool, spent, steps
             )
+            failures += live.failures
             one = Ways(complete=False, reason="of runs without end one is looked for")
             several = bounds.violations > 1
             verdicts += tuple(
@@ -136,8 +148,9 @@ def verify(
     seconds = time.monotonic() - started
     cut = cut or hollow.interrupted
     every_n = choice is Choice.EVERY_N
+    failed = tuple(dict.fromkeys([*ledger.failures, *last.failures, *failures]))
     vacuities_ = hollow.vacuities + empty
-    return Report(verdicts, vacuities_, seconds, cut, every_n=every_n, unlooked=hollow.unlooked)
+    return Report(verdicts, vacuities_, seconds, cut, failed, every_n, hollow.unlooked)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,9 +180,11 @@ class _Beside:
     """The search for what never happens, beside other work if there are processes for that."""
 
     pool: Pool
+    steps: Steps
+    failures: list[Failure]
     wanted: bool
     of_any_number: bool = False
-    job: Job[Looked | str] | None = None
+    job: Job[tuple[Looked | str, tuple[Failure, ...]]] | None = None
 
     def begin(self, ledger: Ledger) -> None:
         """Other work that follows takes long."""
@@ -177,11 +192,11 @@ class _Beside:
         if self.wanted and self.job is None and apart:
             own = ledger.of((), lambda text: None)
 
-            def looked(tell: Progress) -> Looked | str:
+            def looked(tell: Progress) -> tuple[Looked | str, tuple[Failure, ...]]:
                 found: Looked | str = ""
-                with own.stopping():
+                with own.stopping(), own.enduring(VACUITY):
                     found = look(own)
-                return found
+                return found, tuple(own.failures)
 
             self.job = self.pool.hand_in("", looked)
 
@@ -190,18 +205,32 @@ class _Beside:
         found: Hollow | None = None
         own = ledger.of(ledger.open(), ledger.report)
         everywhere = ledger.is_of_all_rounds(names)
-        if self.wanted and self.of_any_number:
-            with own.stopping():
-                found = of_any_number(own, of_all_rounds=everywhere)
-        elif self.wanted:
-            with own.stopping():
-                looked = look(own) if self.job is None else self.pool.answer(self.job)
-                if isinstance(looked, Looked):
-                    found = vacuities(own, looked, of_all_rounds=everywhere)
+        if self.wanted and self.steps.begin("vacuity", 0, VACUITY):
+            with own.stopping(), own.enduring(VACUITY):
+                if self.of_any_number:
+                    found = of_any_number(own, of_all_rounds=everywhere)
+                else:
+                    looked = self._looked(own)
+                    if isinstance(looked, Looked):
+                        found = vacuities(own, looked, of_all_rounds=everywhere)
+        self.failures += own.failures
         if found is None:
             missing = unlooked(ledger.system) if self.wanted else ()
             return _Hollow((), own.interrupted, missing)
         return _Hollow(found.vacuities, own.interrupted, found.unlooked)
+
+    def _looked(self, own: Ledger) -> Looked | str:
+        """What was found out beside, or is now."""
+        if self.job is None:
+            return look(own)
+        answer = self.pool.answer(self.job)
+        if answer is None:
+            own.fail(Failure(VACUITY, self.job.end))
+            return ""
+        looked, failures = answer
+        for failure in failures:
+            own.fail(failure)
+        return looked
 
 
 #: They are asked first, and seldom take longer than a process does to start.
@@ -252,7 +281,7 @@ def _ask(
     seed: int,
     pool: Pool,
     names: Collection[str],
-    noted: Callable[[Verdict], None],
+    steps: Steps,
 ) -> tuple[_Known, Ledger]:
     """Verdicts on the claims about a subject; if there are ``names``, until those are settled.
 
@@ -269,7 +298,6 @@ def _ask(
         claims,
         seed,
         pool.progress,
-        noted=lambda verdict: noted(replace(verdict, claim=originals[verdict.claim])),
         before={claim: verdict.seconds for claim, verdict in zip(claims, before, strict=False)},
     )
     left = known.left if known is not None else frozenset()
@@ -278,20 +306,29 @@ def _ask(
             ledger.settle({claims[n]: replace(verdict, claim=claims[n])})
         else:
             ledger.leave([claims[n]], reach_of(verdict))
+    steps.follow(ledger, lambda v: replace(v, claim=originals[v.claim]))
+    stage = "opaque" if subject.is_abstract else "plain"
     asked = ledger.open()
     unrolling = ByUnrolling()
     with ledger.stopping():
-        if known is not None and known.suspected is not None:
+        suspects = known is not None and known.suspected is not None
+        if suspects and steps.begin(stage, -1, unrolling.name):
+            assert known is not None
+            assert known.suspected is not None
             # What is proved narrows down what functions may answer, to answers that often do not
             # replay: without it others are found.
             suspected = min(known.suspected, bounds.rounds)
-            ByUnrolling(relying=False).through(ledger, suspected)
-            unrolling.through(ledger, suspected)
-        in_turn = engines(choice, unrolling, pool, names)
-        while _wanted(ledger, names) and (engine := next(in_turn, None)) is not None:
+            with ledger.enduring(unrolling.name):
+                ByUnrolling(relying=False).through(ledger, suspected)
+                unrolling.through(ledger, suspected)
+        in_turn = enumerate(engines(choice, unrolling, pool, names))
+        while _wanted(ledger, names) and (following := next(in_turn, None)) is not None:
+            turn, engine = following
             if not isinstance(engine, _QUICK):
                 beside.begin(ledger)
-            engine.work(ledger)
+            if steps.begin(stage, turn, engine.name):
+                with ledger.enduring(engine.name):
+                    engine.work(ledger)
         _find_others(ledger, asked, pool)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
     return _Known(verdicts, unrolling.suspected, left), ledger
@@ -314,7 +351,10 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool) -> None:
         claim: Claim, shown: Counterexample, tell: Progress
     ) -> tuple[tuple[Counterexample, ...], Ways]:
         tell("other ways to break it")
-        return others(ledger, claim, shown, wanted)
+        try:
+            return others(ledger, claim, shown, wanted)
+        except Exception as error:
+            return (), Ways(complete=False, reason=str(failure_of(Engine.BMC.value, error)))
 
     jobs = {
         claim: pool.hand_in(claim.name, partial(find, claim, verdict.counterexample))
@@ -324,7 +364,7 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool) -> None:
     for claim in jobs:  # until there is an answer
         ledger.settle({claim: replace(ledger.verdicts[claim], ways=Ways(False, "interrupted"))})
     for claim, answer in pool.answers(jobs):
-        found, ways = answer or ((), Ways(complete=False, reason=DIED))
+        found, ways = answer or ((), Ways(complete=False, reason=jobs[claim].end))
         ledger.settle({claim: replace(ledger.verdicts[claim], others=found, ways=ways)})
 
 
@@ -408,7 +448,7 @@ def _of_whole_runs(
     seed: int,
     pool: Pool,
     spent: Mapping[str, float],
-    noted: Callable[[Verdict], None],
+    steps: Steps,
 ) -> Settled:
     """Verdicts on what is claimed of whole runs, by the engines that can tell."""
     from koord.verify.live.settling import Ways, settled
@@ -430,5 +470,5 @@ def _of_whole_runs(
         seed=seed,
         pool=pool,
         before=spent,
-        noted=noted,
+        steps=steps,
     )

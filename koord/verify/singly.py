@@ -13,10 +13,10 @@ from functools import partial
 
 from koord.verify.claims import Claim
 from koord.verify.engines import AFTERWARDS_S, ByUnrolling
-from koord.verify.ledger import Ledger, Reach, Said, Works
-from koord.verify.pool import DIED, Job, Pool, Progress, can_fork
+from koord.verify.ledger import Ledger, Said, Works, reach_of
+from koord.verify.pool import Job, Pool, Progress, Teller, can_fork
 from koord.verify.solving import Effort
-from koord.verify.verdicts import Engine
+from koord.verify.verdicts import Engine, Failure, Outcome, Verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,20 +59,31 @@ class ByRounds:
     pool: Pool
     proofs: Sequence[Works] = ()
 
+    @property
+    def name(self) -> str:
+        return Engine.BMC.value
+
     def work(self, ledger: Ledger) -> None:
-        wanting = ledger.wanting()
-        if not can_fork() or not wanting or (not self.proofs and len(wanting) < 2):
-            for engine in (*self.proofs, self.unrolling):
+        wanting, open_ = ledger.wanting(), ledger.open()
+        if not can_fork():
+            for engine in self.proofs:
                 if ledger.open():
-                    engine.work(ledger)
+                    with ledger.enduring(engine.name):
+                        engine.work(ledger)
+            self.unrolling.work(ledger)
             return
-        open_ = ledger.open()
-        proving = {None: self.pool.hand_in("", partial(asked, ledger, open_, self.proofs))}
+        proving = self._proving(ledger, open_, 0) if self.proofs else None
         slices = _slices(ledger)
-        jobs = self._handed_in(ledger, wanting, slices[0])
-        for _, said in self.pool.answers(proving):
-            if said is not None:
-                ledger.take(said)
+        alone = not wanting or (not self.proofs and len(wanting) < 2)
+        jobs = {} if alone else self._handed_in(ledger, wanting, slices[0])
+        while proving is not None:
+            for _, said in self.pool.answers({None: proving}):
+                if said is not None:
+                    ledger.take(said)
+            proving = self._behind(ledger, open_, proving)
+        if alone:
+            self.unrolling.work(ledger)
+            return
         if ledger.open() != open_:
             # What is settled helps with the rest.
             for job in jobs.values():
@@ -85,6 +96,31 @@ class ByRounds:
                 break
             tired = self._taken(ledger, self._handed_in(ledger, tired, slice_))
 
+    def _proving(self, ledger: Ledger, claims: Sequence[Claim], first: int) -> Job[Said]:
+        """The proofs from one of them on, in a process of their own."""
+        proofs = list(enumerate(self.proofs))[first:]
+        return self.pool.hand_in("", partial(asked, ledger, claims, proofs))
+
+    def _behind(self, ledger: Ledger, claims: Sequence[Claim], died: Job[Said]) -> Job[Said] | None:
+        """Where the process of proofs died, what it had told of counts, and the next one is asked.
+
+        None if there is nothing to go on with.
+        """
+        begun = [turn for turn in died.noted if isinstance(turn, int)]
+        if died.found is not None or died.is_late:
+            return None
+        for verdict in died.noted:
+            if isinstance(verdict, Verdict) and verdict.claim not in ledger.verdicts:
+                if verdict.outcome is not Outcome.UNKNOWN:
+                    ledger.settle({verdict.claim: verdict})
+                else:
+                    ledger.leave([verdict.claim], reach_of(verdict))
+        name = self.proofs[begun[-1]].name if begun else "koord"
+        ledger.fail(Failure(name, died.end))
+        if not begun or begun[-1] + 1 >= len(self.proofs) or not ledger.open():
+            return None
+        return self._proving(ledger, claims, begun[-1] + 1)
+
     def _handed_in(
         self, ledger: Ledger, claims: Sequence[Claim], slice_: _Slice
     ) -> dict[Claim, Job[_Looked]]:
@@ -92,7 +128,7 @@ class ByRounds:
             own = ledger.of([claim], tell)
             effort = None if slice_.seconds is None else Effort.of_seconds(slice_.seconds)
             unrolling = ByUnrolling() if slice_.afresh else self.unrolling
-            with own.stopping():
+            with own.stopping(), own.enduring(self.name):
                 unrolling.through(own, own.bounds.rounds, effort)
             bounded = unrolling.of(own)
             return _Looked(own.said([claim]), bounded.unreplayed.get(claim), bounded.tired)
@@ -105,7 +141,7 @@ class ByRounds:
         with ledger.waiting():
             for claim, looked in self.pool.answers(jobs):
                 if looked is None:
-                    ledger.leave([claim], Reach(Engine.BMC, None, DIED, 0.0))
+                    _note_end(ledger, claim, self.name, jobs[claim].end)
                     continue
                 ledger.take(looked.said)
                 if looked.unreplayed is not None:
@@ -125,22 +161,34 @@ def _slices(ledger: Ledger) -> Sequence[_Slice]:
     return [*SLICES, AT_LAST] if wanting > 1 else [AT_LAST]
 
 
+def _note_end(ledger: Ledger, claim: Claim, who: str, end: str) -> None:
+    """The process that was to work on a claim is gone."""
+    died = ledger.of([claim], ledger.report)
+    died.fail(Failure(who, end))
+    ledger.take(died.said([claim]))
+
+
 def singly(
-    ledger: Ledger, claims: Sequence[Claim], pool: Pool, work: Callable[[Ledger, Claim], None]
+    ledger: Ledger,
+    claims: Sequence[Claim],
+    pool: Pool,
+    work: Callable[[Ledger, Claim], None],
+    who: str,
 ) -> None:
-    """Have work done on each of some claims, each on a ledger on which it alone is open."""
+    """Have an engine work on each of some claims, each on a ledger on which it alone is open."""
     if not can_fork() or len(claims) < 2:
         for claim in claims:
             own = ledger.of([claim], ledger.report)
             try:
-                work(own, claim)
+                with own.enduring(who):
+                    work(own, claim)
             finally:
                 ledger.take(own.said([claim]))
         return
 
     def ask(claim: Claim, tell: Progress) -> Said:
         own = ledger.of([claim], tell)
-        with own.stopping():
+        with own.stopping(), own.enduring(who):
             work(own, claim)
         return own.said([claim])
 
@@ -148,7 +196,7 @@ def singly(
     with ledger.waiting():
         for claim, said in pool.answers(jobs):
             if said is None:
-                ledger.leave([claim], Reach(Engine.NONE, None, DIED, 0.0))
+                _note_end(ledger, claim, who, jobs[claim].end)
             else:
                 ledger.take(said)
     if ledger.interrupted:
@@ -156,12 +204,18 @@ def singly(
 
 
 def asked(
-    ledger: Ledger, claims: Sequence[Claim], engines: Iterable[Works], tell: Progress
+    ledger: Ledger, claims: Sequence[Claim], engines: Iterable[tuple[int, Works]], tell: Teller
 ) -> Said:
-    """What engines say of some claims, in turn, in a process of its own."""
+    """What engines say of some claims, in turn, in a process of its own.
+
+    It tells whose turn it is, and what is known by then.
+    """
     own = ledger.of(claims, tell)
+    own.noted = tell.note
     with own.stopping():
-        for engine in engines:
+        for turn, engine in engines:
             if own.open():
-                engine.work(own)
+                tell.note(turn)
+                with own.enduring(engine.name):
+                    engine.work(own)
     return own.said(claims)

@@ -159,6 +159,24 @@ class Unlooked:
 
 
 @dataclass(frozen=True, slots=True)
+class Failure:
+    """What an engine ran into: it gave no answer, and the others were asked instead of it.
+
+    ``where`` is the place in koord that is to blame; there is none where memory is. ``trace`` is
+    how it came there.
+    """
+
+    who: str
+    what: str
+    where: str = ""
+    trace: str = field(default="", compare=False, repr=False)
+
+    def __str__(self) -> str:
+        place = f" ({self.where})" if self.where else ""
+        return f"{self.who} failed: {self.what}{place}"
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
     """All verdicts on one system; on systems of every size if ``every_n``."""
 
@@ -166,7 +184,7 @@ class Report:
     vacuities: tuple[Vacuity, ...]
     seconds: float
     interrupted: bool = False
-    notes: tuple[str, ...] = field(default=())
+    failures: tuple[Failure, ...] = ()
     every_n: bool = False
     unlooked: tuple[Unlooked, ...] = ()
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -542,3 +544,45 @@ def test_instants_may_have_a_time_limit_for_each_property(
         assert frame.main([*words, *more]) == Exit.VIOLATED
         told.append(timeless(capsys.readouterr().out))
     assert told[0]["reports"][0]["claims"] == told[1]["reports"][0]["claims"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are kept by Linux")
+@pytest.mark.parametrize("megabytes", [70, 100])
+def test_too_little_memory_is_told(tmp_path: Path, megabytes: int) -> None:
+    """Not even the engines can be loaded: no crash, and no mistake of koord's."""
+    (tmp_path / "p.krd").write_text("local:\n    int x = 0\n\nA:\n    eff: x = 1\n")
+    text = (
+        f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({megabytes}_000_000,) * 2);"
+        "from koord.cli.main import main; raise SystemExit(main(['verify', 'p.krd']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", text], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == Exit.NO_MEMORY
+    assert done.stderr.startswith("koord: there is too little memory to go on: it may have")
+    assert done.stderr.count("\n") == 1
+
+
+def test_an_engine_that_fails_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the reasons, in a line of its own and as JSON; the exit code is that of the verdicts."""
+    from koord.verify.bits.engine import ByBits
+
+    def work(self: ByBits, ledger: object) -> None:
+        raise AssertionError("made to fail")
+
+    monkeypatch.setattr(ByBits, "work", work)
+    path = tmp_path / "p.krd"
+    path.write_text("local:\n    int x = 0\n\nA:\n    eff: x = 1\n\ninvariant P: x < 2\n")
+    assert frame.main(["verify", str(path), "--engine", "bits"]) == Exit.UNKNOWN
+    shown = capsys.readouterr().out
+    assert "      bits failed: AssertionError: made to fail (" in shown
+    assert "  failed: bits, others were asked instead: AssertionError: made to fail (" in shown
+    assert "this is a mistake in koord" in shown
+    assert frame.main(["verify", str(path), "--engine", "bits", "--json"]) == Exit.UNKNOWN
+    (report,) = json.loads(capsys.readouterr().out)["reports"]
+    (failure,) = report["failures"]
+    assert failure["who"] == "bits"
+    assert failure["what"] == "AssertionError: made to fail"
+    assert failure["place"].startswith("koord/verify/")

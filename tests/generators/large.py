@@ -46,7 +46,7 @@ def large(random: Random, profile: Profile = FINITE) -> System:
 
 def extreme(random: Random) -> int:
     """A number at which something may end."""
-    return random.choice((1, -1)) * 2 ** random.choice(SIZES) + random.choice((-1, 0, 0, 1))
+    return random.choice((1, -1)) * (1 << random.choice(SIZES)) + random.choice((-1, 0, 0, 1))
 
 
 def _grown(node: Any, random: Random) -> Any:

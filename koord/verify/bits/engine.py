@@ -44,6 +44,10 @@ class ByBits:
     abc: bool = False
     names: Collection[str] = ()
 
+    @property
+    def name(self) -> str:
+        return Engine.ABC.value if self.abc else Engine.BITS.value
+
     def work(self, ledger: Ledger) -> None:
         started = time.monotonic()
         claims = [c for c in ledger.open() if not self.names or c.name in self.names]

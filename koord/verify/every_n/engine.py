@@ -21,6 +21,10 @@ class ByEveryN:
 
     thrift: Thrift = GENEROUS
 
+    @property
+    def name(self) -> str:
+        return Engine.EVERY_N.value
+
     def work(self, ledger: Ledger) -> None:
         started = time.monotonic()
         ledger.progress("every number of robots")
@@ -48,6 +52,10 @@ class ByInference:
 
     thrift: Thrift = GENEROUS
     most: int | None = None
+
+    @property
+    def name(self) -> str:
+        return Engine.EVERY_N.value
 
     def work(self, ledger: Ledger) -> None:
         if ledger.is_violated and not ledger.wanting():

@@ -55,6 +55,10 @@ class BySpacer:
     proved: dict[Claim, Verdict] = field(default_factory=dict)
     unreplayed: set[Claim] = field(default_factory=set)
 
+    @property
+    def name(self) -> str:
+        return Engine.SPACER.value
+
     def work(self, ledger: Ledger) -> None:
         if self.waits and ledger.is_violated and not ledger.wanting():
             return  # of the rest, the rounds that were looked at are enough
@@ -124,6 +128,10 @@ class KeptBack:
     """What Spacer proved, of claims of which nobody could say more in the meantime."""
 
     spacer: BySpacer
+
+    @property
+    def name(self) -> str:
+        return Engine.SPACER.value
 
     def work(self, ledger: Ledger) -> None:
         still = {c: v for c, v in self.spacer.proved.items() if c not in ledger.verdicts}

@@ -73,6 +73,10 @@ class LiveByBits:
     #: what was found out besides
     empty: list[Vacuity] = field(default_factory=list)
 
+    @property
+    def name(self) -> str:
+        return Engine.BITS.value
+
     def work(self, ledger: Ledger) -> None:
         started = time.monotonic()
         open_ = [claim for claim in ledger.open() if _leaves_open(ledger.system, claim)]
@@ -87,7 +91,7 @@ class LiveByBits:
                 return
             work = partial(self._work, watching, started)
             left = [claim for claim in claims if claim not in ledger.verdicts]
-            singly(ledger, left, self.pool, work)
+            singly(ledger, left, self.pool, work, self.name)
             circuit = watching.circuit
             held = [c for c in claims if c in ledger.verdicts]
             if held and expected(ledger.system) and not self.empty:

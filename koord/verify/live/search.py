@@ -29,6 +29,10 @@ class LiveBySearch:
     #: what was found out besides
     empty: list[Vacuity] = field(default_factory=list)
 
+    @property
+    def name(self) -> str:
+        return Engine.SEARCH.value
+
     def work(self, ledger: Ledger) -> None:
         started = time.monotonic()
         claims = ledger.open()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
@@ -13,14 +13,24 @@ from koord.semantics.traces.recording import Recording
 from koord.verify.abstraction import abstracted
 from koord.verify.claims import Claim, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
+from koord.verify.failures import VACUITY
 from koord.verify.ledger import Ledger, Reach, Said, Subject
 from koord.verify.live.bits import LiveByBits
 from koord.verify.live.hollow import hollow
 from koord.verify.live.lassos import replayed_lasso
 from koord.verify.live.search import FEW_EDGES, LiveBySearch
-from koord.verify.pool import DIED, Pool, Progress
+from koord.verify.pool import Pool, Progress
+from koord.verify.resuming import Steps
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Vacuity, Verdict
+from koord.verify.verdicts import (
+    Bounds,
+    Counterexample,
+    Engine,
+    Failure,
+    Outcome,
+    Vacuity,
+    Verdict,
+)
 
 
 class Ways(Enum):
@@ -39,6 +49,7 @@ class Settled:
     verdicts: tuple[Verdict, ...]
     vacuities: tuple[Vacuity, ...] = ()
     interrupted: bool = False
+    failures: tuple[Failure, ...] = ()
 
 
 def settled(
@@ -52,12 +63,12 @@ def settled(
     seed: int = 0,
     pool: Pool | None = None,
     before: Mapping[str, float] | None = None,
-    noted: Callable[[Verdict], None] = lambda verdict: None,
+    steps: Steps | None = None,
 ) -> Settled:
     """Ask about everything that a program claims of whole runs, or what is named.
 
     ``proved`` are claims that hold in every round: proofs may rely on them. ``before`` is what was
-    spent on claims already, by their names; ``noted`` is told of what is known of each by and by.
+    spent on claims already, by their names; ``steps`` are told of what is known by and by.
     """
     claims = tuple(c for c in liveness_of(system) if not names or c.name in names)
     if not claims:
@@ -68,21 +79,26 @@ def settled(
     pool = pool or Pool()
     bits = LiveByBits(pool, sparing=ways is Ways.ALL)
     ledger = Ledger(_plainly(system), bounds, deadline, claims, seed, pool.progress)
-    ledger.noted = noted
+    steps = steps or Steps()
+    steps.follow(ledger)
     ledger.before = {c: before.get(c.name, 0.0) for c in claims} if before else {}
     if ways is Ways.NONE:
         ledger.stopped = "liveness is decided by search and bits, for some number of robots"
     with ledger.stopping():
-        if ways in (Ways.ALL, Ways.SEARCH):
-            search.work(ledger)
-        if ways in (Ways.ALL, Ways.BITS) and ledger.open():
-            _by_bits(ledger, bits, proved)
+        if ways in (Ways.ALL, Ways.SEARCH) and steps.begin("whole runs", 0, search.name):
+            with ledger.enduring(search.name):
+                search.work(ledger)
+        by_bits = ways in (Ways.ALL, Ways.BITS) and ledger.open()
+        if by_bits and steps.begin("whole runs", 1, bits.name):
+            with ledger.enduring(bits.name):
+                _by_bits(ledger, bits, proved)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
     empty = [*search.empty, *bits.empty]
-    if not empty:
-        with ledger.stopping():
+    if not empty and steps.begin("whole runs", 2, VACUITY):
+        with ledger.stopping(), ledger.enduring(VACUITY):
             empty += hollow(system, verdicts, deadline, seed)
-    return Settled(verdicts, tuple(dict.fromkeys(empty)), ledger.interrupted)
+    unique = tuple(dict.fromkeys(empty))
+    return Settled(verdicts, unique, ledger.interrupted, tuple(ledger.failures))
 
 
 def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
@@ -103,6 +119,8 @@ def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
         finally:
             for claim in inner.open():
                 inner.noted(inner.verdict(claim))
+            for failure in inner.failures:
+                ledger.fail(failure)
 
 
 def _put_down(ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger) -> None:
@@ -113,6 +131,7 @@ def _put_down(ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger) -> 
     ledger.take(
         replace(
             said,
+            failures={},
             verdicts={claim: verdict} if settled else {},
             reaches={} if settled else {claim: [reach]},
             spans={claim: said.spans[verdict.claim]},
@@ -126,7 +145,7 @@ def _without_lemmas_first(ledger: Ledger, bits: LiveByBits) -> None:
     About a single claim that can be done at the same time: what is found without counts first.
     """
     quickly = LiveByBits(bits.pool, quick=True, empty=bits.empty)
-    (claim, *others), ahead = ledger.open(), None
+    (_, *others), ahead = ledger.open(), None
     if bits.lemmas and not others and bits.pool.jobs > 1:
         ahead = bits.pool.hand_in("", partial(_asked, ledger, bits))
     if bits.lemmas:
@@ -141,13 +160,13 @@ def _without_lemmas_first(ledger: Ledger, bits: LiveByBits) -> None:
         ledger.take(said)
         bits.empty += empty
     else:
-        ledger.leave([claim], Reach(Engine.BITS, None, DIED, 0.0))
+        ledger.fail(Failure(bits.name, ahead.end))
 
 
 def _asked(ledger: Ledger, bits: LiveByBits, tell: Progress) -> tuple[Said, list[Vacuity]]:
     """What is found in a process of its own."""
     own, alone = ledger.of(ledger.open(), tell), replace(bits, pool=Pool(1), empty=[])
-    with own.stopping():
+    with own.stopping(), own.enduring(bits.name):
         alone.work(own)
     return own.said(ledger.open()), alone.empty
 

@@ -8,7 +8,7 @@ from itertools import product
 
 import pytest
 
-from koord.semantics.domain import EXACT
+from koord.semantics.domain import EXACT, Constant
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import INT
 from koord.verify.bits.domain import Bit, BitDomain, Bits
@@ -155,9 +155,9 @@ def test_a_graph_keeps_each_conjunction_once() -> None:
         assert g.values(made, given) == [y if x else z, x != y, x or z, x or z]
 
 
-def _wide(d: BitDomain, p: Bits) -> list[tuple[Bits, tuple[object, object]]]:
+def _wide(d: BitDomain, p: Bits) -> list[tuple[Bits, tuple[Constant, Constant]]]:
     """Scalars, some of them too wide to be kept, with what they are where ``p`` holds and not."""
-    plain: list[tuple[Bits, tuple[object, object]]] = []
+    plain: list[tuple[Bits, tuple[Constant, Constant]]] = []
     for one, other in [
         (1, 3),
         (2**45, 0),
@@ -208,7 +208,7 @@ def test_signs_of_numbers_too_wide_to_be_kept(op: UnaryOp) -> None:
         assert admits(d, found, choice, [EXACT.binary(BinaryOp.LE, x, z) for x, z in truths])
 
 
-def admits(d: BitDomain, found: Bits, choice: int, truths: list[object]) -> bool:
+def admits(d: BitDomain, found: Bits, choice: int, truths: list[Constant]) -> bool:
     """Whether a Boolean may be what it should be where the choice holds, and where not."""
     if not isinstance(found, Bit):
         return truths == [found, found]

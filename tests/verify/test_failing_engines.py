@@ -1,0 +1,197 @@
+"""An engine that fails costs its own answer, whatever becomes of it: the others' verdicts stay."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from functools import partial
+
+import pytest
+import z3
+
+from koord.verify.apart import verify_apart
+from koord.verify.bits.engine import ByBits
+from koord.verify.claims import claims_of
+from koord.verify.engines import ByGlance, ByInduction, BySearch, ByStep, ByUnrolling
+from koord.verify.every_n.engine import ByEveryN, ByInference
+from koord.verify.horn.engine import BySpacer, KeptBack
+from koord.verify.ledger import Ledger, Subject
+from koord.verify.live.bits import LiveByBits
+from koord.verify.live.search import LiveBySearch
+from koord.verify.portfolio import Choice
+from koord.verify.singly import ByRounds
+from koord.verify.solving import Deadline
+from koord.verify.verdicts import Bounds, Outcome, Report
+from tests.verify.asking import judged, of_text
+
+PROGRAM = """
+local:
+    int x = 0
+    int y = 0
+    bool done = false
+
+Grow:
+    pre: x < 5
+    eff:
+        x = x + 1
+        y = y + x * x
+
+Finish:
+    pre: x == 5
+    eff: done = true
+
+invariant Easy: forall i: x@i >= 0
+invariant Broken: forall i: x@i < 2
+invariant Open: forall i: y@i != 54
+eventually Done: forall i: done@i
+"""
+
+#: Every engine that the default asks, by the name that its failures have.
+ENGINES: dict[type, str] = {
+    ByEveryN: "every N",
+    ByStep: "induction",
+    ByInference: "every N",
+    BySearch: "search",
+    ByInduction: "induction",
+    ByBits: "bits",
+    ByGlance: "bmc",
+    ByRounds: "bmc",
+    BySpacer: "spacer",
+    KeptBack: "spacer",
+    LiveBySearch: "search",
+    LiveByBits: "bits",
+}
+
+#: Those that settle what the others are to leave alone.
+DECIDING = {ByEveryN, ByStep, ByGlance, ByRounds, LiveBySearch, LiveByBits}
+
+
+def raising(error: BaseException) -> Callable[[object, Ledger], None]:
+    def work(self: object, ledger: Ledger) -> None:
+        raise error
+
+    return work
+
+
+def killed_by(number: signal.Signals) -> Callable[[object, Ledger], None]:
+    def work(self: object, ledger: Ledger) -> None:
+        os.kill(os.getpid(), number)
+
+    return work
+
+
+def deep(self: object, ledger: Ledger) -> None:
+    deep(self, ledger)
+
+
+def hanging(self: object, ledger: Ledger) -> None:
+    while True:
+        pass
+
+
+def idle(self: object, ledger: Ledger) -> None:
+    """Says nothing."""
+
+
+#: What may become of an engine, and what is said of it.
+FAULTS: dict[str, tuple[Callable[[object, Ledger], None], str]] = {
+    "raises": (raising(AssertionError("made to fail")), "AssertionError: made to fail"),
+    "is killed": (killed_by(signal.SIGKILL), "its process was ended by SIGKILL"),
+    "crashes": (killed_by(signal.SIGSEGV), "its process was ended by SIGSEGV"),
+    "has no memory": (raising(MemoryError()), "out of memory"),
+    "has no memory for Z3": (raising(z3.Z3Exception("out of memory")), "out of memory"),
+    "disappoints Z3": (raising(z3.Z3Exception("parser error")), "Z3Exception: parser error"),
+    "recurses": (deep, "RecursionError"),
+}
+
+CASES = [
+    pytest.param(
+        engine,
+        fault,
+        id=f"{engine.__name__} {fault}",
+        marks=[] if fault in ("raises", "is killed") else [pytest.mark.slow],
+    )
+    for engine in ENGINES
+    for fault in FAULTS
+]
+
+
+def asked(choice: Choice = Choice.AUTO, seconds: float | None = None) -> Report:
+    return verify_apart(of_text(PROGRAM, robots=1), Bounds(3, seconds), choice)
+
+
+def outcomes(report: Report) -> dict[str, tuple[Outcome, int | None]]:
+    return {v.claim.name: (v.outcome, v.rounds) for v in report.verdicts}
+
+
+def failing(monkeypatch: pytest.MonkeyPatch, engine: type, fault: str) -> None:
+    """Let an engine fail, and those that are neither it nor needed to settle things say nothing."""
+    for other in ENGINES:
+        if other is engine:
+            monkeypatch.setattr(other, "work", FAULTS[fault][0])
+        elif other not in DECIDING:
+            monkeypatch.setattr(other, "work", idle)
+
+
+@pytest.mark.parametrize(("engine", "fault"), CASES)
+def test_the_others_verdicts_stay(
+    engine: type, fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing(monkeypatch, engine, fault)
+    report = asked()
+    assert outcomes(report) == {
+        "Easy": (Outcome.HOLDS, None),
+        "Broken": (Outcome.VIOLATED, None),
+        "Open": (Outcome.HOLDS, 3),
+        "no fault": (Outcome.HOLDS, None),
+        "Done": (Outcome.HOLDS, None),
+    }
+    if engine is LiveByBits:  # the search was quicker
+        assert report.failures == ()
+        return
+    assert [(f.who, f.what[: len(FAULTS[fault][1])]) for f in report.failures] == [
+        (ENGINES[engine], FAULTS[fault][1])
+    ]
+
+
+@pytest.mark.parametrize("fault", ["raises", "is killed"])
+def test_what_is_open_names_the_engine_that_failed(
+    fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing(monkeypatch, ByBits, fault)
+    monkeypatch.setattr(LiveByBits, "work", FAULTS[fault][0])
+    report = asked(Choice.BITS)
+    for verdict in report.verdicts:
+        assert verdict.outcome is Outcome.UNKNOWN
+        assert f"bits failed: {FAULTS[fault][1]}" in verdict.reason
+
+
+def test_an_engine_that_hangs_is_ended_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(BySearch, "work", hanging)
+    report = asked(seconds=2.0)
+    found = {v.claim.name: v for v in report.verdicts}
+    assert found["Easy"].outcome is Outcome.HOLDS
+    assert found["Broken"].outcome is Outcome.UNKNOWN
+    assert found["Broken"].reason == "timeout; search was being asked"
+    assert report.seconds < 3.0
+
+
+def test_unrolling_that_failed_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was half done when it failed is relied on by nobody."""
+
+    def half_done(self: ByUnrolling, *rest: object) -> None:
+        raise AssertionError("half done")
+
+    system = of_text(PROGRAM, robots=1)
+    subject = Subject(system, partial(judged, system), system)
+    ledger = Ledger(subject, Bounds(3), Deadline(), claims_of(system))
+    unrolling = ByUnrolling()
+    with monkeypatch.context() as patched:
+        patched.setattr(ByUnrolling, "_through", half_done)
+        with ledger.enduring(unrolling.name):
+            unrolling.work(ledger)
+    assert unrolling.bounded is None
+    assert [str(failure.what) for failure in ledger.failures] == ["AssertionError: half done"]
+    unrolling.work(ledger)
+    assert ledger.is_violated
