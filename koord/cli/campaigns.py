@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
+import hashlib
 import json
 import math
+import os
 import signal
 import sys
+import threading
 import time
 from argparse import ArgumentTypeError
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from dataclasses import asdict, dataclass, fields, replace
-from multiprocessing import active_children, get_context
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, replace
+from multiprocessing import active_children, get_context, parent_process
 from statistics import fmean, stdev
 from typing import Any, TypeAlias
 
+from koord import __version__
+from koord.cli.campaign_files import Row, RunFile
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
-from koord.cli.files import check_writable, write_atomically
+from koord.cli.files import check_writable
 from koord.cli.fitting import Asked
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.sweeps import check_drawable, keep_figure
@@ -53,33 +57,6 @@ class Order:
     swept: str
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """What a run came to: a line of the CSV file."""
-
-    swept: str
-    robots: int
-    values: str  #: δ, and each value that is not the text's
-    seed: int
-    ending: str
-    time_s: float
-    tasks: int
-    tasks_done: int
-    tasks_s: float | None
-    distance_m: float
-    separation_m: float | None
-    safety_m: float
-    waited_s: float
-    events: int
-    skips: int
-    blocked: int
-    messages: int
-    broken: int
-    stuck: int  #: robots that stand still at the end and should go
-    digest: str
-    wall_s: float
-
-
 def check_campaign(arguments: argparse.Namespace) -> None:
     """Raises ArgumentTypeError and KoordError before long work is done."""
     if arguments.cluster is not None:
@@ -91,6 +68,8 @@ def check_campaign(arguments: argparse.Namespace) -> None:
         raise ArgumentTypeError(
             f"{those} {'is' if len(given) == 1 else 'are'} of one run: leave out --runs and --sweep"
         )
+    if arguments.resume and arguments.csv is None:
+        raise ArgumentTypeError("--resume goes on with the runs in a file: say --csv FILE")
     if arguments.csv is not None:
         check_writable(arguments.csv)
     if arguments.plot is not None:
@@ -101,15 +80,29 @@ def check_campaign(arguments: argparse.Namespace) -> None:
 def campaign(arguments: argparse.Namespace, asked: Asked, first_seed: int) -> int:
     """Make the runs, tell of them, and return the exit code. Raises KoordError."""
     orders = list(_orders(arguments, asked, first_seed))
-    rows: list[Row] = []
-    with Interruption() as interruption, LiveLine(sys.stderr) as line:
-        line.show(f"0 of {len(orders)} runs")
-        for row in _rows(orders, arguments, lambda: interruption.requested):
+    keys = {(order.swept, order.seed): number for number, order in enumerate(orders)}
+    with ExitStack() as stack:
+        kept = None
+        if arguments.csv is not None:
+            name = _identity(arguments, asked, first_seed)
+            kept = stack.enter_context(RunFile(arguments.csv, name, resumes=arguments.resume))
+            kept.begin(keys)
+        rows = [] if kept is None else list(kept.rows)
+        known = {row.key for row in rows}
+        if known and not arguments.json:
+            print(f"{len(known)} of {len(orders)} runs are there already")
+        left = [order for order in orders if (order.swept, order.seed) not in known]
+        interruption = stack.enter_context(Interruption())
+        line = stack.enter_context(LiveLine(sys.stderr))
+        line.show(f"{len(rows)} of {len(orders)} runs")
+        for row in _rows(left, arguments, lambda: interruption.requested):
             rows.append(row)
+            if kept is not None:
+                kept.add(row)
             line.show(f"{len(rows)} of {len(orders)} runs")
-    rows.sort(key=lambda row: [order.swept for order in orders].index(row.swept))
-    if arguments.csv is not None:
-        write_atomically(arguments.csv, _as_csv(rows))
+        rows.sort(key=lambda row: keys[row.key])
+        if kept is not None and len(rows) == len(orders):
+            kept.finish(rows)
     name = "robots" if arguments.sweep is None else arguments.sweep[0]
     if arguments.plot is not None and rows:
         _draw(arguments.plot, asked.source.name, name, rows)
@@ -124,6 +117,26 @@ def campaign(arguments: argparse.Namespace, asked: Asked, first_seed: int) -> in
     if any(_is_bad(row) for row in rows):
         return Exit.VIOLATED
     return Exit.STUCK if any(row.stuck for row in rows) else Exit.OK
+
+
+def _identity(arguments: argparse.Namespace, asked: Asked, first_seed: int) -> str:
+    """What makes runs with one seed and one swept value the same: the campaign, as a few digits."""
+    configuration = asked.configuration
+    said = (
+        __version__,
+        asked.source.text,
+        [source.text for source in asked.properties],
+        None if configuration is None else configuration.document.source.text,
+        sorted((name, literal(value)) for name, value in asked.params.items()),
+        str(asked.delta_s),
+        first_seed,
+        arguments.robots,
+        arguments.rounds,
+        arguments.time,
+        arguments.check_summaries,
+        None if arguments.sweep is None else arguments.sweep[0],
+    )
+    return hashlib.sha256(repr(said).encode()).hexdigest()[:16]
 
 
 # --- runs -----------------------------------------------------------------------------------------
@@ -184,10 +197,8 @@ def _in_processes(
 ) -> Iterator[Row | Refusal | None]:
     """So many runs at a time on this machine."""
     # A fresh interpreter for each worker: libraries with threads do not survive a fork.
-    context, ignored = get_context("spawn"), (signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(
-        min(jobs, len(orders)), context, initializer=signal.signal, initargs=ignored
-    ) as pool:
+    context = get_context("spawn")
+    with ProcessPoolExecutor(min(jobs, len(orders)), context, initializer=_begin_worker) as pool:
         waiting: set[Future[Row | Refusal | None]] = {
             pool.submit(_tried, order) for order in orders
         }
@@ -200,6 +211,19 @@ def _in_processes(
                 for child in active_children():  # nobody waits for what they are at
                     child.terminate()
                 return
+
+
+def _begin_worker() -> None:
+    """Ctrl-C is for the process that asks, and no worker outlives it, however it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    assert parent is not None
+
+    def outlived() -> None:
+        parent.join()
+        os._exit(Exit.TERMINATED)
+
+    threading.Thread(target=outlived, name="parent", daemon=True).start()
 
 
 def _on_cluster(
@@ -351,15 +375,6 @@ def _common(rows: Sequence[Row]) -> str:
     """δ and what else is not as in the text, where that is the same for all runs."""
     values = {row.values for row in rows}
     return f", {values.pop()}" if len(values) == 1 else ""
-
-
-def _as_csv(rows: Iterable[Row]) -> bytes:
-    text = io.StringIO()
-    names = [one.name for one in fields(Row)]
-    writer = csv.DictWriter(text, names, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(asdict(row) for row in rows)
-    return text.getvalue().encode("utf-8")
 
 
 def _draw(path: str, program: str, name: str, rows: Sequence[Row]) -> None:

@@ -17,8 +17,10 @@ class Exit(IntEnum):
     STUCK = 5  #: a robot of a simulated run stands still that is to go somewhere
     INTERNAL = 70  #: a mistake in koord itself (EX_SOFTWARE of sysexits.h)
     NO_MEMORY = 71  #: too little memory to do anything (EX_OSERR of sysexits.h)
+    HUNG_UP = 129  #: stopped by SIGHUP: the terminal went away
     INTERRUPTED = 130  #: stopped with Ctrl-C
     PIPE_CLOSED = 141  #: the reader of the output went away
+    TERMINATED = 143  #: stopped by SIGTERM
 
 
 _GRAVITY = (

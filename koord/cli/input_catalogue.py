@@ -208,6 +208,16 @@ INPUT_CATALOGUE = dict(
             Severity.WARNING,
         ),
         _entry(
+            "K937",
+            "the file has other runs than are to be kept in it",
+            "`koord sim --runs K --csv FILE` writes a line as each run ends, so that a campaign "
+            "which was ended can go on: `--resume` does, with the runs that are missing. That "
+            "needs a file of the same campaign: the same program, configuration, first seed and "
+            "flags, by the same version of koord (the number of runs and the values of a sweep "
+            "may be others). Without `--resume` a file that has a part of the campaign is not "
+            "written over.",
+        ),
+        _entry(
             "K940",
             "a file is not a certificate of koord",
             "A certificate is one JSON document, written by `koord verify --certificate`. This "

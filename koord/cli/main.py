@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, NoReturn, Protocol, TextIO, cast
 
 from koord import __version__
+from koord.cli.endings import Endings
 from koord.cli.exits import Exit
 
 if TYPE_CHECKING:
@@ -36,7 +37,9 @@ exit codes:
   5    stuck: a robot of a simulated run stands still that is to go somewhere
   70   a mistake in koord itself
   71   too little memory to do anything
+  129  ended by SIGHUP, in as good an order as with Ctrl-C
   130  interrupted with Ctrl-C
+  143  ended by SIGTERM, in as good an order as with Ctrl-C
 
 `koord COMMAND --help` lists the arguments of a command. NO_COLOR=1 turns colours off."""
 
@@ -126,6 +129,11 @@ def entry() -> NoReturn:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code. No exception leaves, whatever the input."""
+    with Endings() as endings:
+        return endings.code(_run(argv))
+
+
+def _run(argv: Sequence[str] | None) -> int:
     for stream in (sys.stdout, sys.stderr):
         _make_total(stream)
     try:

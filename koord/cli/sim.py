@@ -98,7 +98,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=sweep,
         help="so many runs for each value of a param or of `robots`: robots=2..8, speed=0.5,1",
     )
-    parser.add_argument("--csv", metavar="FILE", help="a line of figures for each of several runs")
+    parser.add_argument(
+        "--csv",
+        metavar="FILE",
+        help="a line of figures for each of several runs, written as the run ends",
+    )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with a campaign that was ended: runs that stand in the --csv file are not made "
+        "again",
+    )
     add_settings(parser)
     add_json(parser, "what the run came to")
     parser.epilog = (
@@ -169,6 +179,7 @@ def _check_single(arguments: argparse.Namespace) -> None:
     """Whether nothing is asked for that campaigns alone have."""
     given = {
         "--csv": arguments.csv is not None,
+        "--resume": arguments.resume,
         "--cluster": arguments.cluster is not None,
         "--jobs": arguments.jobs != 1,
     }

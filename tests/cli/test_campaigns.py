@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -121,3 +124,97 @@ def test_a_cluster_does_what_one_process_does(capsys: pytest.CaptureFixture[str]
         assert main(["sim", *PATH, *flags]) == Exit.BAD_INPUT
     assert found[0] == found[1]
     assert "no `param` named `hight`" in capsys.readouterr().err
+
+
+# --- campaigns that are ended ---------------------------------------------------------------------
+
+#: Runs the command line, and ends itself by a signal once so many runs are in the file.
+ENDED = """
+import os, sys
+from koord.cli.campaign_files import RunFile
+from koord.cli.main import main
+
+def adding(self, row, add=RunFile.add):
+    add(self, row)
+    adding.left -= 1
+    if adding.left == 0:
+        os.kill(os.getpid(), int(sys.argv[2]))
+
+if __name__ == "__main__":
+    adding.left = int(sys.argv[1])
+    RunFile.add = adding
+    sys.exit(main(sys.argv[3:]))
+"""
+
+
+def ended(folder: Path, after: int, number: int, *words: str) -> int:
+    """The exit code of a command that was ended so; when it is known no worker is left."""
+    driver = folder / "driver.py"
+    driver.write_text(ENDED, "utf-8")
+    command = [sys.executable, str(driver), str(after), str(int(number)), *words]
+    # Workers inherit the pipe: its end is reached when the last of them has ended.
+    done = subprocess.run(command, stdout=subprocess.PIPE, timeout=120, check=False)
+    return done.returncode
+
+
+def lines(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def without_times(rows: list[dict[str, str]]) -> list[dict[str, str]]:
+    return [{name: cell for name, cell in row.items() if name != "wall_s"} for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGTERM, 143), (signal.SIGHUP, 129)],
+)
+def test_a_campaign_that_was_ended_goes_on(
+    number: int, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, whole = tmp_path / "runs.csv", tmp_path / "whole.csv"
+    words = ["sim", *PATH[:1], "--time", "0.5", "--runs", "4", "--csv"]
+    assert ended(tmp_path, 2, number, *words, str(table)) == code
+    before = lines(table)
+    assert [row["seed"] for row in before] == ["0", "1"]
+    assert main([*words, str(table)]) == Exit.BAD_INPUT
+    assert "K937" in capsys.readouterr().err
+    assert main([*words, str(table), "--resume"]) == Exit.OK
+    assert "2 of 4 runs are there already" in capsys.readouterr().out
+    assert main([*words, str(whole)]) == Exit.OK
+    assert lines(table)[:2] == before
+    assert without_times(lines(table)) == without_times(lines(whole))
+
+
+def test_no_worker_outlives_its_campaign(tmp_path: Path) -> None:
+    table = tmp_path / "runs.csv"
+    words = ["sim", *PATH[:1], "--time", "5", "--runs", "6", "--jobs", "2", "--csv", str(table)]
+    assert ended(tmp_path, 1, signal.SIGKILL, *words) == -signal.SIGKILL
+    assert len(lines(table)) == 1
+
+
+@pytest.mark.parametrize("more", [["--seed", "7"], ["--set", "height=1"], ["--rounds", "3"]])
+def test_a_file_of_another_campaign_is_refused(
+    more: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "runs.csv"
+    words = ["sim", *PATH[:1], "--time", "0.5", "--csv", str(table)]
+    assert main([*words, "--runs", "1"]) == Exit.OK
+    kept = table.read_bytes()
+    assert main([*words, "--runs", "2", "--resume", *more]) == Exit.BAD_INPUT
+    assert "are not of this campaign" in capsys.readouterr().err
+    assert table.read_bytes() == kept
+
+
+def test_a_line_that_was_cut_off_is_made_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "runs.csv"
+    words = ["sim", *PATH[:1], "--time", "0.5", "--csv", str(table), "--runs", "2"]
+    assert main(words) == Exit.OK
+    whole = lines(table)
+    table.write_bytes(table.read_bytes()[:-7])
+    assert main([*words, "--resume"]) == Exit.OK
+    assert "1 of 2 runs are there already" in capsys.readouterr().out
+    assert without_times(lines(table)) == without_times(whole)

@@ -1,0 +1,146 @@
+"""The file of a campaign: a line for each run, there as soon as the run has ended.
+
+A campaign that was ended, however that was, goes on with ``--resume``: what stands in its file is
+not done again. The first column says which campaign a line is of: none gets lines of another.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, dataclass, fields
+from types import TracebackType
+from typing import BinaryIO, get_type_hints
+
+import msgspec
+
+from koord.cli.files import read_bytes, write_atomically
+from koord.syntax.diagnostics import refusal
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What a run came to: a line of the CSV file."""
+
+    swept: str
+    robots: int
+    values: str  #: δ, and each value that is not the text's
+    seed: int
+    ending: str
+    time_s: float
+    tasks: int
+    tasks_done: int
+    tasks_s: float | None
+    distance_m: float
+    separation_m: float | None
+    safety_m: float
+    waited_s: float
+    events: int
+    skips: int
+    blocked: int
+    messages: int
+    broken: int
+    stuck: int  #: robots that stand still at the end and should go
+    digest: str
+    wall_s: float
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """What tells the runs of a campaign apart."""
+        return self.swept, self.seed
+
+
+_HINTS = get_type_hints(Row)
+_COLUMNS = ["campaign", *(one.name for one in fields(Row))]
+
+
+class RunFile:
+    """The lines of a campaign of this name, which can be read after each."""
+
+    def __init__(self, path: str, campaign: str, *, resumes: bool) -> None:
+        self.rows: tuple[Row, ...] = ()  #: of runs that were made before
+        self._path, self._campaign, self._resumes = path, campaign, resumes
+        self._file: BinaryIO | None = None
+
+    def __enter__(self) -> RunFile:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._file is not None:
+            self._file.close()
+
+    def begin(self, wanted: Collection[tuple[str, int]]) -> None:
+        """Look at what is there of the wanted runs, and be ready for more. Raises KoordError."""
+        there = self._there()
+        self.rows = tuple(row for row in there or () if row.key in wanted)
+        if self._resumes and there is None:
+            hint = "leave out --resume, or name another file"
+            raise refusal("K937", self._path, "its runs are not of this campaign", hint)
+        if not self._resumes and 0 < len(self.rows) < len(wanted):
+            story = f"it has {len(self.rows)} of the {len(wanted)} runs of this campaign"
+            hint = "go on with --resume, or remove the file"
+            raise refusal("K937", self._path, story, hint)
+        if not self._resumes:
+            self.rows = ()
+        write_atomically(self._path, self._written(self.rows))
+        try:
+            self._file = open(self._path, "ab", buffering=0)  # noqa: SIM115
+        except OSError as error:
+            raise refusal("K903", self._path, f"cannot be written: {error.strerror}") from None
+
+    def add(self, row: Row) -> None:
+        """A run has ended: its line is written at once, and as a whole."""
+        assert self._file is not None
+        self._file.write(_lines([self._cells(row)]))
+
+    def finish(self, rows: Sequence[Row]) -> None:
+        """All runs are there: put them in order. Raises KoordError."""
+        if os.path.isfile(self._path):
+            write_atomically(self._path, self._written(rows))
+
+    # --- inside ---------------------------------------------------------------------------------
+
+    def _there(self) -> list[Row] | None:
+        """The runs that stand in the file; None if it is not of this campaign."""
+        if not os.path.isfile(self._path):
+            return []
+        text = read_bytes(self._path).decode("utf-8", "replace")
+        whole = text[: text.rfind("\n") + 1]  # the last line may have been cut off
+        rows = []
+        for cells in csv.DictReader(io.StringIO(whole)):
+            campaign = cells.pop("campaign", None)
+            if campaign != self._campaign:
+                return None
+            try:
+                rows.append(_row(cells))
+            except msgspec.ValidationError:
+                return None
+        return rows
+
+    def _written(self, rows: Sequence[Row]) -> bytes:
+        return _lines([_COLUMNS, *map(self._cells, rows)])
+
+    def _cells(self, row: Row) -> list[object]:
+        return [self._campaign, *asdict(row).values()]
+
+
+def _lines(lines: Sequence[Sequence[object]]) -> bytes:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(lines)
+    return text.getvalue().encode("utf-8")
+
+
+def _row(cells: dict[str, str]) -> Row:
+    """Raises ValidationError."""
+    given = {
+        name: None if cell == "" and _HINTS.get(name) is not str else cell
+        for name, cell in cells.items()
+    }
+    return msgspec.convert(given, Row, strict=False)
