@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from koord.syntax.diagnostics import refusal
-from koord.syntax.source import Source, Span, normalise
+from koord.syntax.source import Source, Span, normalise, visible
 
 #: The name that stands for standard input and output on the command line.
 DASH = "-"
@@ -38,7 +38,7 @@ class InputFile:
 def read_program(path: str) -> InputFile:
     """Read a program, ``-`` from standard input. Raises KoordError if there is no text in it."""
     raw = read_bytes(path)
-    name = STDIN_NAME if path == DASH else path
+    name = name_of(path)
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -46,9 +46,14 @@ def read_program(path: str) -> InputFile:
     return InputFile(path, raw, Source(name, normalise(text)))
 
 
+def name_of(path: str) -> str:
+    """What a file is called wherever it is spoken of: nothing in its name acts on a terminal."""
+    return STDIN_NAME if path == DASH else visible(path)
+
+
 def read_bytes(path: str) -> bytes:
     """The bytes of a file, ``-`` of standard input. Raises KoordError."""
-    name = STDIN_NAME if path == DASH else path
+    name = name_of(path)
     try:
         if path == DASH:
             if sys.stdin is None:
@@ -78,7 +83,7 @@ def write_atomically(path: str, data: bytes) -> None:
         else:
             _replace(target, data)
     except (OSError, ValueError) as error:
-        raise refusal("K903", path, f"cannot be written: {_reason(error)}") from None
+        raise refusal("K903", visible(path), f"cannot be written: {_reason(error)}") from None
 
 
 def check_writable(path: str, read: Iterable[str] = ()) -> None:
@@ -94,13 +99,13 @@ def check_writable(path: str, read: Iterable[str] = ()) -> None:
     elif os.path.isdir(target):
         reason = "it is a folder"
     elif not os.path.isdir(folder):
-        reason = f"there is no folder {folder}"
+        reason = f"there is no folder {visible(folder)}"
     elif os.path.exists(target):
         reason = None if os.access(target, os.W_OK) else "permission denied"
     elif not os.access(folder, os.W_OK):
         reason = "permission denied"
     if reason is not None:
-        raise refusal("K903", path, f"cannot be written: {reason}")
+        raise refusal("K903", visible(path), f"cannot be written: {reason}")
 
 
 def check_folder(path: str) -> None:
@@ -110,11 +115,11 @@ def check_folder(path: str) -> None:
     if target.exists() and not (target / _OURS).is_file():
         reason = "something else is there"
     elif not target.parent.is_dir():
-        reason = f"there is no folder {target.parent}"
+        reason = f"there is no folder {visible(str(target.parent))}"
     elif not os.access(target.parent, os.W_OK):
         reason = "permission denied"
     if reason is not None:
-        raise refusal("K903", path, f"cannot be written: {reason}")
+        raise refusal("K903", visible(path), f"cannot be written: {reason}")
 
 
 def write_folder(path: str, files: Mapping[str, bytes]) -> None:
@@ -137,7 +142,7 @@ def write_folder(path: str, files: Mapping[str, bytes]) -> None:
             shutil.rmtree(made, ignore_errors=True)
             raise
     except (OSError, ValueError) as error:
-        raise refusal("K903", path, f"cannot be written: {_reason(error)}") from None
+        raise refusal("K903", visible(path), f"cannot be written: {_reason(error)}") from None
 
 
 def _replace(target: Path, data: bytes) -> None:

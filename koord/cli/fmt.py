@@ -95,7 +95,7 @@ def _carry_out(task: Task, laid_out: LaidOut) -> Exit:
             _write_bytes(laid_out.text)
         elif laid_out.changed:
             write_atomically(path, laid_out.text.encode("utf-8"))
-            print(f"{path}: laid out")
+            print(f"{laid_out.file.source.name}: laid out")
         return Exit.OK
     if not laid_out.changed:
         return Exit.OK

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 from koord.cli.arguments import settings
 from koord.cli.diagnostics import Report
-from koord.cli.files import DASH, STDIN_NAME, read_program
+from koord.cli.files import name_of, read_program
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.elaborate.settings import Settings
@@ -70,7 +70,7 @@ def load_programs(
         if checked is not None and checked.program is not None:
             programs.append(LoadedProgram(checked.source, checked.program, reading))
         elif report.errors == before:
-            report.add((no_program(STDIN_NAME if path == DASH else path),))
+            report.add((no_program(name_of(path)),))
     return tuple(programs)
 
 

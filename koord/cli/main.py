@@ -116,9 +116,11 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """End with one line that says what is wrong, and where the arguments are listed."""
+        from koord.syntax.source import visible
+
         self.exit(
             Exit.BAD_INPUT,
-            f"{self.prog}: error: {message}\n`{self.prog} --help` lists the arguments.\n",
+            f"{self.prog}: error: {visible(message)}\n`{self.prog} --help` lists the arguments.\n",
         )
 
 

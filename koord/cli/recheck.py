@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from koord.cli.arguments import add_json, check_files, seconds
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
-from koord.cli.files import DASH, STDIN_NAME, InputFile, read_bytes, read_program
+from koord.cli.files import InputFile, name_of, read_bytes, read_program
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.recheck.certificate import REWRITE, Certificate, digest_of, read
@@ -70,7 +70,7 @@ def main(arguments: argparse.Namespace) -> int:
     check_files([arguments.certificate, *([given] if given is not None else [])])
     return _recheck(
         Request(
-            name=STDIN_NAME if arguments.certificate == DASH else arguments.certificate,
+            name=name_of(arguments.certificate),
             raw=read_bytes(arguments.certificate),
             program=read_program(given) if given is not None else None,
             timeout_s=arguments.timeout,

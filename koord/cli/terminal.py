@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TextIO
 
+from koord.syntax.source import visible as visible
+
 #: The width of lines that go to no terminal, where nobody can say how wide it is.
 WIDTH_OF_FILES = 100
 
@@ -68,32 +70,6 @@ def is_terminal(stream: TextIO | None, environment: Mapping[str, str] | None = N
         return stream.isatty()
     except ValueError:  # closed
         return False
-
-
-def visible(text: str) -> str:
-    """Text from outside, made harmless: one visible character for each that would act on the
-    terminal (escapes, direction marks, line separators), four blanks for a tab.
-    """
-    if text.isascii() and text.isprintable():
-        return text
-    return "".join(map(visible_character, text))
-
-
-def visible_character(character: str) -> str:
-    code = ord(character)
-    if character == "\t":
-        return TAB
-    if code < 0x20:
-        return chr(0x2400 + code)  # ␛ and its like
-    if code == 0x7F:
-        return "\u2421"
-    if unicodedata.category(character) in _ACTING:
-        return "\ufffd"
-    return character
-
-
-#: Control and format characters, surrogates, separators of lines and paragraphs.
-_ACTING = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
 def cells(text: str) -> int:

@@ -14,7 +14,7 @@ from hashlib import sha256
 from koord.recheck.claims import Kind
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.elaborate.settings import ParamValue, Settings
-from koord.syntax.source import Source
+from koord.syntax.source import Source, visible
 
 FORMAT = "koord certificate"
 VERSION = 3
@@ -177,7 +177,7 @@ def read(raw: bytes, name: str) -> Certificate:
 
 
 def _source(reader: _Reader) -> Source:
-    return Source(reader.field("name").text(), _certified(reader, "text"))
+    return Source(visible(reader.field("name").text()), _certified(reader, "text"))
 
 
 def _certified(reader: _Reader, part: str) -> str:

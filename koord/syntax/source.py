@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from bisect import bisect_right
 from dataclasses import dataclass, field
 
@@ -84,3 +85,34 @@ class Source:
 def normalise(text: str) -> str:
     r"""Text as the lexer wants it: no byte-order mark, ``\n`` line ends."""
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+
+
+# --- what comes from outside, shown ---------------------------------------------------------------
+
+#: What a tab is shown as.
+_TAB = " " * 4
+
+#: Control and format characters, surrogates, separators of lines and paragraphs.
+_ACTING = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+
+
+def visible(text: str) -> str:
+    """Text from outside, names of files above all, made harmless: one visible character for each
+    that would act on the terminal (escapes, direction marks, line ends), four blanks for a tab.
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(map(visible_character, text))
+
+
+def visible_character(character: str) -> str:
+    code = ord(character)
+    if character == "\t":
+        return _TAB
+    if code < 0x20:
+        return chr(0x2400 + code)  # ␛ and its like
+    if code == 0x7F:
+        return "\u2421"
+    if unicodedata.category(character) in _ACTING:
+        return "\ufffd"
+    return character

@@ -20,7 +20,7 @@ from koord.semantics.traces.json_reader import Reader, parse
 from koord.semantics.traces.trace import Numbers, Sources, Trace, digest
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError, Severity, refusal
-from koord.syntax.source import Source
+from koord.syntax.source import Source, visible
 
 if TYPE_CHECKING:
     from koord.syntax.elaborate.settings import ParamValue
@@ -210,7 +210,7 @@ def _check_format(document: Reader) -> None:
 
 def _decode_text(reader: Reader) -> Source:
     parts = reader.fields(("name", "sha256", "text"))
-    source = Source(parts["name"].text(), parts["text"].text())
+    source = Source(visible(parts["name"].text()), parts["text"].text())
     if digest(source) != parts["sha256"].text():
         raise parts["text"].refuse(
             "the text is not the one that the trace was made with (sha256 differs)",

@@ -36,12 +36,12 @@ def never_set(session: Session, program: core.Program) -> None:
     """Warn of variables without a value that nothing sets, and something reads."""
     reads: dict[Key, list[core.Place]] = {}
     sets: dict[Key, set[Path]] = {}
-    for kind, agent in enumerate(program.agents):
+    for number, agent in enumerate(program.agents):
         for node in nodes((agent.init, agent.events)):
             for place in _read(node):
-                reads.setdefault(key(place.variable, kind), []).append(place)
+                reads.setdefault(key(place.variable, number), []).append(place)
             for path, place in _set(node):
-                sets.setdefault(key(place.variable, kind), set()).add(path)
+                sets.setdefault(key(place.variable, number), set()).add(path)
     stated = [p.condition for p in (*program.properties, *program.expectations)]
     stated += [p.trigger for p in (*program.properties, *program.expectations) if p.trigger]
     for condition in stated:
@@ -49,9 +49,9 @@ def never_set(session: Session, program: core.Program) -> None:
             for each in range(len(program.agents)) if kind is None else (kind,):
                 reads.setdefault(key(place.variable, each), []).append(place)
     told: set[core.Variable] = set()
-    for declaration, kind in _declarations(program):
+    for declaration, owner in _declarations(program):
         variable = declaration.variable
-        found = key(variable, kind)
+        found = key(variable, owner)
         unset = _unset(declaration, reads.get(found, ()), sets.get(found, set()))
         if declaration.initial is core.Start.UNSET and unset is not None and variable not in told:
             told.add(variable)
