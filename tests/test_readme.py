@@ -12,6 +12,7 @@ import pytest
 
 from koord.cli.exits import Exit
 from koord.cli.main import COMMANDS, EPILOG
+from tests import environments
 from tests.test_examples import EXPECTED
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -55,32 +56,104 @@ def test_every_exit_code_is_listed_where_users_look() -> None:
         assert re.search(rf"^  {code.value} ", EPILOG, re.MULTILINE)
 
 
+#: What the tour says to install, before the first command that needs it.
+INSTALLING = re.compile(r"\.venv/bin/pip install -q '\.\[(\w+)\]'")
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the tour is taken: it has the project's programs, and what it writes stays there."""
-    made = tmp_path_factory.mktemp("tour")
+    """Where the tour is taken: it has the project's programs, and what it writes stays there.
+
+    What is installed there is what the first command of the README installs, and nothing else.
+    """
+    found = tmp_path_factory.mktemp("tour")
     for name in ("specs", "tests"):
-        (made / name).symlink_to(ROOT / name)
-    koord = made / "koord"
-    koord.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m koord "$@"\n', encoding="utf-8")
+        (found / name).symlink_to(ROOT / name)
+    koord = found / "koord"
+    koord.write_text(f'#!/bin/sh\nexec "{sys.executable}" -S -m koord "$@"\n', encoding="utf-8")
     koord.chmod(0o755)
-    return made
+    environments.made(found / "installed")
+    return found
+
+
+def told(folder: Path, command: str) -> subprocess.CompletedProcess[str]:
+    """What a command prints there."""
+    installed = os.pathsep.join((str(folder / "installed"), str(ROOT)))
+    paths = {"PATH": f"{folder}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": installed}
+    return subprocess.run(
+        ["bash", "-c", command],
+        cwd=folder,
+        env={**os.environ, **paths, "PYTHONUTF8": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        timeout=120,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("command", "extra"),
+    [
+        ("koord sim specs/examples/task.krd --rounds 1", "sim"),
+        ("koord check-refinement specs/examples/task.krd --target simulator --runs 1", "sim"),
+        (
+            "koord verify specs/examples/leader_elect.krd --certificate c.json >/dev/null"
+            " && koord recheck c.json",
+            "recheck",
+        ),
+        ("koord verify specs/examples/task.krd --robots 2..3 --plot t.svg", "plot"),
+    ],
+)
+def test_what_is_not_installed_is_told_with_its_cure(
+    tmp_path: Path, command: str, extra: str
+) -> None:
+    """In an environment with koord alone."""
+    (tmp_path / "specs").symlink_to(ROOT / "specs")
+    koord = tmp_path / "koord"
+    koord.write_text(f'#!/bin/sh\nexec "{sys.executable}" -S -m koord "$@"\n', encoding="utf-8")
+    koord.chmod(0o755)
+    environments.made(tmp_path / "installed")
+    done = told(tmp_path, command)
+    assert done.returncode == Exit.BAD_INPUT, done.stdout
+    assert f"pip install 'koord[{extra}]'" in done.stdout
+    assert "Traceback" not in done.stdout
 
 
 def test_the_tour_prints_what_is_shown(folder: Path) -> None:
-    paths = {"PATH": f"{folder}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
     for command, expected in TOUR:
+        if extra := INSTALLING.fullmatch(command):
+            environments.made(folder / "installed", [extra[1]])
+            continue
+        done = told(folder, command)
+        assert agrees(masked(command, expected), masked(command, done.stdout)), done.stdout
+
+
+@pytest.mark.slow
+def test_the_tour_can_be_taken_in_an_environment_that_pip_made(tmp_path: Path) -> None:
+    """The commands of the tour, as a newcomer types them; what they print is looked at above."""
+    pip = [str(tmp_path / ".venv" / "bin" / "pip"), "install", "-q"]
+    subprocess.run([sys.executable, "-m", "venv", str(tmp_path / ".venv")], check=True, timeout=300)
+    subprocess.run([*pip, str(ROOT)], check=True, timeout=1200)
+    for name in ("specs", "tests"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    paths = {"PATH": f"{tmp_path}/.venv/bin{os.pathsep}{os.environ['PATH']}"}
+    for command, _ in TOUR:
+        if extra := INSTALLING.fullmatch(command):
+            subprocess.run([*pip, f"{ROOT}[{extra[1]}]"], check=True, timeout=1200)
+            continue
         done = subprocess.run(
             ["bash", "-c", command],
-            cwd=folder,
-            env={**os.environ, **paths, "PYTHONUTF8": "1"},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
+            cwd=tmp_path,
+            env={k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | paths,
+            capture_output=True,
             encoding="utf-8",
-            timeout=120,
+            timeout=300,
             check=False,
         )
-        assert agrees(masked(command, expected), masked(command, done.stdout)), done.stdout
+        assert "Traceback" not in done.stderr, done.stderr
+        assert done.returncode in (Exit.OK, Exit.VIOLATED, Exit.BAD_INPUT), done.stderr
+        assert "pip install" not in done.stderr
 
 
 def masked(command: str, text: str) -> str:

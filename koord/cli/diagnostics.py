@@ -18,7 +18,7 @@ from typing import TextIO
 from koord.cli.excerpt import excerpt
 from koord.cli.terminal import PLAIN, Paint, Style, style_of, visible
 from koord.syntax.diagnostics import Diagnostic, KoordError, Note, Severity
-from koord.syntax.source import Source, Span, is_whole_file
+from koord.syntax.source import NOWHERE, Source, Span, is_whole_file
 
 #: Raised when the JSON changes in a way that its readers must know of.
 JSON_VERSION = 1
@@ -84,8 +84,9 @@ def render(
     paint = Paint.ERROR if diagnostic.severity is Severity.ERROR else Paint.WARNING
     kind = style.paint(f"{severity} {diagnostic.code}", paint)
     first, *more = diagnostic.message.splitlines() or [""]
-    place = style.paint(_place_text(diagnostic.span), Paint.BOLD)
-    yield f"{place}: {kind}: {style.paint(visible(first), Paint.BOLD)}"
+    # What is about no file and no flag is said by the program itself.
+    place = "koord" if diagnostic.span == NOWHERE else _place_text(diagnostic.span)
+    yield f"{style.paint(place, Paint.BOLD)}: {kind}: {style.paint(visible(first), Paint.BOLD)}"
     for line in more:
         yield f"    {visible(line)}"
     yield from _excerpt(diagnostic.span, sources, style, paint)

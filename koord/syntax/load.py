@@ -57,7 +57,7 @@ def load(
         found
         for found in elaborated.diagnostics
         if found.span.file not in texts or not _follows(found, lost, texts[found.span.file])
-        if not (damaged and found.code == "K405")  # perhaps it only seems to be empty
+        if not (damaged and found.code in _WHOLE)
         if (found.span.file, found.span.line) not in unended
     ]
     files = {name: number for number, name in enumerate(texts)}
@@ -71,6 +71,8 @@ def load(
 
 #: Findings that may only be there because a line with an error could not be read.
 _FOLLOWING = frozenset({"K201", "K202", "K203", "K205", "K206", "K207", "K304", "K403"})
+#: Findings about the whole of a text: what could not be read may be what they miss.
+_WHOLE = frozenset({"K405", "K406"})
 _WORD = re.compile(r"\w+")
 
 

@@ -55,13 +55,13 @@ def test_a_file_as_a_whole_has_no_line() -> None:
 
 def test_a_place_without_a_text_has_no_excerpt() -> None:
     inside = Diagnostic("K205", Severity.ERROR, NOWHERE, "wrong")
-    assert list(render(inside, {})) == ["<koord>:1:1: error K205: wrong"]
+    assert list(render(inside, {})) == ["koord: error K205: wrong"]
 
 
 def test_messages_of_several_lines_are_indented() -> None:
     several = Diagnostic("K205", Severity.ERROR, NOWHERE, "wrong:\nthis\nthat", "do\nundo")
     assert list(render(several, {})) == [
-        "<koord>:1:1: error K205: wrong:",
+        "koord: error K205: wrong:",
         "    this",
         "    that",
         "  = help: do",

@@ -16,7 +16,7 @@ from koord.syntax.source import visible
 
 #: What a name can have in it, all at once: an escape sequence, a line end, a mark that turns the
 #: direction of writing, markup, quotes, a comment of HTML, a byte that is no UTF-8.
-EVIL = os.fsdecode(b"a\x1b[31m\nb\xe2\x80\xaec[red]d[bold]'\"\"\"\\N{x}<!--<script>\xff")
+EVIL = os.fsdecode(b'a\x1b[31m\nb\xe2\x80\xaec[red]d[bold]\'"""\\N{x}<!--<script>\xff')
 
 PROGRAM = """\
 local:

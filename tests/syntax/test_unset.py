@@ -75,3 +75,11 @@ def test_the_cure_is_one_and_the_world_may_give_tasks() -> None:
     assert "`todo = []`" in found.hint
     assert "world: {tasks: …}" in found.hint
     assert diagnostics(text.replace("Task[] todo", "Task[] todo = []")) == ()
+
+
+def test_nothing_is_said_of_a_program_that_could_not_be_read() -> None:
+    """What sets the variable may be in what was lost."""
+    text = f"{COUNT}  int q\nGo:\n  eff: n = q\n"
+    assert [found.code for found in diagnostics(text)] == ["K406"]
+    for wrong in ("Set:\n  eff: q = 3 +\n", "Set:\n  eff: q = zz\n"):
+        assert "K406" not in [found.code for found in diagnostics(text + wrong)]

@@ -183,7 +183,7 @@ def _define(
         session.settings.tasks if _starts_with_tasks(session, allwrite) else None,
         span=program.span,
     )
-    if not session.partial:
+    if not session.partial and not session.findings.errors:
         unset.never_set(session, made)
     return made
 
