@@ -18,6 +18,9 @@ from koord.syntax.source import Source
 EXAMPLES = Path(__file__).parent.parent / "specs" / "examples"
 EVERY_ROUND = "holds in every round"
 
+#: How the runs that break something end, in the words of `koord replay`.
+ENDS = ("breaks", "loses an update", "ends in a fault")
+
 Scalar = int | float | bool | str
 
 
@@ -95,9 +98,10 @@ def test_every_program_is_laid_out(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize(("file", "run"), list(_cases()))
 def test_the_verdicts_are_those_expected(
-    file: str, run: Run, capsys: pytest.CaptureFixture[str]
+    file: str, run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code = main(run.command(file))
+    kept = tmp_path / "kept.json"
+    code = main([*run.command(file), "--trace", str(kept)])
     (report,) = json.loads(capsys.readouterr().out)["reports"]
     claims = {claim["name"]: claim for claim in report["claims"]}
     assert set(run.says) <= set(claims)
@@ -106,6 +110,33 @@ def test_the_verdicts_are_those_expected(
         assert _meets(claim, wanted), f"{name}: {_said(claim)}, expected: {wanted}"
     assert [_empty(v) for v in report["vacuities"]] == run.empty
     assert code == run.exit
+    assert kept.exists() is (code == Exit.VIOLATED)
+    if kept.exists():
+        assert_is_read(kept, run, capsys)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["search", "bmc", "bits", "spacer", "induction"])
+@pytest.mark.parametrize("file", [name for name in EXPECTED if name.startswith("broken/")])
+def test_what_any_engine_finds_is_read(
+    file: str, engine: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the form of other tools as well, where they go on with it."""
+    (run, *_) = [run for run in EXPECTED[file].runs if run.exit == Exit.VIOLATED]
+    for kept in (tmp_path / "kept.json", tmp_path / "kept.itf.json"):
+        command = [*run.command(file), "--engine", engine, "--property-timeout", "10"]
+        main([*command, "--trace", str(kept)])
+        capsys.readouterr()
+        if kept.exists():
+            assert_is_read(kept, run, capsys)
+
+
+def assert_is_read(kept: Path, run: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    """What was kept is legal, and breaks what it says. [REPLAY]"""
+    assert main(["replay", str(kept)]) == Exit.OK
+    said = capsys.readouterr().out
+    # Of what breaks between the ends of rounds a trace has the run, and no claim.
+    assert any(f"  it {how}" in said for how in ENDS) or "--instants" in run.flags, said
 
 
 def _empty(vacuity: dict[str, object]) -> str:

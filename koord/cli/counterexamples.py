@@ -16,8 +16,15 @@ from koord.semantics.domain import Constant
 from koord.semantics.execution import execute
 from koord.semantics.traces.names import Names
 from koord.semantics.traces.recording import Recording
-from koord.semantics.traces.trace import Numbers, Trace, Violation, ViolationKind, traced
-from koord.verify.claims import ClaimKind, rule_of
+from koord.semantics.traces.trace import (
+    Numbers,
+    Sources,
+    Trace,
+    Violation,
+    ViolationKind,
+    traced,
+)
+from koord.verify.claims import Claim, ClaimKind, rule_of
 from koord.verify.instants import instant_of
 from koord.verify.verdicts import Counterexample, Verdict
 
@@ -107,16 +114,13 @@ def rerun_of(loaded: LoadedProgram, system: System, found: Counterexample) -> De
     return rerun(trace_of_run(loaded, system, found.recording))
 
 
-def trace_of(loaded: LoadedProgram, system: System, verdict: Verdict) -> Trace:
-    """The counterexample as a trace."""
-    found = verdict.counterexample
-    assert found is not None
-    kind = _KINDS.get(verdict.claim.kind)
+def trace_of(sources: Sources, system: System, claim: Claim, found: Counterexample) -> Trace:
+    """A counterexample as a trace."""
+    kind = _KINDS.get(claim.kind)
     violation = None
     if kind is not None:
-        name = verdict.claim.subject or verdict.claim.name
-        violation = Violation(kind, name, found.round - 1, found.robot)
-    return traced(sources_of(loaded), system, Numbers.EXACT, found.recording, violation)
+        violation = Violation(kind, claim.subject or claim.name, found.round - 1, found.robot)
+    return traced(sources, system, Numbers.EXACT, found.recording, violation)
 
 
 def trace_of_run(loaded: LoadedProgram, system: System, recording: Recording) -> Trace:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram, no_program
+from koord.semantics.replay import replay
 from koord.semantics.traces.codec import decode_document, encode, load_embedded
 from koord.semantics.traces.itf import embedded_trace, encode_itf, is_itf
 from koord.semantics.traces.json_reader import parse
@@ -30,8 +31,35 @@ def sources_of(loaded: LoadedProgram) -> Sources:
 
 def write_trace(path: str, trace: Trace) -> None:
     """Write a trace, in the form that the file's name asks for. Raises KoordError."""
-    data = encode_itf(trace) if path.endswith(ITF_SUFFIX) else encode(trace)
+    write_atomically(path, _encoded(path, trace))
+
+
+class UnreadableTraceError(Exception):
+    """A trace would not be legal when it is read again: a mistake of koord's own."""
+
+
+def write_counterexample(path: str, trace: Trace) -> None:
+    """Write a trace as ``write_trace`` does, once it was read back and replayed.
+
+    Raises KoordError; and UnreadableTraceError, without a file, where a replay would refuse it.
+    """
+    data = _encoded(path, trace)
+    try:
+        refused = replay(read_trace(data, path, None)).refused
+    except KoordError as error:
+        raise UnreadableTraceError(error.diagnostics[0].message) from error
+    if refused is not None:
+        step = refused.step
+        where = f"round {step.round + 1}, {step.rule}" if step.round >= 0 else step.rule
+        story = f"[{refused.rule}] {refused.reason} ({where})"
+        raise UnreadableTraceError(
+            f"the counterexample is not legal when it is read again: {story}"
+        )
     write_atomically(path, data)
+
+
+def _encoded(path: str, trace: Trace) -> bytes:
+    return encode_itf(trace) if path.endswith(ITF_SUFFIX) else encode(trace)
 
 
 def read_trace(raw: bytes, name: str, program: Source | None) -> Trace:

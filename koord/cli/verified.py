@@ -144,7 +144,7 @@ def _exit(report: Verification) -> Exit:
 def _keep(program: LoadedProgram, asked: Asked, path: str) -> None:
     """Write the trace of the first violation, the shortest of several; say so if there is none."""
     from koord.cli import counterexamples
-    from koord.cli.traces import write_trace
+    from koord.cli.traces import sources_of, write_counterexample
 
     broken = [v for v in asked.report.verdicts if v.counterexample is not None]
     if not broken:
@@ -152,13 +152,17 @@ def _keep(program: LoadedProgram, asked: Asked, path: str) -> None:
         return
     shortest = min(broken, key=_length)
     if asked.system_of(shortest) is asked.system:
-        write_trace(path, counterexamples.trace_of(program, asked.system, shortest))
+        found = shortest.counterexample
+        assert found is not None
+        sources = sources_of(program)
+        trace = counterexamples.trace_of(sources, asked.system, shortest.claim, found)
+        write_counterexample(path, trace)
         return
     # Traces have the ends of rounds: this one has the run in which it happens in between.
     assert asked.shadows is not None
     assert shortest.counterexample is not None
     recording = asked.shadows.unshadowed(shortest.counterexample.recording)
-    write_trace(path, counterexamples.trace_of_run(program, asked.system, recording))
+    write_counterexample(path, counterexamples.trace_of_run(program, asked.system, recording))
 
 
 def _save(problem: Problem, report: Verification, path: str) -> None:

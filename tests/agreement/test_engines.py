@@ -15,22 +15,25 @@ from random import Random
 
 import pytest
 
+from koord.cli.counterexamples import trace_of
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
 from koord.refinement.rerunning import rerun
 from koord.refinement.running import ready
 from koord.semantics.configurations import System
 from koord.semantics.machine import NotFiniteError
+from koord.semantics.replay import replay
 from koord.semantics.search.engine import survey
 from koord.semantics.search.findings import Exhausted, Subject, Violated
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
+from koord.semantics.traces.codec import decode, encode
 from koord.semantics.traces.trace import Numbers, traced
-from koord.verify.claims import ClaimKind, claims_of
+from koord.verify.claims import Claim, ClaimKind, claims_of
 from koord.verify.every_n.proving import SPARING, prove
 from koord.verify.portfolio import Choice
 from koord.verify.solving import Deadline, Effort
-from koord.verify.verdicts import Engine, Outcome, Verdict
+from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
 from tests.generators.large import large
 from tests.generators.staged import staged
 from tests.semantics.driving import NO_TEXT
@@ -110,6 +113,9 @@ def bmc_agrees(case: Searched, rounds: int) -> Counter[str]:
         return Counter(["bmc: a loop without a bound"])
     assert checked.bounded.reason == "", case.seed
     assert not checked.bounded.unreplayed, case.seed
+    claims = {claim.name: claim for claim in claims_of(case.system)}
+    for name, found in checked.violated.items():
+        assert_is_read(case, claims[name], found)
     assert checked.rounds == {name: n for name, n in case.first.items() if n <= rounds}, case.seed
     return Counter(["bmc"])
 
@@ -180,12 +186,22 @@ def assert_so(case: Searched, verdict: Verdict) -> None:
     breaks, where = case.first.get(verdict.claim.name), (case.seed, verdict)
     if verdict.outcome is Outcome.VIOLATED:
         assert verdict.counterexample is not None
+        assert_is_read(case, verdict.claim, verdict.counterexample)
         if case.every or (case.depth is not None and verdict.counterexample.round <= case.depth):
             assert breaks == verdict.counterexample.round, where
     elif verdict.outcome is Outcome.HOLDS and verdict.rounds is None:
         assert breaks is None, where
     else:
         assert breaks is None or verdict.rounds is None or breaks > verdict.rounds, where
+
+
+def assert_is_read(case: Searched, claim: Claim, found: Counterexample) -> None:
+    """What is kept of a counterexample is legal when it is read, and breaks that. [REPLAY]"""
+    kept = encode(trace_of(NO_TEXT, case.system, claim, found))
+    read = decode(kept, "kept.json", lambda sources: case.system.program)
+    assert replay(read).refused is None, (case.seed, claim)
+    ends = read.violation is not None, read.configurations[-1].fault is not None
+    assert ends == (claim.kind is not ClaimKind.FAULT, claim.kind is ClaimKind.FAULT), case.seed
 
 
 # --- all of them ----------------------------------------------------------------------------------

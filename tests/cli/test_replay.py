@@ -265,3 +265,49 @@ def test_a_run_into_a_fault_is_legal(
     assert frame.main(["replay", "t.json"]) == Exit.OK
     out = capsys.readouterr().out
     assert "it ends in a fault of robot 0: read of an unset value (f.krd:5:12)" in out
+
+
+def test_what_would_not_be_legal_is_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A counterexample with robots that move behind its fault, as a mistake of koord's."""
+    monkeypatch.setattr("koord.verify.witness.until", lambda recording, last: recording)
+    file, kept = tmp_path / "slip.krd", tmp_path / "slip.json"
+    file.write_text("local:\n  int n = 0\nGo:\n  pre: 1 / n > 0\n  eff:\n    n = 1\n")
+    asked = ["verify", str(file), "--engine", "bmc"]
+    assert frame.main([*asked, "--trace", str(kept)]) == Exit.INTERNAL
+    told = capsys.readouterr()
+    assert "violated in round 1" in told.out
+    assert "not legal when it is read again: [FAULT]" in told.err
+    assert not kept.exists()
+    monkeypatch.undo()
+    assert frame.main([*asked, "--trace", str(kept)]) == Exit.VIOLATED
+    assert frame.main(["replay", str(kept)]) == Exit.OK
+
+
+@pytest.mark.parametrize("engine", ["auto", "bmc"])
+def test_what_is_kept_is_read_whatever_is_in_it(
+    engine: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Params, another δ, a file of properties, answers of functions, maps, large numbers."""
+    file, more = tmp_path / "much.krd", tmp_path / "more.krd"
+    file.write_text(
+        "param int much = 1\n"
+        "def fun f(Map<bool, int> m, pos p) -> pos[]: extern\n"
+        "using Unit:\n  sensors:\n    bool go\n"
+        "allwrite:\n  Map<bool, int> m = {true: 1, false: 2}\n  int top = 0\n"
+        "local:\n  pos[] way\n  float x = 0.1\n"
+        "Go:\n  pre: go\n  eff:\n    atomic:\n      way = f(m, pos(0.1, 0.2, 0.3))\n"
+        "      m[false] = much\n      top = top + much\n      x = x / 3\n"
+    )
+    more.write_text("invariant Low: top < 2 * much\n")
+    for suffix in ("json", "itf.json"):
+        kept = tmp_path / f"kept.{suffix}"
+        words = ["verify", str(file), "--with", str(more), "--set", f"much={2**70}"]
+        words += ["--delta", "1/7", "--robots", "2", "--engine", engine, "--trace", str(kept)]
+        assert frame.main(words) == Exit.VIOLATED
+        capsys.readouterr()
+        assert frame.main(["replay", str(kept), "--compiled"]) == Exit.OK
+        said = capsys.readouterr().out
+        assert "it breaks Low, as it says" in said
+        assert "the compiled program does the same" in said
