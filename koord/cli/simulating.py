@@ -177,8 +177,8 @@ def watching(simulation: Simulation, program: core.Program, slack: Fraction) -> 
 def gaps_of(program: core.Program) -> tuple[str, ...]:
     """The functions and sensors of a program that nothing in a simulated world answers."""
     functions = (plain_name(function.name) for function in program.externals)
-    sensors = (
-        (module, agent.ports[position])
+    ports = (
+        agent.ports[position]
         for agent in program.agents
         for module in agent.modules
         if module.environment is None
@@ -186,8 +186,8 @@ def gaps_of(program: core.Program) -> tuple[str, ...]:
     )
     found = [name for name in functions if name not in ANSWERED]
     found += [
-        f"{module.name}.{port.declaration.variable.name}"
-        for module, port in sensors
+        port.label
+        for port in ports
         if port.direction is Direction.SENSOR and port.declaration.variable.name not in SENSED
     ]
     return tuple(dict.fromkeys(found))

@@ -24,7 +24,7 @@ def parts(world: World, v: Values, state: State, suffix: str = "") -> Iterator[S
             yield from _leaves(v, d.variable.name, where, storage, d.variable.type)
         for port, storage in zip(agent.ports, robot.ports, strict=True):
             its = port.declaration.variable
-            yield from _leaves(v, f"{port.module}.{its.name}", where, storage, its.type)
+            yield from _leaves(v, port.label, where, storage, its.type)
         if world.stops():
             yield Shown(f"stopped@{i}{suffix}", robot.stopped, None)
 

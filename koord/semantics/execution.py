@@ -102,7 +102,7 @@ class RecordedInputs:
         value = self._readings.get((robot, variable.slot))
         if value is None:
             raise IllegalStepError(
-                "ENV-FREE", f"no reading of {variable.name} was recorded for robot {robot}"
+                "ENV-FREE", f"no reading of {port.label} was recorded for robot {robot}"
             )
         return value
 

@@ -107,7 +107,7 @@ class Hosted:
     def start(self, robot: int | None, name: str) -> Any:
         """[INIT]: where a robot is, the world's tasks, and else the plainest value there is."""
         shape, robots = self._shape(robot, name), len(self.kinds)
-        if robot is not None and name.rpartition("_")[2] == "psn":
+        if robot is not None and name.rpartition("_")[2] in ("psn", "position"):
             return placed(shape, self.sensed[robot].psn)
         if isinstance(shape, Array) and _is_task(shape.element):
             return tuple(self._task(shape.element, k) for k in range(shape.size))

@@ -522,11 +522,26 @@ class Direction(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Port(Node):
-    """A port of a module: ``declaration.variable`` has home ``PORT``; its name is unqualified."""
+    """A port of a module: ``declaration.variable`` has home ``PORT``; its name is unqualified.
+
+    Ports of the library may go by two names: ``spelling`` is the one that the program uses, for who
+    reads of the port. Empty: that of the variable.
+    """
 
     module: str
     direction: Direction
     declaration: Declaration
+    spelling: str = ""
+
+    @property
+    def shown(self) -> str:
+        """The name that the program uses, without the module."""
+        return self.spelling or self.declaration.variable.name
+
+    @property
+    def label(self) -> str:
+        """How it is named to people and in files: ``Motion.position``."""
+        return f"{self.module}.{self.shown}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,4 +97,32 @@ SHOWN = (
         "if any(",
         (CLAIMS,),
     ),
+    Mutant(
+        "ports are named as the library keeps them",
+        "syntax/core.py",
+        "return self.spelling or self.declaration.variable.name",
+        "return self.declaration.variable.name",
+        ("tests/semantics/test_port_names.py",),
+    ),
+    Mutant(
+        "of two names of a port the last one counts",
+        "syntax/elaborate/survey.py",
+        "if (span.line, span.column) < (first.line, first.column):",
+        "if (span.line, span.column) > (first.line, first.column):",
+        ("tests/semantics/test_port_names.py",),
+    ),
+    Mutant(
+        "traces with the kept names of ports are not read",
+        "semantics/traces/decode_runs.py",
+        "names = [n.older if n.name not in held and n.older in held else n.name for n in among]",
+        "names = [n.name for n in among]",
+        ("tests/semantics/test_port_names.py",),
+    ),
+    Mutant(
+        "what would not be legal is kept",
+        "cli/traces.py",
+        "    if refused is not None:\n        step",
+        "    if refused is not None and not data:\n        step",
+        ("tests/cli/test_replay.py",),
+    ),
 )

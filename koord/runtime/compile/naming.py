@@ -113,7 +113,7 @@ def _own_names(agent: core.Agent, taken: set[str]) -> Iterator[tuple[tuple[Home,
         yield (Home.LOCAL, entry.variable.slot), _fresh(entry.variable.name, taken)
     for port in agent.ports:
         variable = port.declaration.variable
-        yield (Home.PORT, variable.slot), _fresh(f"{port.module}_{variable.name}", taken)
+        yield (Home.PORT, variable.slot), _fresh(f"{port.module}_{port.shown}", taken)
 
 
 def _event_names(name: str, taken: set[str]) -> tuple[str, str]:

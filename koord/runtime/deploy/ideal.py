@@ -109,12 +109,12 @@ class Ideal:
         for name in robot.SENSORS:
             module, _, port = name.rpartition("_")
             shape = robot.PORTS[name]
-            if port == "psn":
+            if port in ("psn", "position"):
                 self._move(self._goals(robot, module))
                 readings[name] = self._as(shape, self.position)
         for name in robot.SENSORS:
             module, _, port = name.rpartition("_")
-            if port == "reached":
+            if port in ("reached", "done"):
                 readings[name] = self._done >= len(self._path)
             elif name not in readings and getattr(robot, name) is None:
                 readings[name] = default(robot.PORTS[name], robot.numAgents)
@@ -175,7 +175,7 @@ def _is_task(shape: Shape) -> bool:
 
 def is_place(name: str) -> bool:
     """Whether a port says where the robot is."""
-    return name.endswith("_psn")
+    return name.endswith(("_psn", "_position"))
 
 
 def _is_set(sent: Any) -> bool:

@@ -150,6 +150,9 @@ class _Decoding:
         for named in among:
             if named.name == name:
                 return named
+        for named in among:
+            if named.older == name:
+                return named
         raise reader.refuse(f"the program has no {shortened(name)!r} here", "K914")
 
     def answers(self, reader: Reader) -> tuple[Answer, ...]:
@@ -255,10 +258,12 @@ class _Decoding:
         )
 
     def variables(self, reader: Reader, among: Sequence[Named]) -> tuple[Storage[Constant], ...]:
-        parts = reader.fields([named.name for named in among])
+        held = reader.value if isinstance(reader.value, dict) else {}
+        names = [n.older if n.name not in held and n.older in held else n.name for n in among]
+        parts = reader.fields(names)
         return tuple(
-            decode_storage(parts[named.name], named.type, self.robots, self.numbers)
-            for named in among
+            decode_storage(parts[name], named.type, self.robots, self.numbers)
+            for name, named in zip(names, among, strict=True)
         )
 
     def fault(self, reader: Reader) -> Fault:

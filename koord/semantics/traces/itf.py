@@ -84,6 +84,12 @@ class _Exporting:
         self.shared = dict(zip(range(len(shared)), rest, strict=False))
         self.own = dict(zip(self.of_robots, rest[len(shared) :], strict=True))
 
+    @property
+    def older(self) -> dict[str, str]:
+        """The names of variables by those that older documents have for them."""
+        ports = (named for kind in self.names.kinds for named in kind.ports)
+        return {_identifier(n.older): self.own[n.name] for n in ports if n.older != n.name}
+
     def _of_robots(self) -> Iterator[str]:
         """The names of locals and ports, of all kinds of robot."""
         for kind in self.names.kinds:
@@ -249,19 +255,27 @@ def embedded_trace(document: Reader, load: Load | None = None) -> Trace:
     given_loop = parts["loop"].value if "loop" in parts else None
     if given_loop != (None if loop is None else _Exporting(trace).looped(loop)):
         raise document.refuse("the field 'loop' is not that of the recording", "K917")
+    exporting = _Exporting(trace)
     try:
-        expected = [json.loads(json.dumps(state)) for state in _Exporting(trace).states()]
+        expected = [json.loads(json.dumps(state)) for state in exporting.states()]
     except IllegalStepError:
         return trace  # the replay says where
     for number, (state, given) in enumerate(
         zip(expected, parts["states"].items(len(expected)), strict=True)
     ):
-        if state != given.value:
+        if state != given.value and state != _renamed(given.value, exporting.older):
             name = _first_difference(state, given)
             raise given.refuse(
                 f"state {number} is not the one that the recording leads to (see {name})", "K917"
             )
     return trace
+
+
+def _renamed(state: object, older: dict[str, str]) -> object:
+    """A state whose variables have the names that older documents have."""
+    if not isinstance(state, dict):
+        return state
+    return {older.get(name, name): value for name, value in state.items()}
 
 
 def _first_difference(expected: dict[str, Json], given: Reader) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from koord.semantics.configurations import System
@@ -19,6 +19,7 @@ class Named:
     name: str
     slot: int
     type: Type
+    older: str = ""  #: another name, which older traces have
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +73,11 @@ def element_type(named: Named) -> Type:
 
 def _kind(agent: core.Agent) -> KindNames:
     ports = [port.declaration for port in agent.ports]
-    labels = [f"{port.module}.{port.declaration.variable.name}" for port in agent.ports]
+    kept = distinct(f"{port.module}.{port.declaration.variable.name}" for port in agent.ports)
+    named = _named(ports, [port.label for port in agent.ports])
     return KindNames(
         _named(agent.locals),
-        _named(ports, labels),
+        tuple(replace(one, older=name) for one, name in zip(named, kept, strict=True)),
         tuple(distinct(event.name for event in agent.events)),
     )
 

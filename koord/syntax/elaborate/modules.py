@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from koord.syntax import ast, core
@@ -23,6 +23,7 @@ from koord.syntax.elaborate.symbols import (
     StreamSymbol,
 )
 from koord.syntax.elaborate.variables import common_names, declared_twice, reserved
+from koord.syntax.source import Span
 from koord.syntax.types import BOOL, STREAM, Type
 
 
@@ -31,6 +32,7 @@ class _Port:
     decl: ast.VarDecl
     direction: core.Direction
     own: bool  #: declared by the program, not the library
+    spelling: str  #: of its names the one that the program uses
 
 
 @dataclass(slots=True)
@@ -45,7 +47,7 @@ class UsedModule:
 
 
 def merge(
-    session: Session, sections: list[ast.Using], mentioned: frozenset[str]
+    session: Session, sections: list[ast.Using], mentioned: Mapping[str, Span]
 ) -> list[UsedModule]:
     """The modules that one kind of robot uses.
 
@@ -91,10 +93,10 @@ def _own_ports(
         elif name in module.ports:
             declared_twice(session, decl.name, module.ports[name].decl.name)
         elif name != "?":
-            module.ports[name] = _Port(decl, direction, own=True)
+            module.ports[name] = _Port(decl, direction, own=True, spelling=decl.name.name)
 
 
-def _library_ports(module: UsedModule, mentioned: frozenset[str]) -> None:
+def _library_ports(module: UsedModule, mentioned: Mapping[str, Span]) -> None:
     known = library().modules.get(module.name)
     if known is None:
         return
@@ -110,8 +112,14 @@ def _library_ports(module: UsedModule, mentioned: frozenset[str]) -> None:
         for decl in decls:
             name = decl.name.name
             spellings = {name, *(alias for alias, kept in aliases.items() if kept == name)}
-            if name not in module.ports and (modelled or spellings & mentioned):
-                module.ports[name] = _Port(decl, direction, own=False)
+            used = sorted(spellings & mentioned.keys(), key=lambda s: _place(mentioned[s]))
+            if name not in module.ports and (modelled or used):
+                spelling = used[0] if used else name
+                module.ports[name] = _Port(decl, direction, own=False, spelling=spelling)
+
+
+def _place(span: Span) -> tuple[int, int]:
+    return span.line, span.column
 
 
 def declare_ports(
@@ -176,7 +184,10 @@ def ports(
         body = Body(session, Where.INITIAL, scope, session.findings)
         initial = initial_value(body, port.decl, symbol.variable.type, start)
         declaration = core.Declaration(symbol.variable, initial, span=port.decl.span)
-        result.append(core.Port(symbol.module, symbol.direction, declaration, span=port.decl.span))
+        spelling = port.spelling if port.spelling != symbol.variable.name else ""
+        result.append(
+            core.Port(symbol.module, symbol.direction, declaration, spelling, span=port.decl.span)
+        )
     return tuple(result)
 
 

@@ -114,7 +114,7 @@ def _declare(
         for each in robots
         for section in each.kind.using
     )
-    names = mentioned(program, _variables(session, robots)) if uses_library else frozenset()
+    names = mentioned(program, _variables(session, robots)) if uses_library else {}
     for each in robots:
         each.modules = tuple(modules.merge(session, each.kind.using, names))
     modules.declare_ports(session, [(each.scope, each.modules) for each in robots])

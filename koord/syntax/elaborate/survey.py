@@ -13,10 +13,19 @@ from koord.syntax.source import Span
 _LEAVES = (str, int, Fraction, Enum, type(None), Span, ast.Comment)
 
 
-def mentioned(program: ast.Program, variables: Container[str]) -> frozenset[str]:
-    """The names in expressions that are not those of variables, and those of ports of modules."""
+def mentioned(program: ast.Program, variables: Container[str]) -> dict[str, Span]:
+    """The names in expressions that are not those of variables, and those of ports of modules.
+
+    Each with the first place where it stands.
+    """
     parts: dict[type, tuple[str, ...]] = {}
-    names: set[str] = set()
+    names: dict[str, Span] = {}
+
+    def note(name: str, span: Span) -> None:
+        first = names.setdefault(name, span)
+        if (span.line, span.column) < (first.line, first.column):
+            names[name] = span
+
     modules = set(_modules(program.sections))
     stack: list[object] = [program.sections]
     while stack:
@@ -28,12 +37,12 @@ def mentioned(program: ast.Program, variables: Container[str]) -> frozenset[str]
         if kind is ast.Name:
             assert isinstance(node, ast.Name)
             if node.name not in variables:
-                names.add(node.name)
+                note(node.name, node.span)
             continue
         if kind is ast.Attribute:
             assert isinstance(node, ast.Attribute)
             if isinstance(node.base, ast.Name) and node.base.name in modules:
-                names.add(node.name.name)
+                note(node.name.name, node.name.span)
             else:
                 stack.append(node.base)
             continue
@@ -43,7 +52,7 @@ def mentioned(program: ast.Program, variables: Container[str]) -> frozenset[str]
             parts[kind] = known
         for part in known:
             stack.append(getattr(node, part))
-    return frozenset(names)
+    return names
 
 
 def _modules(sections: Iterable[ast.Section]) -> Iterator[str]:

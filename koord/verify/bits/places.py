@@ -188,7 +188,7 @@ def _variables(system: System, circuit: Circuit, symmetry: Symmetry | None) -> I
             shape = symmetry.ports[kind][slot] if symmetry else None
             v = port.declaration.variable
             at = where(Home.PORT, kind, slot)
-            own = (f"{port.module}.{v.name}", *at_robot)
+            own = (port.label, *at_robot)
             yield from _stored(at, own, v.type, robot.ports[slot], shape)
         # Robots that all asked are stopped at the end of the program turns only.
         asks, own = Status.ASKED in possible[kind], ("stopped", *at_robot)
