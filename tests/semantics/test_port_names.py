@@ -42,8 +42,12 @@ CASES = {
         ["Motion.position", "Motion.reached"],
     ),
     "both": (
-        program_text("", "psn", "(done or reached) and (position.x < 5.0)"),
-        ["Motion.position", "Motion.done"],
+        program_text("", "psn", "(done or reached) and psn.x < 9.0 and position.x < 5.0"),
+        ["Motion.psn", "Motion.done"],
+    ),
+    "both, the other way": (
+        program_text("", "psn", "(reached or done) and position.x < 9.0 and reached"),
+        ["Motion.position", "Motion.reached"],
     ),
     "declared": (program_text(OWN.format("position", "done")), ["Motion.position", "Motion.done"]),
     "declared otherwise": (
