@@ -298,6 +298,9 @@ def _violation_json(
         "robot": found.robot,
         "detail": found.detail,
         "place": None if found.span is None else str(found.span),
+        "fault": None
+        if found.fault is None
+        else {"kind": found.fault.kind.value, "place": str(found.fault.span)},
         "loop": None if found.recording.loop is None else found.recording.loop + 1,
         "fair": fair,
         "compiled": departures.as_json(departure, first=1),

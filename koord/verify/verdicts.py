@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
-from koord.semantics.configurations import Configuration
+from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.semantics.traces.recording import Recording
 from koord.syntax.source import Span
@@ -70,6 +70,7 @@ class Counterexample:
     detail: str
     robot: int | None = None
     span: Span | None = None
+    fault: Fault | None = None  #: of the evaluation of a property, which is false for that
 
 
 @dataclass(frozen=True, slots=True)

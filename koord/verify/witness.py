@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import koord.verify.solving as solving
-from koord.semantics.configurations import Configuration, System
+from koord.semantics.configurations import Configuration, Fault, System
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import RecordedInputs, Step, execute, until
-from koord.semantics.expressions import statement
+from koord.semantics.expressions import condition, statement
 from koord.semantics.machine import machine
 from koord.semantics.oracle import Phase as Asked
 from koord.semantics.quantifiers import instances
@@ -218,9 +218,9 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
         who = f"robot {fault.robot}: " if fault.robot is not None else ""
         detail = f"{who}{fault.kind.value}" + (f" ({fault.detail})" if fault.detail else "")
         return Counterexample(recording, number, phase, detail, fault.robot, fault.span)
-    detail = ""
+    detail, met_fault = "", None
     if claim.stated is not None:
-        detail = _falsified(system, recording, claim.stated, last.configuration)
+        detail, met_fault = _falsified(system, recording, claim.stated, last.configuration)
     elif claim.kind is ClaimKind.LOST_UPDATE:
         met = _meetings(system, recording, steps)[claim.subject]
         return Counterexample(recording, number, phase, _lost(met), last.robot, met.span)
@@ -234,7 +234,7 @@ def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -
             for robot, contract in last.stepped.promises
             if contract.name == claim.subject
         )
-    return Counterexample(recording, number, phase, detail, robot, span)
+    return Counterexample(recording, number, phase, detail, robot, span, met_fault)
 
 
 def _phase_of(step: Step) -> Phase:
@@ -252,8 +252,11 @@ def _falsified(
     recording: Recording,
     stated: core.Property,
     configuration: Configuration[Constant],
-) -> str:
-    """For which values of its quantified variables a property is false, in words."""
+) -> tuple[str, Fault | None]:
+    """For which values of its quantified variables a property is false, in words.
+
+    And the fault of its evaluation there, if it is false for that. [PROP-FAULT]
+    """
     oracle = RecordedInputs(answers=_last_answers(recording)).oracle(Asked.CHECK, 0)
     m = machine(EXACT, system, oracle, bound=stated.bound, view=configuration)
     found: list[str] = []
@@ -274,7 +277,14 @@ def _falsified(
             break
         e = e.body
     where = f" for {', '.join(found)}" if found else ""
-    return f"{stated.name} is false{where}"
+    m.faults = []
+    condition(m, e)
+    fault = next((fault for faults, fault in m.faults if faults is True), None)
+    why = ""
+    if fault is not None:
+        more = f" ({fault.detail})" if fault.detail else ""
+        why = f", since it cannot be evaluated: {fault.kind.value}{more} at {fault.span}"
+    return f"{stated.name} is false{where}{why}", fault
 
 
 def simplified(system: System, recording: Recording, claim: Claim, tries: int = 200) -> Recording:

@@ -33,6 +33,7 @@ from tests.semantics.building import (
     ran,
     stopped,
 )
+from tests.syntax import elaborating
 from tests.verify.asking import bounded
 
 
@@ -271,3 +272,31 @@ def test_every_step_of_what_is_shown_is_legal() -> None:
             simple = simplified(checked.system, shown.recording, claim)
             assert len(simple.rounds) == shown.round
             replayed(checked.system, simple, claim, shown.phase)
+
+
+@pytest.mark.parametrize(
+    ("statement", "kind"),
+    [
+        ("x >= 0", "read of an unset value"),
+        ("forall i: forall j: i != j implies x@i < 3", "read of an unset value"),
+        ("exists i: x@i > 0", "read of an unset value"),
+        ("n / n > 1", "division by zero"),
+        ("n > 0", None),
+    ],
+)
+def test_a_statement_that_is_false_for_a_fault_says_so(statement: str, kind: str | None) -> None:
+    """[PROP-FAULT]"""
+    text = (
+        f"local:\n  int x\n  int n = 0\nGo:\n  pre: n < 0\n  eff: x = n\ninvariant A: {statement}\n"
+    )
+    system = dealt(elaborating.program(text), 2)
+    start = Recording(Opening((0, 1)), ())
+    found = replayed(system, start, claim_of(system, "A"), Phase.INIT)
+    if kind is None:
+        assert found.fault is None
+        assert "evaluated" not in found.detail
+    else:
+        assert found.fault is not None
+        assert found.fault.kind.value == kind
+        assert f"since it cannot be evaluated: {kind}" in found.detail
+        assert str(found.fault.span) in found.detail
