@@ -214,6 +214,7 @@ def _one(arguments: argparse.Namespace, job: Job, problem: Problem) -> int:
                 now = time.time_ns()
                 record.moments(tuple(runner.moments), now)
                 record.status(status, now)
+                record.flush()
                 runner.moments.clear()
 
         last = runner.run(lambda: interrupts.count > 0, report)
@@ -250,6 +251,8 @@ def _all(arguments: argparse.Namespace, job: Job, problem: Problem) -> int:
                     now = time.time_ns()
                     record.moments(moments, now)
                     record.status(status, now)
+            if record is not None:
+                record.flush()
             board.show(fleet.statuses)
             if interrupts.count and not board.is_stopping:
                 board.is_stopping = True

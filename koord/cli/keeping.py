@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
+import time
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from koord.cli.arguments import number
 from koord.cli.files import check_folder, check_writable, write_atomically, write_folder
+from koord.syntax.diagnostics import refusal
 
 if TYPE_CHECKING:
+    from koord.sim.files.mcap import PartRecord
     from koord.sim.recording import Recording
+    from koord.sim.viewing import PartPage
 
 #: Where the page goes if nobody says.
 _PAGE = "run.html"
@@ -74,6 +79,9 @@ _RECORDS = {
     ".rosbag2": Form(_rosbag, ("rosbags",), "export"),
 }
 _VIEWS = {"2d": Form(_page, (), "sim"), "3d": Form(_space, ("viser",), "view")}
+
+#: What is new is kept so often.
+_PERIOD_S = 1.0
 
 #: How long a live page may take to fetch the end of a run.
 _PATIENCE_S = 3.0
@@ -149,23 +157,94 @@ def watched(
     What comes out keeps the pace: it is to be called with the simulated time. Raises KoordError.
     """
     factor = arguments.pace or (1.0 if arguments.live else None)
-    if factor is None:
-        yield _at_once
-        return
+    with _Parts(arguments, recording) as parts:
+        if factor is None:
+            yield parts.grow
+            return
+        with _paced(arguments, recording, factor) as pace:
+
+            def step(time_s: float) -> None:
+                parts.grow(time_s)
+                pace(time_s)
+
+            yield step
+
+
+@contextmanager
+def _paced(
+    arguments: argparse.Namespace, recording: Recording, factor: float
+) -> Iterator[Callable[[float], None]]:
+    """Keeps the pace, and serves the page if that is asked for. Raises KoordError."""
     from koord.sim.live import Live, Pace
 
     pace = Pace(factor).keep
     if not arguments.live:
         yield pace
         return
-    with Live(recording) as live:
+    try:
+        server = Live(recording)
+    except OSError as error:
+        story = f"the page cannot be served on this machine: {error.strerror}"
+        raise refusal("K933", "--live", story, "leave out --live: run.html shows the run") from None
+    with server as live:
         print(f"live: {live.address}", file=sys.stderr, flush=True)
         yield pace
         live.wait_for_watchers(_PATIENCE_S)
 
 
-def _at_once(time_s: float) -> None:
-    """There is no hurry to wait for."""
+class _Parts:
+    """What is kept of a run while it goes on, in files beside those that are asked for.
+
+    They are there if the process is killed, up to the last second of the wall; when the run is kept
+    as a whole they are removed.
+    """
+
+    def __init__(self, arguments: argparse.Namespace, recording: Recording) -> None:
+        self._arguments, self._recording = arguments, recording
+        self._growing: list[PartPage | PartRecord] = []
+        self._next_s = time.monotonic() + _PERIOD_S
+        self._stack = ExitStack()
+
+    def __enter__(self) -> _Parts:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def grow(self, time_s: float) -> None:
+        """Write what is new, if it is time. Raises KoordError."""
+        now_s = time.monotonic()
+        if now_s < self._next_s:
+            return
+        try:
+            if not self._growing:
+                self._begin()
+            for one in self._growing:
+                one.grow()
+        except OSError as error:
+            raise refusal("K903", "the run", f"cannot be written: {error.strerror}") from None
+        self._next_s = time.monotonic() + _PERIOD_S
+
+    def _begin(self) -> None:
+        """A run that is over within a second needs no such files."""
+        from koord.sim.viewing import PartPage
+
+        for path, _ in _wanted(self._arguments):
+            is_page, is_record = path == self._arguments.html, Path(path).suffix.lower() == ".mcap"
+            if not (is_page or is_record) or (os.path.exists(path) and not os.path.isfile(path)):
+                continue
+            file = self._stack.enter_context(Path(part_of(path)).open("wb"))  # noqa: SIM115
+            if is_page:
+                self._growing.append(PartPage(self._recording, file))
+            else:
+                from koord.sim.files.mcap import PartRecord
+
+                self._growing.append(PartRecord(self._recording, file))
+
+
+def part_of(path: str) -> str:
+    """Where a file grows while the run goes on."""
+    return str(Path(path).with_suffix(f".part{Path(path).suffix}"))
 
 
 def keep(arguments: argparse.Namespace, recording: Recording) -> list[str]:
@@ -180,6 +259,8 @@ def keep(arguments: argparse.Namespace, recording: Recording) -> list[str]:
             write_atomically(path, made)
         else:
             write_folder(path, made)
+        with suppress(OSError):
+            os.unlink(part_of(path))
         kept.append(path)
     return kept
 

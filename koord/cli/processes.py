@@ -65,9 +65,11 @@ def simulate(arguments: argparse.Namespace, job: Job, tracing: Tracing | None) -
     late = _Late()
     try:
         # The page is fed by what is told: it keeps the pace of the processes by itself.
-        with watched(arguments, followed.recording), ExitStack() as stack:
+        with watched(arguments, followed.recording) as step, ExitStack() as stack:
             fleet = _launched(stack, Maker(job.cast(), job.scene, job.supplied()), deployment)
             for decision in _rounds(stack, fleet, deployment, followed, late):
+                if arguments.pace is None and not arguments.live:
+                    step(followed.time_s)
                 if tracing is None:
                     continue
                 if decision.round == INIT_ROUND:

@@ -20,6 +20,7 @@ class RecordFile:
             from mcap.writer import Writer
         except ImportError as error:
             raise NoLibraryError from error
+        self._stream = file
         self._writer: Any = Writer(file)
         self._writer.start(profile="", library="koord")
         self._schemas: dict[str, int] = {}
@@ -53,6 +54,13 @@ class RecordFile:
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """A file that belongs to the run."""
         self._writer.add_attachment(0, 0, name, media_type, data)
+
+    def flush(self) -> None:
+        """Write all that was added: it can be read then, whatever becomes of this process."""
+        # The library offers no way to end a chunk before it is full.
+        self._writer._Writer__finalize_chunk()
+        self._writer._Writer__flush()
+        self._stream.flush()
 
     def close(self) -> None:
         """Finish the file."""

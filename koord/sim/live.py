@@ -25,6 +25,15 @@ _NAMES = ("127.0.0.1", "localhost")
 _PERIOD_S = 0.2
 
 
+class _Server(ThreadingHTTPServer):
+    """Browsers come and go, and break connections off: that is nobody's mistake."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Nothing: the run goes on, and another request is answered anew."""
+
+
 class Live:
     """A server for one run. ``with Live(recording) as live: …`` serves it at ``live.address``.
 
@@ -49,8 +58,7 @@ class Live:
             def log_message(self, format: str, *arguments: Any) -> None:
                 """Nothing: what is said to users is said by the command line."""
 
-        self._server = ThreadingHTTPServer((_HOST, port), Handler)
-        self._server.daemon_threads = True
+        self._server = _Server((_HOST, port), Handler)
         self._thread = threading.Thread(target=self._serve, name="live page", daemon=True)
 
     @property

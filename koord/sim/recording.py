@@ -211,6 +211,17 @@ class Still(NamedTuple):
     words: str
 
 
+class Sizes(NamedTuple):
+    """How much of a run is recorded."""
+
+    times: int = 0
+    rounds: int = 0
+    paths: int = 0
+    tasks: int = 0
+    violations: int = 0
+    still: int = 0
+
+
 @dataclass(slots=True)
 class Recording:
     """A run. Everything but the header grows at its end; nothing that stands in it changes."""
@@ -226,6 +237,32 @@ class Recording:
     violations: list[Violation] = field(default_factory=list)
     still: list[Still] = field(default_factory=list)
     ending: str | None = None  #: how the run ended, in words; None: it has not yet
+
+    def since(self, start: Sizes) -> Recording:
+        """What was recorded after so much."""
+        return Recording(
+            self.header,
+            self.times_s[start.times :],
+            self.poses[start.times :],
+            self.separations_m[start.times :],
+            self.rounds[start.rounds :],
+            self.paths[start.paths :],
+            self.tasks[start.tasks :],
+            self.violations[start.violations :],
+            self.still[start.still :],
+        )
+
+    @property
+    def sizes(self) -> Sizes:
+        """How much is recorded by now."""
+        return Sizes(
+            len(self.times_s),
+            len(self.rounds),
+            len(self.paths),
+            len(self.tasks),
+            len(self.violations),
+            len(self.still),
+        )
 
     def stacked(self) -> Pose:
         """All poses, shape ``(times, n, 6)``."""

@@ -7,6 +7,7 @@ import html
 import re
 import zlib
 from importlib.resources import files
+from typing import BinaryIO
 
 from koord.sim.packing import Cursor, cursor_of, pack
 from koord.sim.recording import Recording
@@ -36,6 +37,26 @@ def page_of(recording: Recording) -> bytes:
 def live_page(program: str) -> bytes:
     """A page without a run, which asks the server that it came from for one."""
     return _page(program, "")
+
+
+class PartPage:
+    """The page of a run while it goes on: what is new is written behind it, pack after pack.
+
+    Browsers show such a file up to where it was cut off.
+    """
+
+    def __init__(self, recording: Recording, file: BinaryIO) -> None:
+        self._recording, self._file, self._kept = recording, file, Cursor()
+        file.write(_page(recording.header.program, "packs"))
+
+    def grow(self) -> None:
+        """Write what is new."""
+        now = cursor_of(self._recording)
+        if now != self._kept:
+            packed = base64.b64encode(pack(self._recording, self._kept, now))
+            self._file.write(b'<script type="text/plain" class="pack">' + packed + b"</script>\n")
+            self._file.flush()
+            self._kept = now
 
 
 def _page(program: str, data: str) -> bytes:

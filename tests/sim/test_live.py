@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import http.client
+import socket
+import struct
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -72,6 +74,23 @@ def test_the_page_is_served_to_this_machine_alone(live: Live, ask: Ask) -> None:
     assert 'id="data"></script>' in page
     assert ask("/", host="evil.example:80").status == 403
     assert ask("/etc/passwd").status == 404
+
+
+def test_browsers_that_break_off_are_nobodys_mistake(
+    live: Live, ask: Ask, capsys: pytest.CaptureFixture[str]
+) -> None:
+    port = int(live.address.rstrip("/").rpartition(":")[2])
+    reset = struct.pack("ii", 1, 0)  # no good-bye: the connection is reset
+    for said in (b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: localhost:1\r\n\r\n", b"\xff" * 99):
+        with socket.create_connection(("127.0.0.1", port)) as one:
+            one.sendall(said)
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset)
+    try:
+        raise ConnectionResetError
+    except ConnectionResetError:
+        live._server.handle_error(None, None)
+    assert ask("/").status == 200
+    assert capsys.readouterr().err == ""
 
 
 def test_what_is_new_comes_in_packs(live: Live, recorder: Recorder, ask: Ask) -> None:

@@ -60,6 +60,10 @@ class Record:
         message["holding"] = None if status.holding is None else status.holding.value
         self._file.add("/status", _STATUS, message, now_ns, status.round)
 
+    def flush(self) -> None:
+        """Write all that was told; it can be read from then on, also if this process is killed."""
+        self._file.flush()
+
     def close(self) -> None:
         """Finish the file."""
         self._file.close()

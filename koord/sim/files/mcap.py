@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import IO
 
 from koord.runtime.motion.world import Box, Disc, Obstacle
 from koord.runtime.records import RecordFile
@@ -27,6 +28,7 @@ from koord.sim.recording import (
     Recorded,
     Recording,
     Round,
+    Sizes,
     TaskState,
     turns_of,
 )
@@ -52,6 +54,30 @@ _HUES = (
 def mcap_of(recording: Recording) -> bytes:
     """A run as an MCAP file. Raises NoLibraryError."""
     raw = io.BytesIO()
+    file = _begun(recording, raw)
+    _add(file, [*_scenery(recording.header), *_messages(recording)])
+    file.close()
+    return raw.getvalue()
+
+
+class PartRecord:
+    """An MCAP file that is written while the run goes on, and can be read up to where it ends."""
+
+    def __init__(self, recording: Recording, file: IO[bytes]) -> None:
+        """Raises NoLibraryError."""
+        self._recording, self._kept = recording, Sizes()
+        self._file = _begun(recording, file)
+        _add(self._file, _scenery(recording.header))
+
+    def grow(self) -> None:
+        """Write what is new."""
+        now = self._recording.sizes
+        _add(self._file, _messages(self._recording.since(self._kept)))
+        self._kept = now
+        self._file.flush()
+
+
+def _begun(recording: Recording, raw: IO[bytes]) -> RecordFile:
     file = RecordFile(raw)
     header = recording.header
     facts = {
@@ -64,22 +90,26 @@ def mcap_of(recording: Recording) -> bytes:
     }
     file.describe("koord", facts)
     file.attach(header.program, "text/plain", header.text.encode())
-    for time_s, topic, schema, message, sequence in sorted(
-        _messages(recording), key=lambda one: one[0]
-    ):
+    return file
+
+
+def _add(file: RecordFile, messages: Iterable[_Timed]) -> None:
+    for time_s, topic, schema, message, sequence in sorted(messages, key=lambda one: one[0]):
         file.add(topic, schema, message, round(time_s * 1e9), sequence)
-    file.close()
-    return raw.getvalue()
 
 
 #: Time, topic, schema, message, round.
 _Timed = tuple[float, str, tuple[str, Message], Message, int]
 
 
-def _messages(recording: Recording) -> Iterator[_Timed]:
-    header = recording.header
+def _scenery(header: Header) -> Iterator[_Timed]:
+    """What is there from the beginning."""
     entities = [*_world(header), *_vehicles(header), *_tasks(header)]
     yield 0.0, "/scene", SCENE, _scene(entities), 0
+
+
+def _messages(recording: Recording) -> Iterator[_Timed]:
+    header = recording.header
     for time_s, poses in zip(recording.times_s, recording.poses, strict=True):
         stamp = _stamp(time_s)
         turns = turns_of(poses).tolist()

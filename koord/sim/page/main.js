@@ -305,7 +305,9 @@ async function begin() {
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   root.dataset.theme = dark.matches ? "dark" : "light";
   const text = byId("data").textContent;
-  if (text.trim()) {
+  if (text.trim() === "packs") {
+    document.addEventListener("DOMContentLoaded", readPacks);
+  } else if (text.trim()) {
     window.page = new Page(new Run(unpacked(await inflated(text))));
   } else {
     listenLive();
@@ -314,6 +316,23 @@ async function begin() {
     root.dataset.theme = dark.matches ? "dark" : "light";
     window.page?.changedTheme();
   });
+}
+
+/** A page of a run that was cut off: its packs stand behind the page, and the last may be broken. */
+function readPacks() {
+  let run = null;
+  for (const element of document.querySelectorAll("script.pack")) {
+    try {
+      const pack = unpacked(fromBase64(element.textContent));
+      if (run) run.append(pack);
+      else run = new Run(pack);
+    } catch {
+      break;
+    }
+  }
+  if (!run) return;
+  run.ending ??= "the run was cut off here";
+  window.page = new Page(run);
 }
 
 /** A page without data is served while the run goes on: its packs come one after the other. */
