@@ -73,7 +73,7 @@ def _lines(
     yield f"  {found.detail} [{rule_of(verdict.claim)}]"
     if found.span is not None:
         yield from place(loaded.sources, found.span, style)
-    yield from departures.lines(rerun_of(loaded, system, found))
+    yield from departures.lines(rerun_of(loaded, system, verdict.claim, found))
 
 
 def _headline(found: Counterexample) -> str:
@@ -109,9 +109,11 @@ def _rounds(system: System, found: Counterexample, table: Table) -> Iterator[str
         yield table.goes_on(found.recording)
 
 
-def rerun_of(loaded: LoadedProgram, system: System, found: Counterexample) -> Departure | None:
+def rerun_of(
+    loaded: LoadedProgram, system: System, claim: Claim, found: Counterexample
+) -> Departure | None:
     """Where the compiled program departs from the run, if it does."""
-    return rerun(trace_of_run(loaded, system, found.recording))
+    return rerun(trace_of(sources_of(loaded), system, claim, found))
 
 
 def trace_of(sources: Sources, system: System, claim: Claim, found: Counterexample) -> Trace:

@@ -112,7 +112,7 @@ def _as_json(program: LoadedProgram, asked: Asked, request: Request) -> dict[str
     from koord.cli import counterexamples, fairness, verdicts
 
     def departed(verdict: Verdict, found: Counterexample) -> Departure | None:
-        return counterexamples.rerun_of(program, asked.system_of(verdict), found)
+        return counterexamples.rerun_of(program, asked.system_of(verdict), verdict.claim, found)
 
     def fair(verdict: Verdict, found: Counterexample) -> dict[str, object] | None:
         system = asked.system_of(verdict)

@@ -28,13 +28,22 @@ from koord.runtime.robot import Key, Robot, Turn
 from koord.semantics.configurations import Configuration, Fault, Store
 from koord.semantics.configurations import FaultKind as FaultName
 from koord.semantics.configurations import Robot as RobotState
-from koord.semantics.domain import Constant
+from koord.semantics.domain import DOUBLES, Constant
+from koord.semantics.execution import RecordedInputs
 from koord.semantics.replay import quoted, same_output
+from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.traces.changes import Change, differences
+from koord.semantics.traces.changes import Change, changes, differences
 from koord.semantics.traces.names import Names
 from koord.semantics.traces.recording import Round
-from koord.semantics.traces.trace import BEFORE_ROUNDS, Emitted, Numbers, Trace
+from koord.semantics.traces.trace import (
+    BEFORE_ROUNDS,
+    Emitted,
+    Numbers,
+    Trace,
+    ViolationKind,
+)
+from koord.semantics.turns import holds_in
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import FLOAT
@@ -67,14 +76,15 @@ def rerun(trace: Trace, made: Compiled | None = None) -> Departure | None:
     """Where the compiled program departs from a run; None if it does the same, state for state."""
     made = ready(trace.system.program) if made is None else made
     nobody = _Nobody()
+    running = _Rerun(trace, made, nobody)
     try:
-        _Rerun(trace, made, nobody).run()
+        running.run()
     except _DepartedError as error:
         found = error.departure
         return replace(found, reason=found.reason + _ROUNDED) if _rounds(trace) else found
     except OverflowError:
         return Departure(nobody.round, "a number is larger than any double")
-    return None
+    return running.kept()
 
 
 def _rounds(trace: Trace) -> bool:
@@ -135,6 +145,7 @@ class _Rerun:
         self.host = Rehearsal(trace, made.names, nobody)
         system = trace.system
         self.fleet = Fleet(made.classes, system.kinds, float(system.delta_s), self.host)
+        self.last: Configuration[Constant] | None = None  #: where the run ended, on doubles
 
     def run(self) -> None:
         recording = self.trace.recording
@@ -195,12 +206,51 @@ class _Rerun:
         if ended is not None:
             found = replace(found, fault=_fault(ended))
         elif inside is not None:
+            robots = _states(found.robots, recorded.robots)
+            self.last = replace(recorded, robots=robots, store=found.store)
             found = _within(found, recorded, inside.order)
+        if inside is None:
+            self.last = found
         if self.trace.numbers is Numbers.EXACT:
             found = _unrounded(recorded, found)
         told = tuple(islice(differences(self.names, recorded, found), _MOST_TOLD))
         if told:
             raise _DepartedError(Departure(number, "it comes to another configuration", told))
+
+    def kept(self) -> Departure | None:
+        """Whether a property that exact numbers break holds of the program's own numbers."""
+        trace, violation, last = self.trace, self.trace.violation, self.last
+        ends = violation is not None and trace.recording.loop is None
+        if not ends or trace.numbers is not Numbers.EXACT or last is None:
+            return None
+        assert violation is not None
+        stated = [p for p in trace.system.program.properties if p.name == violation.name]
+        if violation.kind is not ViolationKind.PROPERTY or not stated:
+            return None
+        recording = trace.recording
+        answers = recording.rounds[-1].answers if recording.rounds else recording.opening.answers
+        inputs = RecordedInputs(answers=answers)
+        try:
+            holds, _ = holds_in(
+                DOUBLES, trace.system, last, stated[0].condition, stated[0].bound, inputs
+            )
+        except IllegalStepError:
+            return None  # it asks a function about rounded numbers, of which nobody knows
+        if holds is not True:
+            return None
+        told = changes(self.names, _as_doubles(trace.configurations[-1]), last)
+        reason = f"on doubles, {violation.name} holds there"
+        return Departure(violation.round, reason, tuple(islice(told, _MOST_TOLD)))
+
+
+def _states(
+    found: Iterable[RobotState[Constant]], recorded: Iterable[RobotState[Constant]]
+) -> tuple[RobotState[Constant], ...]:
+    """Robots inside a round: what they hold as was found, what they are at as was recorded."""
+    return tuple(
+        replace(a, status=b.status, ran=b.ran, turn=b.turn)
+        for a, b in zip(found, recorded, strict=True)
+    )
 
 
 def _fault(ended: Ended) -> Fault:
@@ -217,6 +267,43 @@ def _within(
         seen = found.robots[robot]
         robots[robot] = replace(robots[robot], locals=seen.locals, ports=seen.ports)
     return replace(recorded, robots=tuple(robots), store=found.store, fault=None)
+
+
+# --- floats, as doubles -------------------------------------------------------------------------
+
+
+def _as_doubles(recorded: Configuration[Constant]) -> Configuration[Constant]:
+    """The nearest doubles for exact numbers that are none."""
+
+    def all_of(storages: tuple[Storage[Constant], ...]) -> tuple[Storage[Constant], ...]:
+        return tuple(map(storage, storages))
+
+    def storage(one: Storage[Constant]) -> Storage[Constant]:
+        if isinstance(one, Tree):
+            return Tree(all_of(one.parts))
+        return Cell(one.is_set, value(one.value))
+
+    def value(one: Value[Constant]) -> Value[Constant]:
+        match one:
+            case Fraction():
+                return float(one)
+            case Rec(fields=fields):
+                return Rec(tuple(map(value, fields)))
+            case Seq(length=length, items=items):
+                return Seq(length, tuple(map(value, items)))
+            case Table(length=length, entries=entries):
+                return Table(length, tuple((value(k), value(v)) for k, v in entries))
+            case _:
+                return one
+
+    def store(one: Store[Constant]) -> Store[Constant]:
+        return Store(all_of(one.allread), all_of(one.allwrite))
+
+    robots = tuple(
+        replace(r, locals=all_of(r.locals), ports=all_of(r.ports), copy=store(r.copy))
+        for r in recorded.robots
+    )
+    return replace(recorded, robots=robots, store=store(recorded.store))
 
 
 # --- floats, up to rounding ---------------------------------------------------------------------

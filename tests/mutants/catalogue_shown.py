@@ -125,4 +125,18 @@ SHOWN = (
         "    if refused is not None and not data:\n        step",
         ("tests/cli/test_replay.py",),
     ),
+    Mutant(
+        "a claim is not asked of doubles",
+        "refinement/rerunning.py",
+        "        if holds is not True:\n",
+        "        if holds is not None:\n",
+        ("tests/refinement/test_rerunning.py",),
+    ),
+    Mutant(
+        "what doubles break, too, departs",
+        "refinement/rerunning.py",
+        "        if holds is not True:\n",
+        "        if holds is None:\n",
+        ("tests/refinement/test_rerunning.py",),
+    ),
 )

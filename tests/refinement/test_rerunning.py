@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from koord.cli.counterexamples import trace_of
 from koord.refinement.rerunning import Departure, rerun
 from koord.refinement.running import ready
 from koord.semantics.configurations import dealt
@@ -62,7 +63,7 @@ def counterexamples(
     """The runs that break what a program claims."""
     system = dealt(program(text, name), robots)
     return [
-        traced(sources(text, name), system, Numbers.EXACT, verdict.counterexample.recording)
+        trace_of(sources(text, name), system, verdict.claim, verdict.counterexample)
         for verdict in ask(system, rounds=rounds)
         if verdict.counterexample is not None
     ]
@@ -205,3 +206,21 @@ def test_floats_are_the_same_up_to_rounding() -> None:
     assert rerun(trace) is None
     found = departed(trace, "total + 0.1", "total + 0.1000001")
     assert [c.name for c in found.changes] == ["total"]
+
+
+@pytest.mark.parametrize("kind", ["", " at round"])
+def test_a_property_that_rounding_mends_is_told(kind: str) -> None:
+    """[RERUN]: 0.1 + 0.1 + 0.1 is not 0.3 on doubles; two thirds of it are in both."""
+    steps = "local:\n  float x = 0.0\nGo:\n  eff:\n    x = x + 0.1\n"
+    mended = f"{steps}invariant A{kind}: forall i: x@i != 0.3\n"
+    (trace,) = counterexamples(mended, robots=1)
+    departure = rerun(trace)
+    assert departure is not None
+    assert (departure.round, departure.reason) == (2, "on doubles, A holds there")
+    assert [(c.robot, c.name, c.old, c.new) for c in departure.changes] == [
+        (0, "x", "0.3", "0.30000000000000004")
+    ]
+    (broken,) = counterexamples(mended.replace("0.3", "0.2"), robots=1)
+    assert rerun(broken) is None
+    (apart,) = counterexamples(mended.replace("x@i != 0.3", "x@i < 0.25"), robots=1)
+    assert rerun(apart) is None

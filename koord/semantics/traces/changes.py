@@ -10,7 +10,7 @@ from koord.semantics.domain import Constant
 from koord.semantics.storage import Cell, Storage
 from koord.semantics.traces.codec_values import encode_value
 from koord.semantics.traces.names import Named, Names
-from koord.semantics.traces.rendering import show_storage, show_value
+from koord.semantics.traces.rendering import ROUNDED, show_storage, show_value
 from koord.semantics.traces.trace import part_types
 from koord.semantics.values import Rec, Seq, Table, Value, identical
 from koord.syntax.types import (
@@ -188,7 +188,7 @@ def _of_value(
 def _told_apart(old: Value[Constant], new: Value[Constant], type_: Type) -> tuple[str, str]:
     """Two values that differ, shown so that one can see it: exactly, if need be."""
     shown = show_value(old, type_), show_value(new, type_)
-    if shown[0] != shown[1]:
+    if shown[0].replace(ROUNDED, "") != shown[1].replace(ROUNDED, ""):
         return shown
     return str(encode_value(old, type_)), str(encode_value(new, type_))
 

@@ -24,6 +24,9 @@ from koord.syntax.types import (
 
 UNSET = "unset"
 
+#: Stands in front of numbers that are shown with fewer digits than they have.
+ROUNDED = "≈"
+
 #: Exact numbers with so many decimals are shown as decimals; others are rounded to fewer.
 _DECIMALS = 6
 _ROUNDED = 4
@@ -117,13 +120,13 @@ def show_fraction(value: Fraction) -> str:
     if value.denominator <= _SMALL_DENOMINATOR:
         return f"{_show_int(value.numerator)}/{value.denominator}"
     if abs(value) >= 10**_LONGEST_INTEGER:
-        return f"≈{_show_int(round(value))}"
+        return f"{ROUNDED}{_show_int(round(value))}"
     if abs(value) * 10**_ROUNDED >= 10:
-        return f"≈{_decimal(round(value * 10**_ROUNDED), _ROUNDED)}"
+        return f"{ROUNDED}{_decimal(round(value * 10**_ROUNDED), _ROUNDED)}"
     try:
-        return f"≈{float(value):.3g}"
+        return f"{ROUNDED}{float(value):.3g}"
     except OverflowError:
-        return "≈0"
+        return f"{ROUNDED}0"
 
 
 def _decimal(scaled: int, places: int) -> str:
@@ -139,4 +142,4 @@ def _show_double(value: float) -> str:
     if value == int(value) and abs(value) < 1e15:
         return str(int(value))
     exact = repr(value)
-    return exact if len(exact) <= 9 else f"≈{value:.6g}"
+    return exact if len(exact) <= 9 else f"{ROUNDED}{value:.6g}"
