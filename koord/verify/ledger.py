@@ -162,8 +162,11 @@ class Ledger:
 
     def is_of_all_rounds(self, names: Collection[str]) -> bool:
         """Whether what is named is settled, and holds in every round (no name: all is asked)."""
-        asked = [self.verdicts.get(c) for c in self.claims if not names or c.name in names]
-        return all(v and (v.outcome is not Outcome.HOLDS or v.rounds is None) for v in asked)
+        asked = [self.verdict(c) for c in self.claims if not names or c.name in names]
+        return all(
+            v.outcome is Outcome.VIOLATED or (v.outcome is Outcome.HOLDS and v.rounds is None)
+            for v in asked
+        )
 
     def wanting(self) -> list[Claim]:
         """The open claims that no engine saw hold through as many rounds as asked for."""
@@ -240,6 +243,20 @@ class Ledger:
             failures={},
             _reaches=reaches,
             _spans=spans,
+        )
+
+    def about(self, subject: Subject, claims: tuple[Claim, ...]) -> Ledger:
+        """A ledger of another subject, on which nothing is known; what comes is noted nowhere."""
+        return Ledger(
+            subject,
+            self.bounds,
+            self.deadline,
+            claims,
+            self.seed,
+            self.report,
+            stopped=self.stopped,
+            interrupted=self.interrupted,
+            clock=self.clock,
         )
 
     def said(self, claims: Iterable[Claim]) -> Said:

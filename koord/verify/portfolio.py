@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, assert_never
 from koord.semantics.configurations import System
 from koord.semantics.patience import Patience
 from koord.semantics.search.limits import FEW_STATES, HANDFUL, Limits
-from koord.semantics.traces.recording import Recording
-from koord.verify.abstraction import abstracted
-from koord.verify.claims import Claim, Phase, claims_of, liveness_of
-from koord.verify.concretion import Concretion
+from koord.verify.claims import Claim, claims_of, liveness_of
+from koord.verify.cone.asking import BySlices, Doubts
+from koord.verify.cone.slices import Slices
 from koord.verify.engines import ByGlance, ByInduction, BySearch, ByStep, ByUnrolling
 from koord.verify.every_n.engine import FEW, ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
@@ -25,6 +24,7 @@ from koord.verify.pool import Job, Pool, Progress
 from koord.verify.resuming import Past, Steps
 from koord.verify.singly import ByRounds
 from koord.verify.solving import Deadline
+from koord.verify.subjects import abstract_subject, identity, plain_subject
 from koord.verify.vacuity import Hollow, Looked, look, of_any_number, unlooked, vacuities
 from koord.verify.varieties import others
 from koord.verify.verdicts import (
@@ -39,7 +39,6 @@ from koord.verify.verdicts import (
     Verdict,
     Ways,
 )
-from koord.verify.witness import replayed, simplified
 
 if TYPE_CHECKING:
     from koord.verify.horn.engine import BySpacer
@@ -94,9 +93,6 @@ def verify(
     steps = Steps(past or Past(), noted)
     failures: list[Failure] = []
     with Pool(jobs, progress, interrupted) as pool:
-        beside = _Beside(
-            pool, steps, failures, wanted=not known, of_any_number=choice is Choice.EVERY_N
-        )
         own = frozenset(names) if _are_all_of_states(system, names) else frozenset()
         ask = partial(
             _ask,
@@ -108,12 +104,22 @@ def verify(
             names=own,
             steps=steps,
         )
-        subject = _abstract_subject(system) or _plain_subject(system)
-        found, ledger = ask(subject, _before(system, known, names) if known else None, beside)
-        last = ledger
-        if subject.is_abstract and found.suspected is not None and not ledger.interrupted:
-            # Opaque values let something happen that real ones do not: look at those.
-            found, last = ask(_plain_subject(system), found, beside)
+        slices, doubts = Slices(system), Doubts()
+        part = slices.common()
+        whole = abstract_subject(system) or plain_subject(system)
+        subject = whole
+        if part is not system:
+            subject = abstract_subject(system, part) or plain_subject(system, part)
+        every_n = choice is Choice.EVERY_N
+        beside = _Beside(pool, steps, failures, whole, wanted=not known, of_any_number=every_n)
+        before = _before(system, known, names) if known else None
+        found, ledger = ask(doubts.watching(subject), before, beside, slices=slices)
+        found, last = found.doubting(doubts), ledger
+        is_whole = part is system and not subject.is_abstract
+        if not is_whole and found.suspected is not None and not ledger.interrupted:
+            # Opaque values let something happen that real ones do not, or what was left out
+            # stands in the way of it: look at everything.
+            found, last = ask(plain_subject(system), found, beside)
         every = [
             replace(verdict, claim=claim)
             for claim, verdict in zip(claims_of(system), found.verdicts, strict=True)
@@ -147,7 +153,6 @@ def verify(
             hollow = beside.end(ledger, names)
     seconds = time.monotonic() - started
     cut = cut or hollow.interrupted
-    every_n = choice is Choice.EVERY_N
     failed = tuple(dict.fromkeys([*ledger.failures, *last.failures, *failures]))
     vacuities_ = hollow.vacuities + empty
     return Report(verdicts, vacuities_, seconds, cut, failed, every_n, hollow.unlooked)
@@ -164,6 +169,17 @@ class _Known:
     verdicts: tuple[Verdict, ...]
     suspected: int | None
     left: frozenset[int]
+
+    def doubting(self, doubts: Doubts) -> _Known:
+        """The same, with what seemed violated to engines that look at no round after the other."""
+        rounds = [
+            doubts.rounds[identity(verdict.claim)]
+            for verdict in self.verdicts
+            if verdict.outcome is Outcome.UNKNOWN and identity(verdict.claim) in doubts.rounds
+        ]
+        if self.suspected is not None:
+            rounds.append(self.suspected)
+        return replace(self, suspected=max(rounds, default=None))
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +198,7 @@ class _Beside:
     pool: Pool
     steps: Steps
     failures: list[Failure]
+    whole: Subject  #: what is looked at, whatever engines left out
     wanted: bool
     of_any_number: bool = False
     job: Job[tuple[Looked | str, tuple[Failure, ...]]] | None = None
@@ -190,7 +207,7 @@ class _Beside:
         """Other work that follows takes long."""
         apart = self.pool.jobs > 1 and not self.of_any_number
         if self.wanted and self.job is None and apart:
-            own = ledger.of((), lambda text: None)
+            own = self._on_whole(ledger).of((), lambda text: None)
 
             def looked(tell: Progress) -> tuple[Looked | str, tuple[Failure, ...]]:
                 found: Looked | str = ""
@@ -203,6 +220,7 @@ class _Beside:
     def end(self, ledger: Ledger, names: Collection[str]) -> _Hollow:
         """What makes the verdicts of a ledger say less than they seem to."""
         found: Hollow | None = None
+        ledger = self._on_whole(ledger)
         own = ledger.of(ledger.open(), ledger.report)
         everywhere = ledger.is_of_all_rounds(names)
         if self.wanted and self.steps.begin("vacuity", 0, VACUITY):
@@ -232,6 +250,15 @@ class _Beside:
             own.fail(failure)
         return looked
 
+    def _on_whole(self, ledger: Ledger) -> Ledger:
+        """A ledger of a slice with all that the slice leaves out."""
+        if ledger.system.program is self.whole.system.program:
+            return ledger
+        verdicts = tuple(ledger.verdict(claim) for claim in ledger.claims)
+        whole = ledger.about(self.whole, claims_of(self.whole.system))
+        _put_down(whole, _Known(verdicts, None, frozenset()))
+        return whole
+
 
 #: They are asked first, and seldom take longer than a process does to start.
 _QUICK = (ByEveryN, ByStep)
@@ -243,31 +270,6 @@ def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _
     claims = claims_of(system)
     left = frozenset(n for n, claim in enumerate(claims) if claim.name not in names)
     return _Known(tuple(verdicts[claim] for claim in claims), None, left)
-
-
-def _plain_subject(system: System) -> Subject:
-    return Subject(system, partial(_judged, system), system)
-
-
-def _judged(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
-    """The counterexample of a recording that breaks a claim, as simple as can be."""
-    replayed(system, recording, claim, phase)
-    return replayed(system, simplified(system, recording, claim), claim, phase)
-
-
-def _abstract_subject(system: System) -> Subject | None:
-    """The system with values that merely flow made opaque, if there are any."""
-    abstraction = abstracted(system.program)
-    if abstraction is None:
-        return None
-    abstract = replace(system, program=abstraction.program)
-    originals = dict(zip(claims_of(abstract), claims_of(system), strict=True))
-
-    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
-        real = Concretion(abstraction, system).recording(recording)
-        return _judged(system, real, originals[claim], phase)
-
-    return Subject(abstract, judge, system)
 
 
 def _ask(
@@ -282,15 +284,16 @@ def _ask(
     pool: Pool,
     names: Collection[str],
     steps: Steps,
+    slices: Slices | None = None,
 ) -> tuple[_Known, Ledger]:
     """Verdicts on the claims about a subject; if there are ``names``, until those are settled.
 
     Of ``known`` ones only the unknown are asked, suspected rounds first; how far those were seen to
-    hold counts even if the time is up.
+    hold counts even if the time is up. With ``slices`` claims are asked of theirs, too.
     """
     claims = claims_of(subject.system)
+    stated = {identity(claim): claim for claim in claims_of(beside.whole.original)}
     before = known.verdicts if known is not None else ()
-    originals = dict(zip(claims, claims_of(subject.original), strict=True))
     ledger = Ledger(
         subject,
         bounds,
@@ -301,13 +304,10 @@ def _ask(
         before={claim: verdict.seconds for claim, verdict in zip(claims, before, strict=False)},
     )
     left = known.left if known is not None else frozenset()
-    for n, verdict in enumerate(before):
-        if verdict.outcome is not Outcome.UNKNOWN or n in left:
-            ledger.settle({claims[n]: replace(verdict, claim=claims[n])})
-        else:
-            ledger.leave([claims[n]], reach_of(verdict))
-    steps.follow(ledger, lambda v: replace(v, claim=originals[v.claim]))
-    stage = "opaque" if subject.is_abstract else "plain"
+    if known is not None:
+        _put_down(ledger, known)
+    steps.follow(ledger, lambda v: replace(v, claim=stated[identity(v.claim)]))
+    stage = "plain" if slices is None else "slice"
     asked = ledger.open()
     unrolling = ByUnrolling()
     with ledger.stopping():
@@ -321,17 +321,26 @@ def _ask(
             with ledger.enduring(unrolling.name):
                 ByUnrolling(relying=False).through(ledger, suspected)
                 unrolling.through(ledger, suspected)
-        in_turn = enumerate(engines(choice, unrolling, pool, names))
+        in_turn = enumerate(engines(choice, unrolling, pool, names, slices, steps))
         while _wanted(ledger, names) and (following := next(in_turn, None)) is not None:
             turn, engine = following
             if not isinstance(engine, _QUICK):
                 beside.begin(ledger)
-            if steps.begin(stage, turn, engine.name):
+            if isinstance(engine, BySlices) or steps.begin(stage, turn, engine.name):
                 with ledger.enduring(engine.name):
                     engine.work(ledger)
         _find_others(ledger, asked, pool)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
     return _Known(verdicts, unrolling.suspected, left), ledger
+
+
+def _put_down(ledger: Ledger, known: _Known) -> None:
+    """Write down on a new ledger what is known already."""
+    for n, (claim, verdict) in enumerate(zip(ledger.claims, known.verdicts, strict=True)):
+        if verdict.outcome is not Outcome.UNKNOWN or n in known.left:
+            ledger.settle({claim: replace(verdict, claim=claim)})
+        else:
+            ledger.leave([claim], reach_of(verdict))
 
 
 def _wanted(ledger: Ledger, names: Collection[str]) -> bool:
@@ -369,12 +378,21 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool) -> None:
 
 
 def engines(
-    choice: Choice, unrolling: ByUnrolling, pool: Pool, names: Collection[str] = ()
+    choice: Choice,
+    unrolling: ByUnrolling,
+    pool: Pool,
+    names: Collection[str] = (),
+    slices: Slices | None = None,
+    steps: Steps | None = None,
 ) -> Iterator[Works]:
     """The engines that a choice asks, in turn, cheapest first; about all claims, or named ones.
 
-    Each is loaded when its turn comes: most questions are answered before.
+    Each is loaded when its turn comes: most questions are answered before. With ``slices`` those of
+    single claims are asked first, but for what is quick with all claims together.
     """
+    begin = (steps or Steps()).begin
+    if slices is not None and choice not in (Choice.AUTO, Choice.EVERY_N):
+        yield BySlices(slices, partial(_on_slices, choice, pool, names), _nobody, begin, names)
     match choice:
         case Choice.AUTO:
             # A proof for every number of robots is one for this number.
@@ -382,16 +400,10 @@ def engines(
             induction = ByInduction(unrolling)
             yield ByStep(induction)
             yield ByInference(SPARING, FEW)
-            # Finitely many configurations are most often few, and looked at in no time.
-            yield BySearch(Limits(states=HANDFUL))
-            yield induction
-            yield BySearch(Limits(states=FEW_STATES))
-            yield _by_bits(sparing=True)
-            yield ByGlance(unrolling)
-            hasty, patient = _spacers()
-            # Of what holds, invariants for every number of robots say more than Spacer's.
-            inference = (hasty, ByInference(SPARING), _kept_back(hasty))
-            yield ByRounds(unrolling, pool, (*inference, patient, _kept_back(patient)))
+            if slices is not None:
+                thorough = partial(_after_quick_ones, pool)
+                yield BySlices(slices, thorough, _sparing_ones, begin, names)
+            yield from _after_quick_ones(pool, induction)
         case Choice.EVERY_N:
             yield ByEveryN()
             yield ByInference()
@@ -411,6 +423,40 @@ def engines(
             yield ByRounds(unrolling, pool)
         case _:
             assert_never(choice)
+
+
+def _after_quick_ones(pool: Pool, induction: ByInduction | None = None) -> Iterator[Works]:
+    """What is asked about claims that are neither proved nor refuted in no time."""
+    induction = induction or ByInduction(ByUnrolling())
+    yield from _sparing_ones(induction)
+    hasty, patient = _spacers()
+    # Of what holds, invariants for every number of robots say more than Spacer's.
+    inference = (hasty, ByInference(SPARING), _kept_back(hasty))
+    yield ByRounds(induction.unrolling, pool, (*inference, patient, _kept_back(patient)))
+
+
+def _sparing_ones(induction: ByInduction | None = None) -> Iterator[Works]:
+    """Those of them that take some seconds at most."""
+    induction = induction or ByInduction(ByUnrolling())
+    # Finitely many configurations are most often few, and looked at in no time.
+    yield BySearch(Limits(states=HANDFUL))
+    yield induction
+    yield BySearch(Limits(states=FEW_STATES))
+    yield _by_bits(sparing=True)
+    yield ByGlance(induction.unrolling)
+
+
+def _on_slices(choice: Choice, pool: Pool, names: Collection[str]) -> Iterator[Works]:
+    """What one engine is asked about slices: first for a while, as others are waiting."""
+    if choice is Choice.SEARCH:
+        yield BySearch(Limits(states=FEW_STATES))
+    elif choice in (Choice.BITS, Choice.ABC):
+        yield _by_bits(sparing=True, abc=choice is Choice.ABC)
+    yield from engines(choice, ByUnrolling(), pool, names)
+
+
+def _nobody() -> Iterator[Works]:
+    return iter(())
 
 
 def _by_bits(*, sparing: bool = False, abc: bool = False, names: Collection[str] = ()) -> Works:

@@ -69,7 +69,15 @@ class SampledInputs:
     def forget_round(self) -> None:
         """A new round begins: readings and answers are made up anew."""
         self.readings = {}
+        self.forget_answers()
+
+    def forget_answers(self) -> None:
+        """What was answered since the round began is asked again."""
         self.answers = {}
+
+    def is_given(self, key: tuple[Home, int, int | None] | tuple[int, int]) -> bool:
+        """Whether a start, or a reading, is none that could be another one."""
+        return False
 
     # --- what the rules ask ---------------------------------------------------------------------
 

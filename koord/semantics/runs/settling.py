@@ -56,7 +56,7 @@ def settled_start(
     for _ in range(START_TRIES):
         if not best:
             return stepped
-        if not inputs.starts and not inputs.answers:
+        if all(map(inputs.is_given, inputs.starts)) and not inputs.answers:
             break
         before, kept = (dict(inputs.starts), dict(inputs.answers)), stepped
         restart = waiting == _PATIENCE
@@ -84,7 +84,7 @@ def _vary(
     everything: bool,
 ) -> None:
     """Let some variables start otherwise: as an assumption asks for, or at random."""
-    keys = list(inputs.starts)
+    keys = [key for key in inputs.starts if not inputs.is_given(key)]
     rng = inputs.sampler.rng
     if not everything and inputs.sampler.chance(70):
         found = [
@@ -93,14 +93,14 @@ def _vary(
             for repair in repairs(
                 _looking(d, system, configuration, assumption.bound, inputs), assumption.condition
             )
-            if (repair.home, repair.slot, repair.robot) in inputs.starts
+            if (repair.home, repair.slot, repair.robot) in keys
         ]
         if found:
             repair = rng.choice(found)
             key = repair.home, repair.slot, repair.robot
             inputs.starts[key] = placed(inputs.starts[key], repair.path, repair.value)
             return
-    inputs.answers = {}
+    inputs.forget_answers()
     for key in keys if everything else keys and [rng.choice(keys)]:
         inputs.redraw(key)
 
@@ -219,7 +219,8 @@ def settle_robot(
     free = [module for module in agent.modules if module.environment is None]
     for module in free:
         for port, value in driven(inputs.sampler, agent, module, state).items():
-            inputs.readings[robot, port] = value
+            if not inputs.is_given((robot, port)):
+                inputs.readings[robot, port] = value
     if any(module.contracts for module in free):
         _Search(d, system, inputs, configuration.round, robot, state).run(free)
 
@@ -242,6 +243,7 @@ class _Search:
             for module in modules
             for position in module.ports
             if ports[position].direction is Direction.SENSOR
+            and not self.inputs.is_given((self.robot, ports[position].declaration.variable.slot))
         ]
         broken = best = self.unkept()
         often = Counter(needed.what for needed in broken)
@@ -306,7 +308,9 @@ class _Search:
         found = [
             repair
             for repair in found
-            if repair.home is Home.PORT and (self.robot, repair.slot) in self.inputs.readings
+            if repair.home is Home.PORT
+            and (self.robot, repair.slot) in self.inputs.readings
+            and not self.inputs.is_given((self.robot, repair.slot))
         ]
         if not found:
             return False

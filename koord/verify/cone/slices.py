@@ -1,0 +1,81 @@
+"""Which slices of a system there are to ask about: one of all claims, and those of single ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from koord.semantics.configurations import System
+from koord.syntax.core import Home
+from koord.verify.claims import Claim, claims_of
+from koord.verify.cone.influence import Cone, Happens, Influence, Part, Var
+from koord.verify.cone.slicing import sliced
+from koord.verify.subjects import Identity, identity
+
+
+@dataclass(frozen=True)
+class Slices:
+    """The slices of one system, by the claims that they are for."""
+
+    system: System
+
+    @cached_property
+    def influence(self) -> Influence:
+        return Influence(self.system)
+
+    @cached_property
+    def everything(self) -> frozenset[Part]:
+        """All variables and events of the system."""
+        program = self.system.program
+        found: set[Part] = set()
+        for kind, agent in enumerate(program.agents):
+            found.update(Var(Home.LOCAL, kind, slot) for slot in range(len(agent.locals)))
+            found.update(Var(Home.PORT, kind, slot) for slot in range(len(agent.ports)))
+            found.update(Happens(kind, position) for position in range(len(agent.events)))
+        found.update(Var(Home.ALLREAD, None, slot) for slot in range(len(program.allread)))
+        found.update(Var(Home.ALLWRITE, None, slot) for slot in range(len(program.allwrite)))
+        return frozenset(found)
+
+    @cached_property
+    def claims(self) -> dict[Identity, Claim]:
+        """The claims about configurations of the system, by what they have in each slice."""
+        return {identity(claim): claim for claim in claims_of(self.system)}
+
+    def cone(self, claims: Iterable[Claim]) -> Cone:
+        """The cone of influence of some claims, all together."""
+        return self.influence.cone(claims)
+
+    def extent(self, cone: Cone) -> frozenset[Part]:
+        """The variables and events in a cone: what else is in it hangs on them."""
+        return cone & self.everything
+
+    def name(self, part: Part) -> str:
+        """What the text calls a variable or an event."""
+        program = self.system.program
+        match part:
+            case Happens(kind=kind, position=position):
+                return program.agents[kind].events[position].name
+            case Var(home=Home.LOCAL, kind=int(kind), slot=slot):
+                return program.agents[kind].locals[slot].variable.name
+            case Var(home=Home.PORT, kind=int(kind), slot=slot):
+                return program.agents[kind].ports[slot].declaration.variable.name
+            case Var(home=Home.ALLREAD, slot=slot):
+                return program.allread[slot].variable.name
+            case Var(home=Home.ALLWRITE, slot=slot):
+                return program.allwrite[slot].variable.name
+            case _:
+                raise AssertionError(f"{part} has no name")
+
+    def slice_of(self, cone: Cone) -> System:
+        """The system without what is outside of a cone; itself if that is nothing."""
+        if self.extent(cone) == self.everything:
+            return self.system
+        return replace(self.system, program=sliced(self.influence, cone))
+
+    def common(self) -> System:
+        """The system without what no claim about configurations can depend on."""
+        part = self.slice_of(self.cone(self.claims.values()))
+        # A claim that the slice's own text does not make is asked of the whole.
+        same = [identity(claim) for claim in claims_of(part)] == list(self.claims)
+        return part if same else self.system

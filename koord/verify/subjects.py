@@ -1,0 +1,87 @@
+"""What engines work on: a program or a slice of it, with values that merely flow made opaque."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from random import Random
+
+from koord.semantics.configurations import System
+from koord.semantics.rounds import IllegalStepError
+from koord.semantics.runs.extending import Plain, extended
+from koord.semantics.runs.sampling import Sampler
+from koord.semantics.traces.recording import Recording
+from koord.semantics.traces.trace import Numbers
+from koord.syntax.diagnostics import KoordError
+from koord.verify.abstraction import abstracted
+from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
+from koord.verify.concretion import Concretion
+from koord.verify.ledger import Subject
+from koord.verify.live.lassos import replayed_lasso
+from koord.verify.verdicts import Counterexample
+from koord.verify.witness import NotReplayedError, replayed, simplified
+
+#: So often what a slice left out is made up at random, after it was tried with the plainest values.
+TRIES = 3
+
+Identity = tuple[ClaimKind, str, str]
+
+
+def identity(claim: Claim) -> Identity:
+    """What a claim has in common with that of a slice or an abstraction of its program."""
+    return claim.kind, claim.name, claim.subject
+
+
+def plain_subject(system: System, part: System | None = None) -> Subject:
+    """A system, or a slice of it; what is found of that is judged on the whole system."""
+    return _subject(system, part or system, lambda recording: recording)
+
+
+def abstract_subject(system: System, part: System | None = None) -> Subject | None:
+    """The same with values that merely flow made opaque, if there are any."""
+    part = part or system
+    abstraction = abstracted(part.program)
+    if abstraction is None:
+        return None
+    subject = _subject(system, part, lambda found: Concretion(abstraction, part).recording(found))
+    return replace(subject, system=replace(part, program=abstraction.program))
+
+
+def _subject(system: System, part: System, concrete: Callable[[Recording], Recording]) -> Subject:
+    claims = {identity(c): c for c in (*claims_of(system), *liveness_of(system))}
+
+    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+        real, meant = concrete(recording), claims[identity(claim)]
+        if part is system:
+            return _judged(system, real, meant, phase)
+        return _judged_on_whole(system, real, meant, phase)
+
+    return Subject(part, judge, part)
+
+
+def _judged(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    """The counterexample of a recording that breaks a claim, as simple as can be."""
+    if claim.kind is ClaimKind.LIVENESS:
+        return replayed_lasso(system, recording, claim)
+    replayed(system, recording, claim, phase)
+    return replayed(system, simplified(system, recording, claim), claim, phase)
+
+
+def _judged_on_whole(
+    system: System, recording: Recording, claim: Claim, phase: Phase
+) -> Counterexample:
+    """The same of a recording of a slice, with what that left out made up. [T-CONE]"""
+    why = NotReplayedError("nothing was found that goes with what a slice does")
+    for sampler in _samplers(system):
+        try:
+            return _judged(system, extended(recording, sampler), claim, phase)
+        except NotReplayedError as error:
+            why = error
+        except (KoordError, IllegalStepError) as error:
+            why = NotReplayedError(f"what a slice does is not made a run: {error}")
+    raise why
+
+
+def _samplers(system: System) -> Iterator[Sampler]:
+    yield Plain(system, Numbers.EXACT, Random(0))
+    yield from (Sampler(system, Numbers.EXACT, Random(seed)) for seed in range(TRIES))
