@@ -14,6 +14,7 @@ from tests.mutants.horn import HORN
 from tests.mutants.instants import INSTANTS
 from tests.mutants.mutant import Mutant
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
+from tests.mutants.simulated import SIMULATED
 
 REPLAY = "tests/semantics/test_replay.py"
 RUN = "tests/semantics/test_run.py"
@@ -742,4 +743,5 @@ MUTANTS = (
     *DEPLOYED,
     *COMPILED,
     *SHOWN,
+    *SIMULATED,
 )
