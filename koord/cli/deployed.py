@@ -110,6 +110,14 @@ def story(status: Status) -> str:
     return f"holds: {status.holding.value}" + (f": {whom}" if whom else "")
 
 
+def _division(job: Job) -> str:
+    """How many robots are of which kind, if there are several: `` (2 Car, 1 Drone)``."""
+    if len(job.classes) == 1:
+        return ""
+    each = (f"{job.kinds.count(k)} {one.__name__}" for k, one in enumerate(job.classes))
+    return f" ({', '.join(each)})"
+
+
 def summary(statuses: Mapping[int, Status], job: Job) -> str:
     """A deployed run in some lines."""
     if not statuses:
@@ -124,7 +132,9 @@ def summary(statuses: Mapping[int, Status], job: Job) -> str:
     sent = sum(status.sent for status in everyone)
     ran = sum(status.ran for status in everyone)
     skipped = sum(status.skipped for status in everyone)
-    whose = f"{job.robots} robots" if len(everyone) > 1 else f"robot {everyone[0].pid}"
+    whose = f"{job.robots} robots{_division(job)}"
+    if len(everyone) == 1:
+        whose = f"robot {everyone[0].pid}"
     lines = [
         f"{done} rounds of {whose}: "
         f"{ran} events, {skipped} skips, {sum(s.late for s in everyone)} of them late",

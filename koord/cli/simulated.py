@@ -36,6 +36,10 @@ def heading(job: Job) -> str:
     with_ = f" with {', '.join(more)}" if more else ""
     counts = {n: scene.names.count(n) for n in dict.fromkeys(scene.names)}
     who = ", ".join(f"{count} {device}" for device, count in counts.items())
+    agents = job.loaded.program.agents
+    if len(agents) > 1:
+        of = ", ".join(f"{job.kinds.count(k)} {agent.name}" for k, agent in enumerate(agents))
+        who = f"{of}; on {who}"
     count = len(scene.robots)
     robots = f"{count} robot{'' if count == 1 else 's'} ({who})"
     other = job.problem.other_fleet

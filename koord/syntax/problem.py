@@ -50,7 +50,8 @@ class Problem:
         stated = self.program.instance.kinds
         if self.kinds is None or stated in ((), self.kinds):
             return None
-        return fleet(self.program, stated)
+        said = fleet(self.program, stated)
+        return "in another order" if said == fleet(self.program, self.kinds) else said
 
     @property
     def round_(self) -> str:

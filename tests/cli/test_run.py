@@ -431,9 +431,13 @@ def test_what_a_program_states_counts_where_no_flag_does(koord: Koord, write: Pa
     (write / "meant.krd").write_text(MEANT, encoding="utf-8")
     for words, said in (
         ((), "3 robots (2 Car, 1 Drone), δ = 0.5 s"),
-        (("--robots", "3"), "3 robots (2 Car, 1 Drone), δ = 0.5 s"),
-        (("--robots", "4", "--delta", "3"), "4 robots (2 Car, 2 Drone), δ = 3 s"),
-        (("--robots", "Car=0,Drone=1"), "1 robot (0 Car, 1 Drone), δ = 0.5 s"),
+        (("--robots", "3"), "3 robots (2 Car, 1 Drone) (in another order in the text), δ = 0.5 s"),
+        (
+            ("--robots", "4", "--delta", "3"),
+            "4 robots (2 Car, 2 Drone) (3 robots (2 Car, 1 Drone) in the text), "
+            "δ = 3 s (0.5 s in the text)",
+        ),
+        (("--robots", "Car=0,Drone=1"), "1 robot (0 Car, 1 Drone) (3 robots"),
     ):
         assert koord("run", "meant.krd", *words)[1].startswith(f"meant.krd: {said}")
     assert "  0 Car " in koord("run", "meant.krd")[1]

@@ -447,3 +447,10 @@ def test_a_configuration_wins_over_what_a_program_states_and_that_is_told(
     out, err = capsys.readouterr()
     assert "δ = 0.5 s" in out
     assert err == ""
+
+
+def test_how_robots_are_divided_among_kinds_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("--robots", "3", "--rounds", "1", "--no-html")
+    main(["sim", example("cars_and_drones.krd"), *words])
+    out, _ = capsys.readouterr()
+    assert "3 robots (2 Car, 1 Drone; on 2 car, 1 drone)" in out

@@ -123,6 +123,8 @@ def check(text: str) -> bool:
         gone = (one.code, one.span.line)
         same = [d for d in told if (d.code, d.span.line) == gone and d.message == one.message]
         assert same == [], (one.hint, after)
+        left = [d for d in told if d.severity is one.severity]
+        assert len(left) < len([d for d in before if d.severity is one.severity]), (one.hint, after)
         new = {d.code for d in told} - {d.code for d in before}
         assert not new - {"K403", "K401", "K402", "K406"}, (one.hint, after, told)
     return any_cured
@@ -183,6 +185,22 @@ def test_a_function_of_mathematics_is_to_be_declared() -> None:
         declared = re.findall(r"`(def fun [^`]*)`", found.hint or "")
         assert len(declared) == 1
         assert diagnostics(f"{declared[0]}\n{text.format(call)}") == ()
+
+
+# --- what there is to choose from -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("using Rail:\n  environment:\n    pass\nGo:\n  eff: n = Rail.x\n", "it has no ports"),
+        ("Go:\n  eff: n = aim.q\n", "its fields are `x`, `y` and `z`"),
+        ("enum Mode: on\nGo:\n  eff: n = Mode.up\n", "its members are `on`"),
+    ],
+)
+def test_there_is_never_nothing_to_choose_from(text: str, hint: str) -> None:
+    above = "local:\n  int n = 0\n  pos aim = pos(0, 0, 0)\n"
+    assert hint in [found.hint for found in diagnostics(above + text)]
 
 
 # --- once for each name ---------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from koord.syntax.elaborate import names
 from koord.syntax.elaborate.body import CLOSED, CONTRACT, Body
 from koord.syntax.elaborate.coercion import fit
 from koord.syntax.elaborate.names import Meaning
-from koord.syntax.elaborate.phrases import a, listed
+from koord.syntax.elaborate.phrases import a, choice, listed
 from koord.syntax.elaborate.quantifiers import at_robot, primed
 from koord.syntax.elaborate.resolve_types import element_of
 from koord.syntax.elaborate.suggest import did_you_mean
@@ -117,7 +117,7 @@ def field(body: Body, base: core.Place | core.Expr, e: ast.Attribute) -> Meaning
             "K205",
             e.name.span,
             f"`{record.name}` has no field `{e.name.name}`",
-            did_you_mean(e.name.name, known) or f"its fields are {listed(known)}",
+            did_you_mean(e.name.name, known) or choice("its fields are", known),
         )
         return None
     name, type_ = record.fields[found]
@@ -162,7 +162,7 @@ def _qualified(body: Body, e: ast.Attribute, owner: str) -> Meaning:
             "K206",
             e.name.span,
             f"the module `{owner}` has no port `{e.name.name}`",
-            did_you_mean(e.name.name, known) or f"its ports are {listed(sorted(known))}",
+            did_you_mean(e.name.name, known) or choice("its ports are", sorted(known)),
         )
         return None
     if isinstance(port, Poisoned):
@@ -187,7 +187,7 @@ def _member(body: Body, e: ast.Attribute, kind: EnumType) -> Meaning:
         "K205",
         e.name.span,
         f"`{kind.name}` has no member `{e.name.name}`",
-        did_you_mean(e.name.name, kind.members) or f"its members are {listed(kind.members)}",
+        did_you_mean(e.name.name, kind.members) or choice("its members are", kind.members),
     )
     return None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body, Where
 from koord.syntax.elaborate.coercion import POISON, fit
-from koord.syntax.elaborate.phrases import listed
+from koord.syntax.elaborate.phrases import choice, listed
 from koord.syntax.elaborate.places import field_position
 from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import RecordInfo
@@ -87,6 +87,6 @@ def _position(body: Body, argument: ast.Argument, place: int, record: RecordInfo
             "K205",
             argument.span,
             f"`{record.type.name}` has no field `{argument.name}`",
-            did_you_mean(argument.name, names) or f"its fields are {listed(names)}",
+            did_you_mean(argument.name, names) or choice("its fields are", names),
         )
     return position
