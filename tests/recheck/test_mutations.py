@@ -134,10 +134,31 @@ def _claim_more(document: Document) -> None:
     document["claims"].append(claim)
 
 
+def _called(name: str, kind: str, subject: str = "") -> Change:
+    """The only claim of a certificate without an invariant."""
+
+    def change(document: Document) -> None:
+        claim = {"name": name, "kind": kind, "subject": subject, "every_number": True}
+        document.update(claims=[claim], invariant=[])
+
+    return change
+
+
 REFUSED: dict[str, tuple[str, Change]] = {
     "text without its digest": ("K941", lambda d: d["program"].update(text="local:\n    int x\n")),
     "an obligation removed": ("K941", lambda d: d["obligations"].pop(1)),
     "a claim that is nowhere stated": ("K941", _claim_more),
+    "a fault called as a property": ("K941", _called("Comfort", "fault")),
+    "a fault with a subject": ("K941", _called("no fault", "fault", "Comfort")),
+    "a lost update of another": ("K941", _called("no lost update of c", "lost update", "d")),
+    "a lost update of nothing": ("K941", _called("no lost update of c", "lost update", "c")),
+    "a contract of nothing": ("K941", _called("contract X", "contract", "X")),
+    "a property with a subject": ("K941", _called("Comfort", "property", "no fault")),
+    "a claim made twice": ("K941", lambda d: d["claims"].append(dict(d["claims"][0]))),
+    "two conjuncts of one name": ("K941", lambda d: d["invariant"].append(d["invariant"][0])),
+    "a conjunct called as a claim": ("K940", lambda d: d["invariant"][0].update(name="no fault")),
+    "left out, and nobody knows": ("K941", lambda d: d["not_covered"].append(_LEFT_OUT)),
+    "left out, and claimed": ("K941", lambda d: d["not_covered"].append(_LEFT_OUT | _COMFORT)),
     "nothing claimed": ("K941", lambda d: d["claims"].clear()),
     "an assumption not told": ("K941", lambda d: d["rests_on"]["assumptions"].clear()),
     "a statement that is none": ("K940", _invariant("Comfort", "invariant Comfort:", "assume:")),
@@ -150,6 +171,10 @@ REFUSED: dict[str, tuple[str, Change]] = {
     "another format": ("K940", lambda d: d.update(format="koord trace")),
     "no depth": ("K940", lambda d: d["invariant"][0].update(depth=0)),
 }
+
+
+_LEFT_OUT = {"name": "Discomfort", "reason": "it holds"}
+_COMFORT = {"name": "Comfort"}
 
 
 @pytest.mark.parametrize(("code", "change"), REFUSED.values(), ids=REFUSED)
