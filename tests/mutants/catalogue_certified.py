@@ -8,6 +8,9 @@ LEMMAS = "tests/verify/bits/test_lemmas.py"
 FOUND = "tests/recheck/test_found.py"
 MAPS = "tests/recheck/test_maps.py"
 EXAMPLES = "tests/recheck/test_mutations.py"
+EDITS = "tests/recheck/test_edits.py"
+SAID = "tests/cli/test_recheck.py"
+PROBLEM = "tests/cli/test_problem.py"
 
 CERTIFIED = (
     # invariants of bits in words
@@ -103,5 +106,69 @@ CERTIFIED = (
         "yield from round_.environment()",
         "yield from ()",
         (EXAMPLES,),
+    ),
+    # what is claimed, and what is said to be shown
+    Mutant(
+        "a file calls claims what it likes",
+        "recheck/statements.py",
+        "if claimed.name != right:",
+        "if not right:",
+        (EXAMPLES,),
+    ),
+    Mutant(
+        "what is claimed need not follow from the invariant",
+        "recheck/opening.py",
+        "consequences.append(replace(own[claimed.name], name=claimed.name))",
+        "pass",
+        (EDITS,),
+    ),
+    Mutant(
+        "the subject of a claim does not count",
+        "recheck/opening.py",
+        "claims.append(Claim(claimed.name, claimed.kind, None, claimed.subject, depth))",
+        'claims.append(Claim(claimed.name, claimed.kind, None, "", depth))',
+        (EDITS,),
+    ),
+    Mutant(
+        "what is shown for these robots is said of every number",
+        "recheck/checking.py",
+        "everyone = tuple(s for s in self.about.statements if s.claimed.everyone)",
+        "everyone = self.about.statements",
+        (EDITS,),
+    ),
+    Mutant(
+        "digests are not looked at",
+        "recheck/certificate.py",
+        'if digest_of(text) != reader.field("sha256").text():',
+        'if not reader.field("sha256").text():',
+        (EDITS,),
+    ),
+    Mutant(
+        "the invariant is supposed of the start",
+        "recheck/obligations.py",
+        "goals = self.goals(opening.state, self.claims, between_rounds=True)",
+        "goals = self.goals(opening.state, (), between_rounds=True)",
+        (EDITS,),
+    ),
+    Mutant(
+        "params of a certificate are left out",
+        "recheck/opening.py",
+        "elaborated = elaborate(tree, certificate.settings)",
+        "elaborated = elaborate(tree)",
+        (SAID,),
+    ),
+    Mutant(
+        "that nothing begins is not known of other configurations",
+        "recheck/obligations.py",
+        "if self.nothing_begins or any(_has_unknown(storage) for storage in kept):",
+        "if any(_has_unknown(storage) for storage in kept):",
+        (SAID,),
+    ),
+    Mutant(
+        "values that are set are not told",
+        "syntax/core.py",
+        "return self.value != self.written",
+        "return False",
+        (PROBLEM,),
     ),
 )

@@ -144,6 +144,9 @@ def _called(name: str, kind: str, subject: str = "") -> Change:
     return change
 
 
+_LEFT_OUT = {"name": "Discomfort", "reason": "it holds"}
+_COMFORT = {"name": "Comfort"}
+
 REFUSED: dict[str, tuple[str, Change]] = {
     "text without its digest": ("K941", lambda d: d["program"].update(text="local:\n    int x\n")),
     "an obligation removed": ("K941", lambda d: d["obligations"].pop(1)),
@@ -171,10 +174,6 @@ REFUSED: dict[str, tuple[str, Change]] = {
     "another format": ("K940", lambda d: d.update(format="koord trace")),
     "no depth": ("K940", lambda d: d["invariant"][0].update(depth=0)),
 }
-
-
-_LEFT_OUT = {"name": "Discomfort", "reason": "it holds"}
-_COMFORT = {"name": "Comfort"}
 
 
 @pytest.mark.parametrize(("code", "change"), REFUSED.values(), ids=REFUSED)
