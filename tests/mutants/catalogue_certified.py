@@ -8,6 +8,7 @@ LEMMAS = "tests/verify/bits/test_lemmas.py"
 FOUND = "tests/recheck/test_found.py"
 MAPS = "tests/recheck/test_maps.py"
 EXAMPLES = "tests/recheck/test_mutations.py"
+DAMAGE = "tests/recheck/test_damage.py"
 EDITS = "tests/recheck/test_edits.py"
 SAID = "tests/cli/test_recheck.py"
 PROBLEM = "tests/cli/test_problem.py"
@@ -141,7 +142,7 @@ CERTIFIED = (
         "recheck/certificate.py",
         'if digest_of(text) != reader.field("sha256").text():',
         'if not reader.field("sha256").text():',
-        (EXAMPLES,),
+        (DAMAGE,),
     ),
     Mutant(
         "the invariant is supposed of the start",

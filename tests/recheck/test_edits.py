@@ -128,4 +128,4 @@ def test_nothing_false_is_confirmed_of_some_edits() -> None:
 @pytest.mark.parametrize("block", range(10))
 def test_nothing_false_is_confirmed_of_a_thousand_edits(block: int) -> None:
     count = judged(edited(Random(seed)) for seed in range(100 * block, 100 * block + 100))
-    assert min(count["refused"], count["refuted"], count["confirmed"], count["shown"]) >= 5
+    assert min(count["refused"], count["refuted"], count["confirmed"], count["shown"]) >= 2
