@@ -1,18 +1,17 @@
 """Further ways to break a claim: runs that do without some event of each run found so far.
 
-The same run later, with idle rounds in between, or by other robots where they may change places, is
-no other way.
+The same events later, in one round or in several, or by other robots of the kind, are no other way.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import islice, permutations, product
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import conjunction
 from koord.semantics.patience import OutOfPatienceError
-from koord.semantics.search.symmetry import Symmetry, symmetry_of
 from koord.semantics.traces.recording import Recording
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.verify.bmc import Unrolling, violations
@@ -67,7 +66,8 @@ def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Cou
     unrolling = Unrolling(ledger.system, ledger.seed)
     solver, effort = unrolling.solver, Effort.of_seconds(_SECONDS)
     known, open_ = [first.recording], list[str]()
-    groups = _interchangeable(ledger.system, claim)
+    groups = _namesakes(ledger.system)
+    is_variant = partial(_is_variant, ledger.system)
     for moment in unrolling.moments():
         asked = violations(ledger.system, unrolling.encoder.d, moment, [claim])
         for violated, needed in asked.values():
@@ -85,8 +85,13 @@ def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Cou
                 if found is None:
                     open_.append("one that the solver suggests did not replay")
                     break
-                known.append(found.recording)
-                yield found
+                run = found.recording
+                # One has all that the other needs: as where there are too many robots to try
+                # everybody in everybody's place, or an event of the other was in vain.
+                same = any(is_variant(run, k) or is_variant(k, run) for k in known)
+                known.append(run)
+                if not same:
+                    yield found
             # A run that went on from here would be a longer way to what was found.
             solver.add([unrolling.encoder.d.unary(UnaryOp.NOT, violated)])
         is_end = moment.phase in (Phase.INIT, Phase.END)
@@ -109,15 +114,14 @@ def _read(
         return None
 
 
-def _interchangeable(system: System, claim: Claim) -> tuple[tuple[int, ...], ...]:
-    """Robots that may change places as far as the claim is concerned. [SYMMETRY]"""
-    stated = (claim.stated,) if claim.stated is not None else ()
-    symmetry = symmetry_of(system, stated)
-    return symmetry.groups if isinstance(symmetry, Symmetry) else ()
+def _namesakes(system: System) -> tuple[tuple[int, ...], ...]:
+    """Robots that run the same events: those of a kind."""
+    kinds = dict.fromkeys(system.kinds)
+    return tuple(tuple(i for i, k in enumerate(system.kinds) if k == kind) for kind in kinds)
 
 
 def _different(unrolling: Unrolling, recording: Recording, groups: Sequence[Sequence[int]]) -> Term:
-    """Some event of a recorded run does not run, whoever is who in it and whenever it begins."""
+    """Some event of a recorded run does not run, whoever is who in it and whenever it is."""
     d = unrolling.encoder.d
     same = [_contained(unrolling, recording, naming) for naming in _namings(recording, groups)]
     return conjunction(d, [d.unary(UnaryOp.NOT, each) for each in same])
@@ -125,8 +129,7 @@ def _different(unrolling: Unrolling, recording: Recording, groups: Sequence[Sequ
 
 def _namings(recording: Recording, groups: Sequence[Sequence[int]]) -> Iterator[Naming]:
     """Who may stand for whom among the robots that run something, the given names first."""
-    active = {i for r in recording.rounds for i, e in enumerate(r.events) if e is not None}
-    fixed = {i: i for i in active if not any(i in group for group in groups)}
+    active = ran(recording).keys()
     placed = []
     for group in groups:
         who = [i for i in group if i in active]
@@ -135,26 +138,65 @@ def _namings(recording: Recording, groups: Sequence[Sequence[int]]) -> Iterator[
             [dict(zip(who, to, strict=True)) for to in permutations(who + rest, len(who))]
         )
     for parts in islice(product(*placed), _MOST_NAMINGS):
-        yield fixed | {i: to for part in parts for i, to in part.items()}
+        yield {i: to for part in parts for i, to in part.items()}
 
 
 def _contained(unrolling: Unrolling, recording: Recording, naming: Naming) -> Term:
-    """What runs in each round of a recorded run runs in some round, in the same order of rounds."""
+    """Each robot runs what its namesake runs in a recorded run, in the same order.
+
+    When it does so is up to it: whether robots run in one round or wait for each other makes no
+    other way.
+    """
     d = unrolling.encoder.d
-    wanted = [
-        {naming[i]: e for i, e in enumerate(round_.events) if e is not None}
-        for round_ in recording.rounds
-    ]
-    # By how many of its rounds were met by now.
-    met: list[Term] = [True, *(False for _ in wanted)]
-    for taken in unrolling.rounds:
-        for n in range(len(wanted), 0, -1):
-            now = d.binary(BinaryOp.AND, met[n - 1], _runs(unrolling, taken, wanted[n - 1]))
-            met[n] = d.binary(BinaryOp.OR, met[n], now)
-    return met[-1]
+    ended = []
+    for robot, wanted in ran(recording).items():
+        # By how many of its events were met by now.
+        met: list[Term] = [True, *(False for _ in wanted)]
+        for taken in unrolling.rounds:
+            for n in range(len(wanted), 0, -1):
+                runs = _runs(taken, naming[robot], wanted[n - 1])
+                now = d.binary(BinaryOp.AND, met[n - 1], runs)
+                met[n] = d.binary(BinaryOp.OR, met[n], now)
+        ended.append(met[-1])
+    return conjunction(d, ended)
 
 
-def _runs(unrolling: Unrolling, taken: SymbolicRound, events: dict[int, int]) -> Term:
-    """Each of the robots runs its event in the round, as far as it can."""
-    chosen = [o.chosen for o in taken.options if events.get(o.robot) == o.position]
-    return conjunction(unrolling.encoder.d, chosen) if len(chosen) == len(events) else False
+def ran(recording: Recording) -> dict[int, list[int]]:
+    """What each robot runs in a run, in order; those that run nothing are left out."""
+    found: dict[int, list[int]] = {}
+    for round_ in recording.rounds:
+        for robot, event in enumerate(round_.events):
+            if event is not None:
+                found.setdefault(robot, []).append(event)
+    return found
+
+
+def _is_variant(system: System, one: Recording, other: Recording) -> bool:
+    """Whether a run has every event of another one, whichever robots and whenever it is."""
+    having, wanted = ran(one), ran(other)
+    standing: dict[int, int] = {}  #: who of the one run stands for whom of the other
+
+    def placed(robot: int, tried: set[int]) -> bool:
+        for i, events in having.items():
+            if i in tried or system.kinds[i] != system.kinds[robot]:
+                continue
+            if _within(wanted[robot], events):
+                tried.add(i)
+                if i not in standing or placed(standing[i], tried):
+                    standing[i] = robot
+                    return True
+        return False
+
+    return all(placed(robot, set()) for robot in wanted)
+
+
+def _within(wanted: Sequence[int], having: Sequence[int]) -> bool:
+    """Whether some events are among others, in order."""
+    left = iter(having)
+    return all(event in left for event in wanted)
+
+
+def _runs(taken: SymbolicRound, robot: int, event: int) -> Term:
+    """A robot runs an event in a round, if it can."""
+    chosen = [o.chosen for o in taken.options if o.robot == robot and o.position == event]
+    return chosen[0] if chosen else False

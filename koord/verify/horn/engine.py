@@ -16,7 +16,7 @@ from koord.semantics.configurations import Configuration, System
 from koord.semantics.crowds import NotFiniteError
 from koord.syntax.core import UnaryOp
 from koord.syntax.source import NOWHERE
-from koord.verify.bmc import Unrolling, assumed, violations
+from koord.verify.bmc import Bounded, Unrolling, assumed, violations
 from koord.verify.claims import Claim, Findings, Phase
 from koord.verify.horn.clauses import Clauses, Reached, Safe, constants
 from koord.verify.horn.states import scalars
@@ -25,7 +25,7 @@ from koord.verify.moments import Moment
 from koord.verify.solving import Answer, Deadline, Effort
 from koord.verify.symbols import SymbolicInputs
 from koord.verify.terms import Term, Terms
-from koord.verify.verdicts import Engine, Outcome, Verdict
+from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
 from koord.verify.witness import NotReplayedError, Reader, recording_of
 
 #: What proofs may cost, about so many seconds: before others are asked, and after them.
@@ -41,6 +41,9 @@ GENEROUS_S = 600.0
 
 #: What each question about an invariant that was found may cost.
 CHECKING_S = 20.0
+
+#: What it may cost to see whether a violation can be had in fewer rounds, and in how many.
+SOONER_S, SOONER_ROUNDS = 5.0, 40
 
 
 @dataclass(slots=True)
@@ -115,6 +118,7 @@ class BySpacer:
             except NotReplayedError:
                 continue
             seconds = time.monotonic() - started
+            shown = _sooner(ledger, claim, shown)
             verdict = Verdict(claim, Outcome.VIOLATED, Engine.SPACER, seconds, counterexample=shown)
             ledger.settle({claim: verdict})
             settled = True
@@ -239,6 +243,22 @@ class Question:
             *([found.kept, *body] for body in self.spoils),
         ]
         return all(self.clauses.impossible(body, deadline, effort) for body in bodies)
+
+
+def _sooner(ledger: Ledger, claim: Claim, shown: Counterexample) -> Counterexample:
+    """The same violation with the fewest rounds, as far as that costs little.
+
+    Rounds through which the claim was seen to hold by others are not looked at again.
+    """
+    before, seen = shown.round - 1, ledger.verdict(claim).rounds
+    if not 0 <= before <= SOONER_ROUNDS or (seen is not None and seen >= before):
+        return shown
+    bounded = Bounded(ledger.system, ledger.subject.judge, ledger.seed)
+    effort = Effort.of_seconds(SOONER_S)
+    found = bounded.check([claim], ledger.proved(), before, ledger.deadline, effort).get(claim)
+    if found is None or found.counterexample is None:
+        return shown
+    return found.counterexample
 
 
 def _held(

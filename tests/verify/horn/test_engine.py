@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from koord.semantics.configurations import System
+from koord.verify.claims import claims_of
 from koord.verify.horn.clauses import Clauses, Reached, Safe
+from koord.verify.horn.engine import _sooner
+from koord.verify.ledger import Ledger, Reach, Subject
 from koord.verify.portfolio import Choice, verify
+from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
-from tests.verify.asking import of_text
+from tests.verify.asking import bounded, judged, of_text
 
 EXAMPLES = Path(__file__).parents[3] / "specs" / "examples"
 
@@ -144,3 +150,20 @@ def test_it_is_asked_before_rounds_are_unrolled_for_long() -> None:
     engines = {v.claim.name: v.engine for v in report.verdicts}
     assert engines["Separation"] is Engine.SPACER
     assert engines["Runway"] is Engine.SPACER
+
+
+def test_a_violation_is_shown_with_the_fewest_rounds() -> None:
+    """Where Spacer came upon a longer run, the rounds before are looked at."""
+    system = of_text(
+        "local:\n    int x = 0\n\nGrow:\n    eff: x = x + 1\n\ninvariant Few: x < 3\n", 1
+    )
+    subject = Subject(system, partial(judged, system), system)
+    claim, *_ = claims = claims_of(system)
+    ledger = Ledger(subject, Bounds(9), Deadline(), claims)
+    first = bounded(system, rounds=5).violated["Few"]
+    assert first.round == 3
+    later = replace(first, round=5)
+    assert _sooner(ledger, claim, later).round == 3
+    assert _sooner(ledger, claim, first) is first
+    ledger.leave([claim], Reach(Engine.BMC, 4, "", 0.0))  # somebody has looked there
+    assert _sooner(ledger, claim, later) is later

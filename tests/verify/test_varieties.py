@@ -1,0 +1,92 @@
+"""Different ways to break a claim are different in what is run: not later, nor by other robots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import permutations
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
+from koord.refinement.generating.programs import system
+from koord.semantics.configurations import System, dealt
+from koord.semantics.traces.recording import Recording
+from koord.syntax.load import load
+from koord.syntax.source import Source
+from koord.verify.portfolio import Choice, verify
+from koord.verify.verdicts import Bounds
+
+#: Of these the same way was shown again, with robots that wait for each other.
+STAGGERED = ("leader_elect_early", "mapping_race", "sats2_out_of_turn", "waypoints_early")
+BROKEN = sorted(Path("specs/examples/broken").glob("*.krd"))
+
+
+def of_file(path: Path) -> System:
+    program = load(Source(path.name, path.read_text(encoding="utf-8"))).program
+    assert program is not None
+    return dealt(program, 2, Fraction(1, 10))
+
+
+def events_of(recording: Recording, robot: int) -> list[int]:
+    events = [round_.events[robot] for round_ in recording.rounds]
+    return [event for event in events if event is not None]
+
+
+def is_subsequence(few: Sequence[int], many: Sequence[int]) -> bool:
+    return not few or (
+        bool(many) and is_subsequence(few[1:] if few[0] == many[0] else few, many[1:])
+    )
+
+
+def needs_no_more(of: System, one: Recording, other: Recording) -> bool:
+    """Whether all that happens in one run happens in another, for some way to name the robots."""
+    for names in permutations(range(of.robots)):
+        if all(
+            of.kinds[i] == of.kinds[names[i]]
+            and is_subsequence(events_of(one, i), events_of(other, names[i]))
+            for i in range(of.robots)
+        ):
+            return True
+    return False
+
+
+def ways(of: System, rounds: int = 5, most: int = 4) -> int:
+    """How many further ways there are; each is another one than all the rest."""
+    found = 0
+    for verdict in verify(of, Bounds(rounds, 30.0, violations=most), Choice.BMC).verdicts:
+        if verdict.counterexample is None:
+            continue
+        assert verdict.ways is not None
+        assert "failed" not in verdict.ways.reason
+        runs = [c.recording for c in (verdict.counterexample, *verdict.others)]
+        for one, other in permutations(runs, 2):
+            assert not needs_no_more(of, one, other), verdict.claim.name
+        found += len(verdict.others)
+    return found
+
+
+@pytest.mark.parametrize("name", STAGGERED)
+def test_robots_that_wait_for_each_other_make_no_other_way(name: str) -> None:
+    ways(of_file(Path("specs/examples/broken") / f"{name}.krd"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", BROKEN, ids=lambda path: path.stem)
+def test_ways_of_examples_differ(path: Path) -> None:
+    ways(of_file(path), rounds=8)
+
+
+@pytest.mark.parametrize(
+    ("profile", "seeds", "least"),
+    [
+        (FINITE, range(8), 0),
+        pytest.param(FINITE, range(1_000, 1_100), 5, marks=pytest.mark.slow),
+        pytest.param(SYMMETRIC, range(1_000, 1_050), 0, marks=pytest.mark.slow),
+    ],
+)
+def test_ways_of_generated_programs_differ(profile: Profile, seeds: range, least: int) -> None:
+    found = sum(ways(system(Random(seed), profile), rounds=3) for seed in seeds)
+    assert found >= least
