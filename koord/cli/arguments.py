@@ -17,7 +17,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from koord.cli.files import DASH
-from koord.syntax.core import MOST_ROBOTS, USUAL_ROBOTS
+from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_ROBOTS
 
 if TYPE_CHECKING:
     from koord.syntax.elaborate.settings import ParamValue
@@ -133,6 +133,8 @@ def delta(text: str) -> Fraction:
     amount = number(text)
     if amount <= 0:
         raise ArgumentTypeError(f"δ must be positive: {text!r} is not more than 0 seconds")
+    if not LEAST_DELTA_S <= amount <= MOST_DELTA_S:
+        raise ArgumentTypeError(f"δ must be from 1e-9 to 1e5 seconds, not {text!r}: write 0.1")
     return amount
 
 

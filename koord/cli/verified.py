@@ -57,12 +57,6 @@ def tell(
                 print()
                 for text in steps.lines(system, verdict, style):
                     print(text)
-        if request.explain:
-            from koord.cli import slices
-
-            independent = list(slices.lines(system, report))
-            if independent:
-                print("\n" + "\n".join(independent))
         if found is not None:
             from koord.cli import premises
 
@@ -115,7 +109,7 @@ def tell_sweep(
 
 
 def _as_json(program: LoadedProgram, asked: Asked, request: Request) -> dict[str, object]:
-    from koord.cli import counterexamples, fairness, slices, verdicts
+    from koord.cli import counterexamples, fairness, verdicts
 
     def departed(verdict: Verdict, found: Counterexample) -> Departure | None:
         return counterexamples.rerun_of(program, asked.system_of(verdict), verdict.claim, found)
@@ -125,8 +119,7 @@ def _as_json(program: LoadedProgram, asked: Asked, request: Request) -> dict[str
         return fairness.as_json(fairness.of(program, system, verdict, found, request.left_s()))
 
     problem = _problem(program, asked)
-    document = verdicts.as_json(problem, asked.bounds, asked.report, departed, fair)
-    return document | {"left_out": slices.left_out(asked.system, asked.report)}
+    return verdicts.as_json(problem, asked.bounds, asked.report, departed, fair)
 
 
 def _problem(program: LoadedProgram, asked: Asked) -> Problem:

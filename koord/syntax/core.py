@@ -679,6 +679,9 @@ class LockClass:
 #: So many robots one run has at most.
 MOST_ROBOTS = 10_000
 
+#: How long a round may be, in seconds: what clocks can tell, and what doubles and vehicles stand.
+LEAST_DELTA_S, MOST_DELTA_S = Fraction(1, 10**9), Fraction(10**5)
+
 #: Robots, and the length of a round in seconds, where neither a program nor anybody else says them.
 USUAL_ROBOTS = 3
 USUAL_DELTA_S = Fraction(1, 10)

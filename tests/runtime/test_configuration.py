@@ -160,7 +160,7 @@ network: {transport: unicast, port: 5000, key: sixteen letters ok, run: monday}
         ("num_robots: 3\nnum_robots: 4", 2, "given twice", "line 1"),
         ("num_robots: many", 1, "expected `int`", None),
         ("num_robots: 0", 1, ">= 1", None),
-        ("num_robots: 3\ndelta: -1", 2, "> 0", None),
+        ("num_robots: 3\ndelta: -1", 2, ">= 1e-09", None),
         ("num_robots: 3\nleader_pid: 3", 2, "no robot 3", None),
         ("num_robots: 3\npositions:\n  5: [0, 0]", 3, "no robot 5", None),
         ("num_robots: 3\npositions: {0: [0]}", 2, "length >= 2", None),

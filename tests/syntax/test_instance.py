@@ -91,6 +91,8 @@ def test_a_number_of_all_robots_is_dealt_to_the_kinds() -> None:
         (f"param bool delta = true{GO}", "`delta` is a `float`"),
         (f"param float delta = 0{GO}", "a round is longer than 0 seconds"),
         (f"param float delta = -0.5{GO}", "a round is longer than 0 seconds"),
+        (f"param float delta = 1000000000.5{GO}", "a round takes from 1e-9 to 1e5 seconds"),
+        (f"param float delta = 1e-10{GO}", "a round takes from 1e-9 to 1e5 seconds"),
         (f"param int numAgents{GO}", "`numAgents` has no value"),
         (kinds("param int numAgents = 1", ""), "of kind Drone is not stated"),
         (

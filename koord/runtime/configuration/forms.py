@@ -12,10 +12,14 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S
+
 Natural = Annotated[int, Meta(ge=0)]
 Port = Annotated[int, Meta(ge=1, le=65535)]
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
+#: Seconds of a round: the same limits as everywhere (`specs/limits.md`).
+RoundLength = Annotated[float, Meta(ge=float(LEAST_DELTA_S), le=float(MOST_DELTA_S))]
 Name = Annotated[str, Meta(min_length=1)]
 
 #: Two or three coordinates in metres; a missing z is 0.
@@ -224,7 +228,7 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     mutex_handler: str | None = None  #: of the published middleware; lock classes need none
     udp_bcast_ip: str | None = None
     udp_port: Port | None = None
-    delta: Positive | None = None  #: as the program states; else 0.1
+    delta: RoundLength | None = None  #: as the program states; else 0.1
     seed: Natural = 0
     positions: dict[int, Coordinates] = {}
     params: dict[Name, Any] = {}  #: values for the program's params

@@ -6,7 +6,7 @@ from fractions import Fraction
 from itertools import islice
 
 from koord.syntax import ast, core
-from koord.syntax.core import MOST_ROBOTS
+from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS
 from koord.syntax.elaborate.params import declared_value
 from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.sections import FLAGS, Kind, Sections
@@ -93,6 +93,9 @@ def _delta(session: Session, sections: Sections) -> Fraction | None:
     value = None if stated is None else _value(session, stated)
     if stated is not None and value is not None and value <= 0:
         _wrong(session, stated.span, "a round is longer than 0 seconds", "write `0.1`")
+        return None
+    if stated is not None and value is not None and not LEAST_DELTA_S <= value <= MOST_DELTA_S:
+        _wrong(session, stated.span, "a round takes from 1e-9 to 1e5 seconds", "write `0.1`")
         return None
     return value
 
