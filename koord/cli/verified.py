@@ -57,6 +57,12 @@ def tell(
                 print()
                 for text in steps.lines(system, verdict, style):
                     print(text)
+        if request.explain:
+            from koord.cli import slices
+
+            independent = list(slices.lines(system, report))
+            if independent:
+                print("\n" + "\n".join(independent))
         if found is not None:
             from koord.cli import premises
 
@@ -109,7 +115,7 @@ def tell_sweep(
 
 
 def _as_json(program: LoadedProgram, asked: Asked, request: Request) -> dict[str, object]:
-    from koord.cli import counterexamples, fairness, verdicts
+    from koord.cli import counterexamples, fairness, slices, verdicts
 
     def departed(verdict: Verdict, found: Counterexample) -> Departure | None:
         return counterexamples.rerun_of(program, asked.system_of(verdict), verdict.claim, found)
@@ -119,7 +125,8 @@ def _as_json(program: LoadedProgram, asked: Asked, request: Request) -> dict[str
         return fairness.as_json(fairness.of(program, system, verdict, found, request.left_s()))
 
     problem = _problem(program, asked)
-    return verdicts.as_json(problem, asked.bounds, asked.report, departed, fair)
+    document = verdicts.as_json(problem, asked.bounds, asked.report, departed, fair)
+    return document | {"left_out": slices.left_out(asked.system, asked.report)}
 
 
 def _problem(program: LoadedProgram, asked: Asked) -> Problem:

@@ -8,6 +8,7 @@ from tests.mutants.catalogue_compiled import COMPILED
 from tests.mutants.catalogue_exported import EXPORTED
 from tests.mutants.catalogue_liveness import LIVENESS
 from tests.mutants.catalogue_shown import SHOWN
+from tests.mutants.cone import CONE
 from tests.mutants.deployed import DEPLOYED
 from tests.mutants.every_n import EVERY_N
 from tests.mutants.horn import HORN
@@ -731,6 +732,7 @@ VERIFY = (
 MUTANTS = (
     *SEMANTICS,
     *VERIFY,
+    *CONE,
     *EVERY_N,
     *INSTANTS,
     *HORN,

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+from koord.cli.main import main
 from koord.verify.portfolio import Choice
 from koord.verify.verdicts import Engine, Outcome
 from tests.verify.asking import ask, of_text
@@ -127,3 +130,13 @@ def test_invariants_about_more_than_a_slice_help_with_its_claims() -> None:
     for name in ("Even", "Twice"):
         verdict = ask(of_text(HISTORY), choice=Choice.INDUCTION)[name]
         assert (verdict.outcome, verdict.rounds) == (Outcome.HOLDS, None)
+
+
+def test_what_a_claim_does_not_depend_on_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "counts.krd"
+    path.write_text(JUNK + COUNTS)
+    main(["verify", "--explain", "--robots", "1", str(path)])
+    shown = capsys.readouterr().out
+    assert "Sum does not depend on sensor Unread.level, sensor Unread.psn." in shown

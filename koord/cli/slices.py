@@ -1,0 +1,45 @@
+"""What each claim cannot depend on, in words: what engines were not asked about with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from koord.semantics.configurations import System
+from koord.syntax.core import Direction, Home
+from koord.verify.cone.influence import Happens, Part, Var
+from koord.verify.cone.slices import Slices
+from koord.verify.subjects import identity
+from koord.verify.verdicts import Report
+
+
+def lines(system: System, report: Report) -> Iterator[str]:
+    """A line for each claim that cannot depend on all of the program."""
+    for claim, parts in left_out(system, report).items():
+        yield f"{claim} does not depend on {', '.join(parts)}."
+
+
+def left_out(system: System, report: Report) -> dict[str, list[str]]:
+    """By claim about configurations the variables, ports and events outside of its cone."""
+    slices = Slices(system)
+    found = {}
+    for verdict in report.verdicts:
+        claim = slices.claims.get(identity(verdict.claim))
+        if claim is None:
+            continue
+        outside = slices.everything - slices.extent(slices.cone([claim]))
+        if outside:
+            found[claim.name] = sorted({_shown(slices, part) for part in outside})
+    return found
+
+
+def _shown(slices: Slices, part: Part) -> str:
+    name = slices.name(part)
+    match part:
+        case Happens():
+            return f"event {name}"
+        case Var(home=Home.PORT, kind=int(kind), slot=slot):
+            port = slices.system.program.agents[kind].ports[slot]
+            what = "sensor" if port.direction is Direction.SENSOR else "actuator"
+            return f"{what} {port.module}.{name}"
+        case _:
+            return f"variable {name}"

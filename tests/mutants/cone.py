@@ -1,0 +1,60 @@
+"""Mistakes in what a claim depends on. [T-CONE]"""
+
+from __future__ import annotations
+
+from tests.mutants.mutant import Mutant
+
+SLICES = "tests/verify/cone/test_slices.py"
+INFLUENCE = "verify/cone/influence.py"
+
+CONE = (
+    Mutant(
+        "cone: events do not depend on their guards",
+        INFLUENCE,
+        "        self._add(happens, reads)\n",
+        "",
+        (SLICES,),
+    ),
+    Mutant(
+        "cone: what a loop does does not depend on when it is left",
+        INFLUENCE,
+        "inner = (*controls, low, high, *_leaving(body))",
+        "inner = (*controls, low, high)",
+        (SLICES,),
+    ),
+    Mutant(
+        "cone: locks and stops are taken whatever decides about them",
+        INFLUENCE,
+        "            self._add(happens, entered)\n",
+        "            pass\n",
+        (SLICES,),
+    ),
+    Mutant(
+        "cone: urgent events oblige nobody to others",
+        INFLUENCE,
+        "                self._add(happens, every)\n",
+        "                pass\n",
+        (SLICES,),
+    ),
+    Mutant(
+        "cone: contracts restrict nothing",
+        INFLUENCE,
+        "                for part in self.restricted(contract, promise, kind):\n",
+        "                for part in ():\n",
+        (SLICES,),
+    ),
+    Mutant(
+        "cone: assumptions join nothing",
+        INFLUENCE,
+        "            for part in reads:\n                self._add(part, reads)",
+        "            for part in ():\n                self._add(part, reads)",
+        (SLICES,),
+    ),
+    Mutant(
+        "cone: nothing may fault",
+        INFLUENCE,
+        "                self._add(Matter.FAULT, (*reads, *targets, *by))\n",
+        "                pass\n",
+        (SLICES,),
+    ),
+)
