@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias, assert_never
 from koord.cli import departures
 from koord.cli.terminal import Paint, Style, visible
 from koord.syntax.problem import Problem
+from koord.verify import obstacles
 from koord.verify.claims import ClaimKind
 from koord.verify.vacuity import words
 from koord.verify.verdicts import (
@@ -50,6 +51,7 @@ def lines(problem: Problem, report: Report, style: Style) -> Iterator[str]:
             yield f"      {_fairly(verdict.fairness)}"
         if verdict.ways is not None and (verdict.ways.complete or verdict.ways.reason):
             yield f"      {_ways(1 + len(verdict.others), verdict.ways)}"
+    yield from _in_the_way(report)
     if report.found:
         yield ""
         yield "  invariants that were found for it:"
@@ -97,6 +99,19 @@ def _ways(count: int, ways: Ways) -> str:
     if ways.complete:
         return f"{found}: there is no other within the bound"
     return f"{found}; there may be more: {ways.reason}"
+
+
+def _in_the_way(report: Report) -> Iterator[str]:
+    """What stands in the way of claims that are unknown, those together that have the same."""
+    stopped: dict[tuple[str, ...], list[str]] = {}
+    for verdict in report.verdicts:
+        said = obstacles.lines(verdict.obstacles, verdict.claim.name)
+        if said:
+            stopped.setdefault(tuple(said), []).append(verdict.claim.name)
+    for said_, claims in stopped.items():
+        yield ""
+        yield f"  what stands in the way of {', '.join(claims)}:"
+        yield from (f"    {line}" for line in said_)
 
 
 def _given_up(report: Report, style: Style) -> Iterator[str]:
@@ -278,6 +293,16 @@ def _verdict_json(verdict: Verdict, departed: Departed, fair: Fairly) -> dict[st
         "through_round": verdict.rounds,
         "seconds": round(verdict.seconds, 3),
         "reason": verdict.reason or None,
+        "obstacles": [
+            {
+                "engine": each.engine.value,
+                "kind": type(each).__name__,
+                "names": list(each.names) if isinstance(each, obstacles.Values) else [],
+                "what": obstacles.what(each),
+                "cure": obstacles.cure(each, verdict.claim.name),
+            }
+            for each in verdict.obstacles
+        ],
         "fairness": list(verdict.fairness),
         "violated": None if found is None else violation(found),
         "others": [violation(other) for other in verdict.others],

@@ -19,6 +19,7 @@ from functools import partial
 
 from koord.semantics.configurations import System
 from koord.verify.claims import claims_of, liveness_of
+from koord.verify.obstacles import TimeUp
 from koord.verify.pool import Pool, Teller
 from koord.verify.portfolio import Choice, verify
 from koord.verify.resuming import Past
@@ -102,7 +103,7 @@ class _Asking:
             spent = time.monotonic() - started
             why = "interrupted" if cut else _late(past) if job.is_late else ""
             every_n = self.choice is Choice.EVERY_N
-            verdicts = self._known(past, why, spent, names)
+            verdicts = self._known(past, why, spent, names, late=job.is_late)
             report = Report(verdicts, (), spent, cut, past.failures, every_n)
         return report
 
@@ -150,7 +151,9 @@ class _Asking:
                                 if is_further:
                                     again[name] = past
                             why = _late(past) if job.is_late else ""
-                            (verdict,) = self._known(past, why, spent, [name])
+                            (verdict,) = self._known(
+                                past, why, spent, [name], late=job.is_late
+                            )
                         if _is_better(verdict, found[name]):
                             found[name] = replace(verdict, claim=found[name].claim)
                     pasts = again
@@ -183,7 +186,7 @@ class _Asking:
         )
 
     def _known(
-        self, past: Past, why: str, spent: float, names: Sequence[str]
+        self, past: Past, why: str, spent: float, names: Sequence[str], *, late: bool
     ) -> tuple[Verdict, ...]:
         """What processes had told of before they were ended, or died, and why there is no more."""
         reason = "; ".join(filter(None, [why, *map(str, past.failures)]))
@@ -195,7 +198,9 @@ class _Asking:
             if verdict is None:
                 verdict = Verdict(claim, Outcome.UNKNOWN, Engine.NONE, spent)
             if verdict.outcome is Outcome.UNKNOWN:
-                verdict = replace(verdict, seconds=spent, reason=reason)
+                more = (TimeUp(Engine.NONE),) if late else ()
+                obstacles = tuple(dict.fromkeys((*verdict.obstacles, *more)))
+                verdict = replace(verdict, seconds=spent, reason=reason, obstacles=obstacles)
             found.append(verdict)
         return tuple(found)
 

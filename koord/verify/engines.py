@@ -10,10 +10,21 @@ from koord.semantics.machine import NotFiniteError
 from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.search.limits import Limits
 from koord.syntax.diagnostics import KoordError
+from koord.syntax import core
 from koord.verify.bmc import Bounded
 from koord.verify.claims import Claim
 from koord.verify.induction import prove
-from koord.verify.ledger import Ledger, Reach
+from koord.verify.ledger import Ledger, Reach, Subject
+from koord.verify.obstacles import (
+    Elsewhere,
+    GaveUp,
+    Lengths,
+    NotInductive,
+    Obstacle,
+    Unreplayed,
+    Values,
+    gave_up,
+)
 from koord.verify.solving import Effort
 from koord.verify.verdicts import BrokenStep, Engine
 
@@ -93,15 +104,21 @@ class ByUnrolling:
 
     def _leave(self, bounded: Bounded, ledger: Ledger) -> None:
         reason = bounded.reason
+        obstacle: Obstacle | None = None
         if bounded.tired:
             reason = "another claim is violated, and this one takes long"
+            obstacle = Elsewhere(Engine.BMC) if ledger.is_violated else GaveUp(Engine.BMC)
+        elif reason:
+            obstacle = gave_up(Engine.BMC, ledger.deadline)
         if not reason and bounded.limits:
             reason = f"not covered: {'; '.join(bounded.limits)}"
-        reach = Reach(Engine.BMC, bounded.covered, reason, bounded.seconds)
+            obstacle = Lengths(Engine.BMC, tuple(bounded.limits))
+        reach = Reach(Engine.BMC, bounded.covered, reason, bounded.seconds, obstacle=obstacle)
         ledger.leave(self._pending(bounded, ledger), reach)
         for claim, (why, rounds) in bounded.unreplayed.items():
             through = bounded.covered if bounded.limits else rounds
-            ledger.leave([claim], Reach(Engine.BMC, through, why, bounded.seconds))
+            astray = Unreplayed(Engine.BMC)
+            ledger.leave([claim], Reach(Engine.BMC, through, why, bounded.seconds, obstacle=astray))
 
 
 @dataclass(slots=True)
@@ -169,7 +186,12 @@ class ByInduction:
                 if claim in result.steps:
                     self._shortest.setdefault(claim, result.steps[claim])
                 step = self._shortest.get(claim)
-                ledger.leave([claim], Reach(Engine.INDUCTION, None, reason, seconds, step))
+                obstacle: Obstacle = gave_up(Engine.INDUCTION, ledger.deadline)
+                if claim in result.steps:
+                    obstacle = NotInductive(Engine.INDUCTION)
+                ledger.leave(
+                    [claim], Reach(Engine.INDUCTION, None, reason, seconds, step, obstacle)
+                )
 
     def _effort(self, ledger: Ledger) -> Effort:
         return self.afterwards if ledger.is_violated else self.effort
@@ -205,8 +227,10 @@ class BySearch:
 
         claims = ledger.open()
         if ledger.subject.is_abstract:
-            reason = "search: positions or paths have infinitely many values"
-            ledger.leave(claims, Reach(Engine.SEARCH, None, reason, 0.0))
+            names = _flowing(ledger.subject)
+            reason = f"search: {', '.join(names)} may have infinitely many values"
+            obstacle = Values(Engine.SEARCH, names)
+            ledger.leave(claims, Reach(Engine.SEARCH, None, reason, 0.0, obstacle=obstacle))
             return
         found = Searching()
         started = time.monotonic()
@@ -215,13 +239,41 @@ class BySearch:
             exhaust(
                 ledger.system, claims, self.limits, ledger.deadline, judge, ledger.progress, found
             )
-        finally:
-            self._leave(ledger, found, time.monotonic() - started)
+        except BaseException:
+            self._leave(ledger, found, time.monotonic() - started, failed=True)
+            raise
+        self._leave(ledger, found, time.monotonic() - started, failed=False)
 
-    def _leave(self, ledger: Ledger, found: Searching, seconds: float) -> None:
+    def _leave(self, ledger: Ledger, found: Searching, seconds: float, *, failed: bool) -> None:
         ledger.settle(found.verdicts)
         enough = found.depth is not None and found.depth >= ledger.bounds.rounds
-        reach = Reach(Engine.SEARCH, found.depth, "" if enough else found.reason, seconds)
+        reason = "" if enough else found.reason
+        obstacle = None if enough else found.obstacle
+        if found.reason and obstacle is None and not enough and not failed:
+            obstacle = gave_up(Engine.SEARCH, ledger.deadline)
+        reach = Reach(Engine.SEARCH, found.depth, reason, seconds, obstacle=obstacle)
         ledger.leave([c for c in ledger.open() if c not in found.unreplayed], reach)
         for claim, reason in found.unreplayed.items():
-            ledger.leave([claim], Reach(Engine.SEARCH, None, reason, seconds))
+            astray = Unreplayed(Engine.SEARCH)
+            ledger.leave([claim], Reach(Engine.SEARCH, None, reason, seconds, obstacle=astray))
+
+
+def _flowing(subject: Subject) -> tuple[str, ...]:
+    """The variables whose values merely flow."""
+    plain, abstract = subject.original.program, subject.system.program
+    pairs: list[tuple[str, core.Declaration, core.Declaration]] = [
+        ("", old, new)
+        for old, new in zip(
+            (*plain.allread, *plain.allwrite),
+            (*abstract.allread, *abstract.allwrite),
+            strict=True,
+        )
+    ]
+    for old_agent, new_agent in zip(plain.agents, abstract.agents, strict=True):
+        locals_ = zip(old_agent.locals, new_agent.locals, strict=True)
+        pairs += [("", old, new) for old, new in locals_]
+        for module in old_agent.modules:
+            ports = ((old_agent.ports[k], new_agent.ports[k]) for k in module.ports)
+            pairs += [(f"{module.name}.", o.declaration, n.declaration) for o, n in ports]
+    named = (f"{of}{old.variable.name}" for of, old, new in pairs if old.variable != new.variable)
+    return tuple(dict.fromkeys(named)) or ("positions and paths",)

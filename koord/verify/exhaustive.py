@@ -15,6 +15,7 @@ from koord.semantics.search.limits import Limits
 from koord.semantics.traces.recording import Recording
 from koord.verify.claims import Claim, ClaimKind, Phase
 from koord.verify.ledger import Judge
+from koord.verify.obstacles import Beyond, Obstacle, Values
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
@@ -39,6 +40,7 @@ class Searching:
     states: int = 0
     depth: int | None = None
     reason: str = ""
+    obstacle: Obstacle | None = None
 
 
 def exhaust(
@@ -67,6 +69,7 @@ def exhaust(
     )
     if isinstance(search, NotFinite):
         said.reason = f"search: {search.reason} ({search.span})"
+        said.obstacle = in_the_way(search)
         return said
     asked = {_searched(claim): claim for claim in claims}
     try:
@@ -102,6 +105,14 @@ def _conclude(
             said.reason = f"search: {reason} {where}"
         case NotFinite(reason=reason, span=span):
             said.reason = f"search: {reason} ({span})"
+            said.obstacle = in_the_way(end)
+
+
+def in_the_way(found: NotFinite) -> Obstacle:
+    """What a search could not follow."""
+    if found.name:
+        return Values(Engine.SEARCH, (found.name,))
+    return Beyond(Engine.SEARCH, found.reason)
 
 
 def _searched(claim: Claim) -> Searched:

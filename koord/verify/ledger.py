@@ -19,6 +19,7 @@ from koord.semantics.traces.recording import Recording
 from koord.syntax.diagnostics import KoordError
 from koord.verify.claims import Claim, Phase
 from koord.verify.failures import failure_of
+from koord.verify.obstacles import Beyond, Obstacle, TimeUp
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import (
     Bounds,
@@ -63,6 +64,7 @@ class Reach:
     reason: str
     seconds: float
     step: BrokenStep | None = None  #: why an invariant is not inductive
+    obstacle: Obstacle | None = None  #: what stood in the way
 
 
 #: From when to when, as :func:`time.monotonic` counts, which is the same in all processes.
@@ -100,6 +102,7 @@ class Ledger:
     failed: Callable[[Failure], None] = lambda failure: None
     #: what engines ran into, with the claims that were open then
     failures: dict[Failure, frozenset[Claim]] = field(default_factory=dict)
+    in_the_way: tuple[Obstacle, ...] = ()  #: what stands in the way of all engines
     #: what was spent on claims before, in seconds
     before: Mapping[Claim, float] = field(default_factory=dict)
     clock: Callable[[], float] = time.monotonic
@@ -126,8 +129,10 @@ class Ledger:
             yield
         except NotFiniteError as error:
             self.stopped = str(error)
+            self.in_the_way = (Beyond(Engine.NONE, self.stopped),)
         except NumberTooLongError as error:
             self.stopped = error.diagnostics[0].message
+            self.in_the_way = (Beyond(Engine.NONE, self.stopped),)
         except OutOfPatienceError:
             self.stopped = "timeout"
         except KeyboardInterrupt:
@@ -291,7 +296,14 @@ class Ledger:
         reaches = list(self._reaches.get(claim, {}).values())[::-1]
         if not reaches:
             reason = self._why(claim, [self.stopped])
-            return Verdict(claim, Outcome.UNKNOWN, Engine.NONE, self.spent(claim), reason=reason)
+            return Verdict(
+                claim,
+                Outcome.UNKNOWN,
+                Engine.NONE,
+                self.spent(claim),
+                reason=reason,
+                obstacles=self._obstacles(claim, []),
+            )
         farthest = max(reaches, key=_rounds)
         engine = Engine.NONE if farthest.rounds is None else farthest.engine
         outcome, reason = Outcome.HOLDS, ""
@@ -307,6 +319,7 @@ class Ledger:
             farthest.rounds,
             reason=reason,
             step=next(steps, None),
+            obstacles=() if outcome is Outcome.HOLDS else self._obstacles(claim, reaches[::-1]),
         )
 
     def _why(self, claim: Claim, reasons: Sequence[str]) -> str:
@@ -316,10 +329,20 @@ class Ledger:
         told = [text for text in failed if text not in first]
         return "; ".join(filter(None, [first, *told])) or "not decided"
 
+    def _obstacles(self, claim: Claim, reaches: Sequence[Reach]) -> tuple[Obstacle, ...]:
+        """What stood in the way of the engines that were asked, in turn."""
+        found = [reach.obstacle for reach in reaches if reach.obstacle is not None]
+        if self.deadline.passed() and not any(isinstance(each, TimeUp) for each in found):
+            found.append(TimeUp(Engine.NONE))
+        failed = (f for f, of in self.failures.items() if claim in of)
+        found += [Beyond(Engine.NONE, str(failure)) for failure in failed]
+        return tuple(dict.fromkeys((*found, *self.in_the_way)))
+
 
 def reach_of(verdict: Verdict) -> Reach:
     """What an unknown verdict says of how far a claim was seen to hold."""
-    return Reach(verdict.engine, verdict.rounds, verdict.reason, verdict.seconds)
+    first = next(iter(verdict.obstacles), None)
+    return Reach(verdict.engine, verdict.rounds, verdict.reason, verdict.seconds, obstacle=first)
 
 
 def _rounds(reach: Reach) -> int:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TYPE_CHECKING
 
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.semantics.traces.recording import Recording
 from koord.syntax.source import Span
 from koord.verify.claims import Claim, Phase
+
+if TYPE_CHECKING:
+    from koord.verify.obstacles import Obstacle
 
 #: What stands before a found invariant that is one of the ends of rounds alone.
 AT_ROUND = "at round: "
@@ -122,6 +126,7 @@ class Verdict:
     lemmas: tuple[str, ...] = ()  #: invariants that were found for the proof, as Koord
     unsaid: str = ""  #: why the invariant of a proof is not among the lemmas
     fairness: tuple[str, ...] = ()  #: kinds of it, and expectations, that a proof needs
+    obstacles: tuple[Obstacle, ...] = ()  #: what stands in the way, if it is *unknown*
 
 
 class Emptiness(Enum):

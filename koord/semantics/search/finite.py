@@ -29,10 +29,14 @@ from koord.syntax.walk import nodes, reached, statements, written
 
 @dataclass(frozen=True, slots=True)
 class NotFinite:
-    """Why a system cannot be searched, and the place in the text."""
+    """Why a system cannot be searched, and the place in the text.
+
+    ``name`` is what has the values that are too many: a variable, ``Module.sensor`` or a function.
+    """
 
     reason: str
     span: Span
+    name: str = ""
 
 
 def not_finite(system: System, properties: Sequence[core.Property]) -> NotFinite | None:
@@ -73,15 +77,17 @@ def _open_statement(
 def _starts(system: System) -> Iterator[NotFinite]:
     program = system.program
     found = known_starts(system)
-    owned: list[tuple[core.Declaration, list[int | None]]] = [
-        (entry, [None]) for entry in program.allwrite
+    owned: list[tuple[str, core.Declaration, list[int | None]]] = [
+        ("", entry, [None]) for entry in program.allwrite
     ]
-    owned += [(entry, list(range(system.robots))) for entry in program.allread]
+    owned += [("", entry, list(range(system.robots))) for entry in program.allread]
     for kind, agent in enumerate(program.agents):
         robots: list[int | None] = [i for i, k in enumerate(system.kinds) if k == kind]
-        entries = [*agent.locals, *(port.declaration for port in agent.ports)]
-        owned += [(entry, robots) for entry in entries]
-    for entry, robots in owned:
+        owned += [("", entry, robots) for entry in agent.locals]
+        for module in agent.modules:
+            ports = (agent.ports[position] for position in module.ports)
+            owned += [(f"{module.name}.", port.declaration, robots) for port in ports]
+    for of, entry, robots in owned:
         variable = entry.variable
         if entry.initial is not Start.ARBITRARY:
             continue
@@ -89,8 +95,9 @@ def _starts(system: System) -> Iterator[NotFinite]:
             where = (variable.home, variable.slot, robot)
             type_ = started_type(variable)
             if candidates(type_, where, found, system.robots, entry.length) is None:
-                reason = f"{variable.name} may start with any number of values"
-                yield NotFinite(reason, entry.span)
+                name = f"{of}{variable.name}"
+                reason = f"{name} may start with any number of values"
+                yield NotFinite(reason, entry.span, name)
                 break
 
 
@@ -129,7 +136,7 @@ def _sensors(system: System, agent: core.Agent, module: core.Module) -> Iterator
             values = candidates(variable.type, (variable.slot,), found, system.robots)
             if values is None:
                 reason = f"{module.name}.{variable.name} may read any number of values"
-                yield NotFinite(reason, port.span)
+                yield NotFinite(reason, port.span, f"{module.name}.{variable.name}")
 
 
 def _is_free(contract: core.Contract) -> bool:
@@ -169,13 +176,15 @@ def _external(system: System, function: core.External, span: Span) -> Iterator[N
     name = function.name
     if function.kind is ExternalKind.FUNCTION:
         yield NotFinite(
-            f"{name} is a mathematical function, which no search keeps a table of", span
+            f"{name} is a mathematical function, which no search keeps a table of",
+            span,
+            name,
         )
         return
     m: Machine[Constant] = machine(EXACT, system, NoOracle(), bound=function.bound)
     found = _abstract(result_reader(m, function.result)).restrictions(function.ensures)
     if candidates(function.result.type, (), found, system.robots) is None:
-        yield NotFinite(f"{name} may give any number of answers", span)
+        yield NotFinite(f"{name} may give any number of answers", span, name)
     for node in nodes((function.requires, function.ensures)):
         match node:
             case core.ExternalCall(function=other):

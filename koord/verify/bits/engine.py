@@ -22,6 +22,7 @@ from koord.verify.bits.transition import LEVELS, Circuit, circuit_of
 from koord.verify.bits.unrolling import Copy, Unrolled
 from koord.verify.claims import Claim, Phase
 from koord.verify.ledger import Ledger, Reach
+from koord.verify.obstacles import Lengths, Obstacle, Unreplayed, Values, gave_up
 from koord.verify.solving import Answer
 from koord.verify.verdicts import Engine, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
@@ -78,10 +79,17 @@ def _is_float(entry: Declaration) -> bool:
 
 
 def _leave(
-    ledger: Ledger, claims: Sequence[Claim], rounds: int | None, reason: str, started: float
+    ledger: Ledger,
+    claims: Sequence[Claim],
+    rounds: int | None,
+    reason: str,
+    started: float,
+    obstacle: Obstacle | None = None,
 ) -> None:
     seconds = time.monotonic() - started
-    ledger.leave(claims, Reach(Engine.BITS, rounds, reason, seconds))
+    if reason and obstacle is None:
+        obstacle = gave_up(Engine.BITS, ledger.deadline)
+    ledger.leave(claims, Reach(Engine.BITS, rounds, reason, seconds, obstacle=obstacle))
 
 
 @dataclass(slots=True)
@@ -127,17 +135,22 @@ class _Run:
         if self.open() and not self.sparing:
             self._unroll(ledger.bounds.rounds)
         reason, through = "", self.completed
+        obstacle: Obstacle | None = None
         if self.circuit.limits:
+            obstacle = Lengths(self.engine, tuple(self.circuit.limits))
             through = None  # a longer list may break a claim at once
             reason = f"not covered: {'; '.join(self.circuit.limits)}"
         elif ledger.deadline.passed():
             reason = "timeout"
         elif self.completed is None or self.completed < ledger.bounds.rounds:
             reason = "bits: too much to be proved" if self.sparing else "timeout"
-        _leave(ledger, self.open(), through, reason, self.started)
+        _leave(ledger, self.open(), through, reason, self.started, obstacle)
         for claim, why in self.astray.items():
             if claim not in ledger.verdicts:
-                _leave(ledger, [claim], None, f"bits: {why}{self._open_values()}", self.started)
+                names = tuple(loose_variables(self.circuit))
+                astray = Values(self.engine, names) if names else Unreplayed(self.engine)
+                reason = f"bits: {why}{self._open_values()}"
+                _leave(ledger, [claim], None, reason, self.started, astray)
 
     def _open_values(self) -> str:
         names = loose_variables(self.circuit)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from koord.verify.every_n.candidates import candidates
 from koord.verify.every_n.proving import AFTER_INIT, GENEROUS, Thrift, infer, prove
 from koord.verify.ledger import Ledger, Reach
+from koord.verify.obstacles import gave_up
 from koord.verify.solving import Effort
 from koord.verify.verdicts import Engine, Outcome, Verdict
 
@@ -39,7 +40,9 @@ class ByEveryN:
             }
         )
         for claim, reason in found.reasons.items():
-            ledger.leave([claim], Reach(Engine.EVERY_N, None, reason, seconds))
+            obstacle = gave_up(Engine.EVERY_N, ledger.deadline)
+            reach = Reach(Engine.EVERY_N, None, reason, seconds, obstacle=obstacle)
+            ledger.leave([claim], reach)
 
 
 @dataclass(frozen=True, slots=True)

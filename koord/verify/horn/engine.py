@@ -22,6 +22,7 @@ from koord.verify.horn.clauses import Clauses, Reached, Safe, constants
 from koord.verify.horn.states import scalars
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.moments import Moment
+from koord.verify.obstacles import Beyond, Obstacle, Unreplayed, gave_up
 from koord.verify.solving import Answer, Deadline, Effort
 from koord.verify.symbols import SymbolicInputs
 from koord.verify.terms import Term, Terms
@@ -71,6 +72,7 @@ class BySpacer:
             return
         effort = Effort.of_seconds(ANSWERED_S if is_answered else self.seconds)
         reason = ""
+        obstacle: Obstacle = Unreplayed(Engine.SPACER)
         while not reason and (claims := self._pending(ledger)):
             whose = ", ".join(claim.name for claim in claims[:3])
             ledger.progress(f"{whose}: Spacer looks for a proof for all rounds")
@@ -79,6 +81,7 @@ class BySpacer:
                 found = question.clauses.solved(ledger.deadline, effort, ledger.seed)
             except NotFiniteError as error:
                 reason = f"Spacer: {error}"
+                obstacle = Beyond(Engine.SPACER, str(error))
                 break
             match found:
                 case Safe() if question.is_kept(found, ledger.deadline):
@@ -93,9 +96,11 @@ class BySpacer:
                     self._show(ledger, claims, found, question, started)
                 case _:
                     reason = "timeout" if ledger.deadline.is_near() else "Spacer gave up"
+                    obstacle = gave_up(Engine.SPACER, ledger.deadline)
         seconds = time.monotonic() - started
         reason = reason or "Spacer: a candidate violation did not replay"
-        ledger.leave(ledger.open(), Reach(Engine.SPACER, None, reason, seconds))
+        reach = Reach(Engine.SPACER, None, reason, seconds, obstacle=obstacle)
+        ledger.leave(ledger.open(), reach)
 
     def _pending(self, ledger: Ledger) -> list[Claim]:
         return [claim for claim in ledger.open() if claim not in self.unreplayed]

@@ -28,6 +28,7 @@ from koord.verify.live.counting import Counting, counted, counting, settles
 from koord.verify.live.loops import Loops
 from koord.verify.live.monitors import NOTHING, Watched, Watching
 from koord.verify.live.search import no_fair_run
+from koord.verify.obstacles import Beyond, Lengths, Obstacle, Unreplayed, Values, gave_up
 from koord.verify.pool import Pool
 from koord.verify.singly import singly
 from koord.verify.verdicts import Engine, Outcome, Vacuity, Verdict
@@ -80,14 +81,15 @@ class LiveByBits:
     def work(self, ledger: Ledger) -> None:
         started = time.monotonic()
         open_ = [claim for claim in ledger.open() if _leaves_open(ledger.system, claim)]
-        _leave(ledger, open_, "a statement asks what an external function gives", started)
+        asks_ = "a statement asks what an external function gives"
+        _leave(ledger, open_, asks_, started, Beyond(Engine.BITS, asks_))
         claims = [claim for claim in ledger.open() if claim not in open_]
         stated = [claim.stated for claim in claims if claim.stated is not None]
         for level in range(len(LEVELS)):
             try:
                 watching = Watching.of(ledger.system, stated, self.lemmas, level)
             except NotFiniteError as error:
-                _leave(ledger, claims, str(error), started)
+                _leave(ledger, claims, str(error), started, Beyond(Engine.BITS, str(error)))
                 return
             work = partial(self._work, watching, started)
             left = [claim for claim in claims if claim not in ledger.verdicts]
@@ -126,9 +128,12 @@ def _leaves_open(system: System, claim: Claim) -> bool:
     return any(asks(system.program, side) for side in sides)
 
 
-def _leave(ledger: Ledger, claims: Sequence[Claim], reason: str, started: float) -> None:
+def _leave(
+    ledger: Ledger, claims: Sequence[Claim], reason: str, started: float, obstacle: Obstacle
+) -> None:
     seconds = time.monotonic() - started
-    ledger.leave(claims, Reach(Engine.BITS, None, f"bits: {reason}", seconds))
+    reach = Reach(Engine.BITS, None, f"bits: {reason}", seconds, obstacle=obstacle)
+    ledger.leave(claims, reach)
 
 
 @dataclass(slots=True)
@@ -165,17 +170,22 @@ class _Run:
         if self.claim in self.ledger.verdicts:
             return
         limits = self.watching.circuit.limits
+        obstacle: Obstacle = gave_up(Engine.BITS, self.ledger.deadline)
         reason = f"no lasso of up to {rounds} rounds breaks it, and no proof was found"
         if limits:
             reason = f"not covered: {'; '.join(limits)}"
+            obstacle = Lengths(Engine.BITS, tuple(limits))
         elif self.astray:
             reason = self.astray
+            obstacle = Unreplayed(Engine.BITS)
         elif self.ledger.deadline.passed():
             reason = f"timeout; {reason}"
         loose = loose_variables(self.watching.circuit)
         if loose:
             reason += f"; infinitely many values: {', '.join(loose)}"
-        _leave(self.ledger, [self.claim], reason, self.started)
+            if not limits:
+                obstacle = Values(Engine.BITS, tuple(loose))
+        _leave(self.ledger, [self.claim], reason, self.started, obstacle)
 
     def is_impossible(self) -> bool:
         """Whether it is quickly proved that no run is fair at all."""

@@ -12,7 +12,9 @@ from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
 from koord.semantics.search.live import Fairness, Lively, lively
 from koord.verify.claims import Claim, Phase
+from koord.verify.exhaustive import in_the_way
 from koord.verify.ledger import Ledger, Reach
+from koord.verify.obstacles import Obstacle, Unreplayed, gave_up
 from koord.verify.verdicts import Emptiness, Engine, Outcome, Vacuity, Verdict
 from koord.verify.witness import NotReplayedError
 
@@ -51,7 +53,12 @@ class LiveBySearch:
         reason = f"search: {_why(found)}"
         for claim in ledger.open():
             why = unreplayed.get(claim, reason)
-            ledger.leave([claim], Reach(Engine.SEARCH, None, why, seconds))
+            obstacle: Obstacle = gave_up(Engine.SEARCH, ledger.deadline)
+            if claim in unreplayed:
+                obstacle = Unreplayed(Engine.SEARCH)
+            elif isinstance(found.end, NotFinite):
+                obstacle = in_the_way(found.end)
+            ledger.leave([claim], Reach(Engine.SEARCH, None, why, seconds, obstacle=obstacle))
         if found.is_empty:
             self.empty.append(no_fair_run(ledger.system))
 

@@ -19,6 +19,7 @@ from koord.verify.live.bits import LiveByBits
 from koord.verify.live.hollow import hollow
 from koord.verify.live.lassos import replayed_lasso
 from koord.verify.live.search import FEW_EDGES, LiveBySearch
+from koord.verify.obstacles import WholeRuns, what
 from koord.verify.pool import Pool, Progress
 from koord.verify.resuming import Steps
 from koord.verify.solving import Deadline
@@ -83,7 +84,8 @@ def settled(
     steps.follow(ledger)
     ledger.before = {c: before.get(c.name, 0.0) for c in claims} if before else {}
     if ways is Ways.NONE:
-        ledger.stopped = "liveness is decided by search and bits, for some number of robots"
+        ledger.in_the_way = (WholeRuns(),)
+        ledger.stopped = what(WholeRuns())
     with ledger.stopping():
         if ways in (Ways.ALL, Ways.SEARCH) and steps.begin("whole runs", 0, search.name):
             with ledger.enduring(search.name):
@@ -126,7 +128,8 @@ def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
 def _put_down(ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger) -> None:
     """What became known of a claim on a ledger of its own."""
     said = inner.said([verdict.claim])
-    reach = Reach(Engine.BITS, None, verdict.reason, verdict.seconds)
+    first = next(iter(verdict.obstacles), None)
+    reach = Reach(Engine.BITS, None, verdict.reason, verdict.seconds, obstacle=first)
     settled = verdict.outcome is not Outcome.UNKNOWN
     ledger.take(
         replace(

@@ -1,0 +1,155 @@
+"""What stands in the way of a verdict, and what would have to change. Said in words here alone.
+
+Engines say which it was when they leave a claim; a verdict that is *unknown* has them all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias, assert_never
+
+from koord.verify.solving import Deadline
+from koord.verify.verdicts import Engine
+
+
+@dataclass(frozen=True, slots=True)
+class TimeUp:
+    """The time is up."""
+
+    engine: Engine
+
+
+@dataclass(frozen=True, slots=True)
+class GaveUp:
+    """An engine has done all the work that it may."""
+
+    engine: Engine
+
+
+@dataclass(frozen=True, slots=True)
+class NotInductive:
+    """A step breaks the claim from a configuration that perhaps no run reaches."""
+
+    engine: Engine
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """Variables, sensors or functions that may have more values than an engine can follow."""
+
+    engine: Engine
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Lengths:
+    """Lists and maps of which an engine looked at short ones only, in its words."""
+
+    engine: Engine
+    what: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Beyond:
+    """Something in the program of which an engine knows nothing."""
+
+    engine: Engine
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Unreplayed:
+    """What an engine took for a violation is none: it knows too little of some values."""
+
+    engine: Engine
+
+
+@dataclass(frozen=True, slots=True)
+class Elsewhere:
+    """Another claim is violated, so that nobody waits long for this one."""
+
+    engine: Engine
+
+
+@dataclass(frozen=True, slots=True)
+class WholeRuns:
+    """The engines that were asked know nothing of runs without end."""
+
+    engine: Engine = Engine.NONE
+
+
+Obstacle: TypeAlias = (
+    TimeUp | GaveUp | NotInductive | Values | Lengths | Beyond | Unreplayed | Elsewhere | WholeRuns
+)
+
+
+def gave_up(engine: Engine, deadline: Deadline) -> TimeUp | GaveUp:
+    """Why an engine stopped that was not done."""
+    return TimeUp(engine) if deadline.is_near() else GaveUp(engine)
+
+
+def what(obstacle: Obstacle) -> str:
+    """What stands in the way, in words, without the engine."""
+    match obstacle:
+        case TimeUp():
+            return "its time is up"
+        case GaveUp():
+            return "it has done all the work that it may"
+        case NotInductive():
+            return "some step breaks it, perhaps from where no run gets"
+        case Values(names=names):
+            return f"{', '.join(names)} may have more values than it can follow"
+        case Lengths(what=said):
+            return f"not covered: {'; '.join(said)}"
+        case Beyond(what=said):
+            return said
+        case Unreplayed():
+            return "what seemed to break it is no run of the program"
+        case Elsewhere():
+            return "another claim is violated, and this one takes long"
+        case WholeRuns():
+            return "of runs without end only search and bits know something, for a number of robots"
+    assert_never(obstacle)
+
+
+def cure(obstacle: Obstacle, claim: str) -> str:
+    """What would have to change."""
+    match obstacle:
+        case TimeUp():
+            return "more time (--timeout, --property-timeout), or fewer robots"
+        case GaveUp(engine=engine) if engine in _ASKED_ALONE:
+            return f"invariants that help, fewer robots, or it alone (--engine {engine.value})"
+        case GaveUp():
+            return "invariants that help, or fewer robots"
+        case NotInductive():
+            return "invariants that help (--explain shows the step that breaks it)"
+        case Values():
+            return "bounds: of what starts in any way by `assume`, of sensors by contracts"
+        case Lengths():
+            return "a bound of the length: `assume len(…) <= …`"
+        case Beyond() | Unreplayed():
+            return "another engine"
+        case Elsewhere():
+            return f"mend the other claim, or ask of this one alone (--property {claim!r})"
+        case WholeRuns():
+            return "leave --engine out, and give --robots a number"
+    assert_never(obstacle)
+
+
+#: Engines that do more where they are asked alone.
+_ASKED_ALONE = frozenset({Engine.SPACER, Engine.BITS, Engine.SEARCH})
+
+
+def lines(obstacles: tuple[Obstacle, ...], claim: str) -> list[str]:
+    """One line for each thing that stands in the way, with the engines that it stops."""
+    stopped: dict[tuple[str, str], list[str]] = {}
+    for obstacle in obstacles:
+        engines = stopped.setdefault((what(obstacle), cure(obstacle, claim)), [])
+        if obstacle.engine is not Engine.NONE and obstacle.engine.value not in engines:
+            engines.append(obstacle.engine.value)
+    return [
+        f"{', '.join(engines)}: {said}; what would help: {cured}"
+        if engines
+        else f"{said}; what would help: {cured}"
+        for (said, cured), engines in stopped.items()
+    ]
