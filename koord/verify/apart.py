@@ -151,9 +151,7 @@ class _Asking:
                                 if is_further:
                                     again[name] = past
                             why = _late(past) if job.is_late else ""
-                            (verdict,) = self._known(
-                                past, why, spent, [name], late=job.is_late
-                            )
+                            (verdict,) = self._known(past, why, spent, [name], late=job.is_late)
                         if _is_better(verdict, found[name]):
                             found[name] = replace(verdict, claim=found[name].claim)
                     pasts = again

@@ -262,7 +262,7 @@ def _flowing(subject: Subject) -> tuple[str, ...]:
     """The variables whose values merely flow."""
     plain, abstract = subject.original.program, subject.system.program
     pairs: list[tuple[str, core.Declaration, core.Declaration]] = [
-        ("", old, new)
+        (old.variable.name, old, new)
         for old, new in zip(
             (*plain.allread, *plain.allwrite),
             (*abstract.allread, *abstract.allwrite),
@@ -271,9 +271,9 @@ def _flowing(subject: Subject) -> tuple[str, ...]:
     ]
     for old_agent, new_agent in zip(plain.agents, abstract.agents, strict=True):
         locals_ = zip(old_agent.locals, new_agent.locals, strict=True)
-        pairs += [("", old, new) for old, new in locals_]
+        pairs += [(old.variable.name, old, new) for old, new in locals_]
         for module in old_agent.modules:
             ports = ((old_agent.ports[k], new_agent.ports[k]) for k in module.ports)
-            pairs += [(f"{module.name}.", o.declaration, n.declaration) for o, n in ports]
-    named = (f"{of}{old.variable.name}" for of, old, new in pairs if old.variable != new.variable)
+            pairs += [(f"{module.name}.{o.shown}", o.declaration, n.declaration) for o, n in ports]
+    named = (name for name, old, new in pairs if old.variable != new.variable)
     return tuple(dict.fromkeys(named)) or ("positions and paths",)

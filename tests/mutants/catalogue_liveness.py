@@ -14,15 +14,15 @@ LIVENESS = (
     Mutant(
         "a robot that is passed over for ever is dealt with fairly",
         "semantics/lassos.py",
-        "if all(here[robot].ready and not _ran(round_, robot)",
-        "if all(not here[robot].ready and not _ran(round_, robot)",
+        "if all(here[robot].ready and not ran(round_, robot)",
+        "if all(not here[robot].ready and not ran(round_, robot)",
         (MEANING,),
     ),
     Mutant(
         "who asks for a lock in vain is dealt with fairly",
         "semantics/lassos.py",
-        "if asked and not any(k in _classes(system, round_, robot)",
-        "if asked and not any(k not in _classes(system, round_, robot)",
+        "if asked and not any(k in classes_of(system, round_, robot)",
+        "if asked and not any(k not in classes_of(system, round_, robot)",
         (MEANING,),
     ),
     Mutant(
@@ -45,6 +45,35 @@ LIVENESS = (
         "    after = range(last + 1, len(met))\n",
         "    after = range(len(met)) if last < 0 else range(0)\n",
         (LASSOS, MEANING),
+    ),
+    # why lassos are fair, and what would exclude them
+    Mutant(
+        "an event is enabled whenever its robot is ready",
+        "semantics/excuses.py",
+        "if able[n].events[position])",
+        "if able[n].ready)",
+        ("tests/semantics/test_excuses.py",),
+    ),
+    Mutant(
+        "rounds in which a robot is not ready are those in which it skips",
+        "semantics/excuses.py",
+        "if not able[n].ready),",
+        "if n not in runs),",
+        ("tests/semantics/test_excuses.py",),
+    ),
+    Mutant(
+        "an expectation is suggested that does not exclude the lasso",
+        "verify/live/expecting.py",
+        'if flaw is None or flaw.rule != "FAIR-ASSUME" or',
+        'if flaw is not None and flaw.rule != "FAIR-ASSUME" or flaw is not None and',
+        ("tests/verify/live/test_expecting.py",),
+    ),
+    Mutant(
+        "an expectation is suggested that no run meets",
+        "verify/live/expecting.py",
+        "return not lively(system, (stated,), limits, most_edges=FEW_EDGES).is_empty",
+        "return bool(lively(system, (stated,), limits, most_edges=FEW_EDGES))",
+        ("tests/verify/live/test_expecting.py",),
     ),
     # the search for fair cycles
     Mutant(

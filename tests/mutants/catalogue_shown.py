@@ -139,4 +139,47 @@ SHOWN = (
         "        if holds is None:\n",
         ("tests/refinement/test_rerunning.py",),
     ),
+    # time, and what is unknown
+    Mutant(
+        "what was spent on a claim before does not count",
+        "verify/ledger.py",
+        "self.before.get(claim, 0.0) + _together(",
+        "_together(",
+        ("tests/verify/test_ledger.py",),
+    ),
+    Mutant(
+        "a claim is charged for those that are looked at before it",
+        "verify/ledger.py",
+        "        self._put_down_time()\n        self._since = None\n",
+        "        self._put_down_time()\n",
+        ("tests/verify/test_ledger.py",),
+    ),
+    Mutant(
+        "what is spent on all together does not count for each",
+        "verify/apart.py",
+        "own_s = max(0.0, claim_s - (time.monotonic() - started))",
+        "own_s = claim_s",
+        ("tests/verify/test_apart.py",),
+    ),
+    Mutant(
+        "what a process told of before it was ended is lost",
+        "verify/apart.py",
+        "            verdict = past.verdict(claim.name)\n",
+        "            verdict = None\n",
+        ("tests/verify/test_apart.py",),
+    ),
+    Mutant(
+        "a variable that cannot be followed is not named",
+        "semantics/search/finite.py",
+        "yield NotFinite(reason, entry.span, name)",
+        "yield NotFinite(reason, entry.span)",
+        ("tests/verify/test_obstacles.py",),
+    ),
+    Mutant(
+        "what was not looked at to the end is not told",
+        "verify/vacuity.py",
+        "    if not left.known:\n        given_up",
+        "    if left.known and given_up:\n        given_up",
+        ("tests/verify/test_unlooked.py",),
+    ),
 )

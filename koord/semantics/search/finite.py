@@ -77,17 +77,18 @@ def _open_statement(
 def _starts(system: System) -> Iterator[NotFinite]:
     program = system.program
     found = known_starts(system)
-    owned: list[tuple[str, core.Declaration, list[int | None]]] = [
-        ("", entry, [None]) for entry in program.allwrite
+    owned: list[tuple[str, core.Declaration, Sequence[int | None]]] = [
+        (entry.variable.name, entry, [None]) for entry in program.allwrite
     ]
-    owned += [("", entry, list(range(system.robots))) for entry in program.allread]
+    everybody = list(range(system.robots))
+    owned += [(entry.variable.name, entry, everybody) for entry in program.allread]
     for kind, agent in enumerate(program.agents):
         robots: list[int | None] = [i for i, k in enumerate(system.kinds) if k == kind]
-        owned += [("", entry, robots) for entry in agent.locals]
+        owned += [(entry.variable.name, entry, robots) for entry in agent.locals]
         for module in agent.modules:
             ports = (agent.ports[position] for position in module.ports)
-            owned += [(f"{module.name}.", port.declaration, robots) for port in ports]
-    for of, entry, robots in owned:
+            owned += [(f"{module.name}.{p.shown}", p.declaration, robots) for p in ports]
+    for name, entry, robots in owned:
         variable = entry.variable
         if entry.initial is not Start.ARBITRARY:
             continue
@@ -95,7 +96,6 @@ def _starts(system: System) -> Iterator[NotFinite]:
             where = (variable.home, variable.slot, robot)
             type_ = started_type(variable)
             if candidates(type_, where, found, system.robots, entry.length) is None:
-                name = f"{of}{variable.name}"
                 reason = f"{name} may start with any number of values"
                 yield NotFinite(reason, entry.span, name)
                 break
@@ -136,7 +136,7 @@ def _sensors(system: System, agent: core.Agent, module: core.Module) -> Iterator
             values = candidates(variable.type, (variable.slot,), found, system.robots)
             if values is None:
                 reason = f"{module.name}.{variable.name} may read any number of values"
-                yield NotFinite(reason, port.span, f"{module.name}.{variable.name}")
+                yield NotFinite(reason, port.span, f"{module.name}.{port.shown}")
 
 
 def _is_free(contract: core.Contract) -> bool:
