@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.patience import OutOfPatienceError
 from koord.semantics.search.limits import Limits
-from koord.syntax.diagnostics import KoordError
 from koord.syntax import core
+from koord.syntax.diagnostics import KoordError
 from koord.verify.bmc import Bounded
 from koord.verify.claims import Claim
 from koord.verify.induction import prove

@@ -77,10 +77,10 @@ def _open_statement(
 def _starts(system: System) -> Iterator[NotFinite]:
     program = system.program
     found = known_starts(system)
-    owned: list[tuple[str, core.Declaration, Sequence[int | None]]] = [
+    owned: list[tuple[str, core.Declaration, list[int | None]]] = [
         (entry.variable.name, entry, [None]) for entry in program.allwrite
     ]
-    everybody = list(range(system.robots))
+    everybody: list[int | None] = list(range(system.robots))
     owned += [(entry.variable.name, entry, everybody) for entry in program.allread]
     for kind, agent in enumerate(program.agents):
         robots: list[int | None] = [i for i, k in enumerate(system.kinds) if k == kind]
