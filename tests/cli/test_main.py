@@ -139,7 +139,7 @@ def test_a_mistake_in_koord_is_one_line(
         (OSError(errno.ENOSPC, "No space left on device"), Exit.BAD_INPUT, "cannot be written"),
         (OSError(errno.EPERM, "no", "/some/file"), Exit.INTERNAL, "PermissionError"),
         (RecursionError("deep"), Exit.INTERNAL, "RecursionError"),
-        (MemoryError(), Exit.INTERNAL, "MemoryError"),
+        (MemoryError(), Exit.NO_MEMORY, "too little memory"),
         (BrokenPipeError(), Exit.PIPE_CLOSED, ""),
     ],
 )

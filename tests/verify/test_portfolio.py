@@ -377,7 +377,14 @@ def test_how_far_an_engine_came_is_not_forgotten() -> None:
     """A later try of it may have less time; and what came farther counts for all of them."""
     system = dealt(growing().program(), 1)
     first, *_ = claims = claims_of(system)
-    ledger = Ledger(Subject(system, _judge, system), Bounds(9), Deadline.after(None), claims)
+    ledger = Ledger(
+        Subject(system, _judge, system),
+        Bounds(9),
+        Deadline.after(None),
+        claims,
+        before={first: 0.5},
+        clock=lambda: 0.0,
+    )
     known = Verdict(first, Outcome.UNKNOWN, Engine.SEARCH, 0.5, rounds=7, reason="too many states")
     ledger.leave([first], reach_of(known))
     ledger.leave([first], Reach(Engine.SEARCH, 2, "timeout", 0.1))
