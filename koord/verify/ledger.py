@@ -20,6 +20,7 @@ from koord.syntax.diagnostics import KoordError
 from koord.verify.claims import Claim, Phase
 from koord.verify.failures import failure_of
 from koord.verify.obstacles import Beyond, Obstacle, TimeUp
+from koord.verify.pool import was_interrupted
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import (
     Bounds,
@@ -137,6 +138,10 @@ class Ledger:
             self.stopped = "timeout"
         except KeyboardInterrupt:
             self.stopped, self.interrupted = "interrupted", True
+        except Exception:
+            if not was_interrupted():
+                raise
+            self.stopped, self.interrupted = "interrupted", True
 
     @contextmanager
     def enduring(self, who: str) -> Iterator[None]:
@@ -148,6 +153,8 @@ class Ledger:
         except (KoordError, OutOfPatienceError):
             raise
         except Exception as error:
+            if was_interrupted():
+                raise KeyboardInterrupt from error
             self.fail(failure_of(who, error))
 
     def fail(self, failure: Failure) -> None:

@@ -65,12 +65,23 @@ _TOLD_S, _ENDED_S, _SOONER_S = 0.2, 1.0, 0.2
 #: How many processes stand between this one and the one that was started first.
 _depth = 0
 
+#: Whether Ctrl-C was heard by this process, which does a pool's work.
+_was_interrupted = False
+
 #: `prctl` of Linux: which signal comes when the process that forked this one is gone.
 _PR_SET_PDEATHSIG = 1
 
 
 #: What ends processes that ask for more memory than there is.
 _FOR_WANT = frozenset({"SIGKILL", "SIGSEGV", "SIGABRT", "SIGBUS"})
+
+
+def was_interrupted() -> bool:
+    """Whether Ctrl-C reached this process: whatever is raised from then on may be due to it.
+
+    Inside a call of Z3 the KeyboardInterrupt becomes an ArgumentError of ctypes, for one.
+    """
+    return _was_interrupted
 
 
 def can_fork() -> bool:
@@ -345,6 +356,8 @@ def _worked(work: Callable[[Teller], T], sends: Connection, parent: int) -> None
         except KeyboardInterrupt:
             return
         except Exception as error:
+            if _was_interrupted:
+                return
             found = _raised(error)
         sends.send_bytes(found)
         sends.close()
@@ -354,7 +367,9 @@ def _worked(work: Callable[[Teller], T], sends: Connection, parent: int) -> None
 
 def _heard(number: int, frame: FrameType | None) -> None:
     """Ctrl-C, which may come twice, once from the terminal, ends the work but not what is sent."""
+    global _was_interrupted
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _was_interrupted = True
     raise KeyboardInterrupt
 
 

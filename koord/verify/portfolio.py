@@ -20,7 +20,7 @@ from koord.verify.every_n.engine import FEW, ByEveryN, ByInference
 from koord.verify.every_n.proving import SPARING
 from koord.verify.failures import VACUITY, failure_of
 from koord.verify.ledger import Ledger, Subject, Works, reach_of
-from koord.verify.pool import Job, Pool, Progress
+from koord.verify.pool import Job, Pool, Progress, was_interrupted
 from koord.verify.resuming import Past, Steps
 from koord.verify.singly import ByRounds
 from koord.verify.solving import Deadline
@@ -363,6 +363,8 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool) -> None:
         try:
             return others(ledger, claim, shown, wanted)
         except Exception as error:
+            if was_interrupted():
+                raise KeyboardInterrupt from error
             return (), Ways(complete=False, reason=str(failure_of(Engine.BMC.value, error)))
 
     jobs = {

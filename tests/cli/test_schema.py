@@ -86,7 +86,7 @@ def test_others_are_refused_with_those_that_there_are(capsys: pytest.CaptureFixt
         (["violated.krd", "--trace", "t.json"], Exit.VIOLATED, ["violated"]),
         (["violated.krd", "--max-violations", "3"], Exit.VIOLATED, ["violated"]),
         (["vacuous.krd"], Exit.VACUOUS, ["holds"]),
-        (["unknown.krd", "--engine", "induction"], Exit.UNKNOWN, ["unknown"]),
+        (["unknown.krd", "--engine", "induction", "--robots", "2"], Exit.UNKNOWN, ["unknown"]),
         (["live.krd"], Exit.VIOLATED, ["violated"]),
         (["holds.krd", "violated.krd"], Exit.VIOLATED, ["holds", "violated"]),
         (["holds.krd", "--robots", "1..3"], Exit.OK, ["holds"] * 3),

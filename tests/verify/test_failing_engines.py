@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable
+from ctypes import ArgumentError
 from functools import partial
 
 import pytest
@@ -175,6 +176,23 @@ def test_an_engine_that_hangs_is_ended_and_named(monkeypatch: pytest.MonkeyPatch
     assert found["Broken"].outcome is Outcome.UNKNOWN
     assert found["Broken"].reason == "timeout; search was being asked"
     assert report.seconds < 3.0
+
+
+def disguised(self: object, ledger: Ledger) -> None:
+    """What ctypes makes of Ctrl-C inside a call of Z3."""
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        raise ArgumentError("argument 1: KeyboardInterrupt") from None
+
+
+def test_ctrl_c_is_no_failure_whatever_it_is_raised_as(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ByInference, "work", disguised)
+    report = asked()
+    assert report.interrupted
+    assert report.failures == ()
+    assert outcomes(report)["Easy"] == (Outcome.HOLDS, None)
+    assert outcomes(report)["Broken"][0] is Outcome.UNKNOWN
 
 
 def test_unrolling_that_failed_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
