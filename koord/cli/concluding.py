@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from koord.cli.exits import Exit
+from koord.cli.growing import remove_part
 from koord.cli.keeping import keep
 from koord.cli.simulated import as_document, conclusion, table
 from koord.cli.simulating import Job
@@ -38,6 +39,7 @@ def concluded(
 
         ran = tracing.ran(simulation)
         write_trace(arguments.trace, tracing.trace(ran))
+        remove_part(arguments.trace)
         told = tracing.judged(ran)
     if arguments.json:
         sys.stdout.write(as_document(job, simulation, wall_s, more or {}))

@@ -54,8 +54,10 @@ INPUT_CATALOGUE = dict(
             "a trace is not JSON",
             "A trace is one JSON document in UTF-8. This file is another kind of file, or it is "
             "cut off: the message says how far it could be read.\n\n"
-            "koord writes traces whole or not at all, so a trace that is cut off was cut off "
-            "elsewhere. Write it anew with `koord run --trace` or `koord verify --trace`.",
+            "koord writes traces whole or not at all. While a run goes on, its trace grows in a "
+            "file beside it (`t.part.json`). That, and any trace that is cut off among its rounds, "
+            "is read by `koord replay` up to the last whole round; this file has no rounds. Write "
+            "it anew with `koord run --trace` or `koord verify --trace`.",
         ),
         _entry(
             "K911",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from koord.cli.tables import Shown, Table
@@ -33,8 +34,8 @@ class Interactive:
     violation: Violation | None = None
     _past: list[Moment] = field(default_factory=list)
 
-    def play(self) -> None:
-        """Ask and move until the user quits, or the run ends."""
+    def play(self, keep: Callable[[], None]) -> None:
+        """Ask and move until the user quits, or the run ends. What is asked about is kept first."""
         first = self.run.begin()
         self._note(first)
         _tell(*self.table.start(first))
@@ -42,7 +43,9 @@ class Interactive:
         while not self._over():
             if not self.run.waiting:
                 self._evolve()
-            elif not self._ask():
+                continue
+            keep()
+            if not self._ask():
                 return
 
     def _over(self) -> bool:

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-import time
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 from koord.cli.arguments import number
 from koord.cli.files import check_folder, check_writable, write_atomically, write_folder
+from koord.cli.growing import Growing, remove_part
 from koord.syntax.diagnostics import refusal
 
 if TYPE_CHECKING:
-    from koord.sim.files.mcap import PartRecord
+    from koord.cli.simulated_traces import Tracing
     from koord.sim.recording import Recording
-    from koord.sim.viewing import PartPage
+    from koord.sim.running import Simulation
 
 #: Where the page goes if nobody says.
 _PAGE = "run.html"
@@ -33,6 +33,8 @@ class Form:
     make: Callable[[Recording, str], bytes | Mapping[str, bytes]]
     libraries: tuple[str, ...]
     extra: str
+    #: Begins such a file while the run goes on, and gives what writes behind it.
+    part: Callable[[Recording, BinaryIO], Callable[[], None]] | None = None
 
 
 def _mcap(recording: Recording, path: str) -> bytes:
@@ -71,17 +73,30 @@ def _space(recording: Recording, path: str) -> bytes:
     return space_of(recording)
 
 
+def _part_page(recording: Recording, file: BinaryIO) -> Callable[[], None]:
+    from koord.sim.viewing import PartPage
+
+    return PartPage(recording, file).grow
+
+
+def _part_mcap(recording: Recording, file: BinaryIO) -> Callable[[], None]:
+    from koord.sim.files.mcap import PartRecord
+
+    return PartRecord(recording, file).grow
+
+
 #: By the ending of a file's name.
 _PLOTS = dict.fromkeys((".png", ".svg", ".pdf"), Form(_plot, ("matplotlib",), "plot"))
 _RECORDS = {
-    ".mcap": Form(_mcap, ("mcap",), "sim"),
+    ".mcap": Form(_mcap, ("mcap",), "sim", _part_mcap),
     ".rrd": Form(_rrd, ("rerun",), "export"),
     ".rosbag2": Form(_rosbag, ("rosbags",), "export"),
 }
-_VIEWS = {"2d": Form(_page, (), "sim"), "3d": Form(_space, ("viser",), "view")}
-
-#: What is new is kept so often.
-_PERIOD_S = 1.0
+_VIEWS = {
+    "2d": Form(_page, (), "sim", _part_page),
+    # What grows shows the run from above: a page of space is made as a whole.
+    "3d": Form(_space, ("viser",), "view", _part_page),
+}
 
 #: How long a live page may take to fetch the end of a run.
 _PATIENCE_S = 3.0
@@ -150,37 +165,64 @@ def check_outputs(arguments: argparse.Namespace) -> None:
 
 @contextmanager
 def watched(
-    arguments: argparse.Namespace, recording: Recording
+    arguments: argparse.Namespace,
+    simulation: Simulation,
+    tracing: Tracing | None,
+    *,
+    paced: bool = True,
 ) -> Iterator[Callable[[float], None]]:
-    """While this goes on the run can be watched, if that is asked for.
+    """While this goes on the run can be watched, and what is kept of it grows.
 
-    What comes out keeps the pace: it is to be called with the simulated time. Raises KoordError.
+    What comes out is to be called with the simulated time when a round is over: it keeps the pace
+    that is asked for, unless the run is ``paced`` by others. Raises KoordError.
     """
-    factor = arguments.pace or (1.0 if arguments.live else None)
-    with _Parts(arguments, recording) as parts:
-        if factor is None:
-            yield parts.grow
-            return
-        with _paced(arguments, recording, factor) as pace:
+    recording = simulation.recording
+    with ExitStack() as stack:
+        pace = stack.enter_context(_served(arguments, recording, paced=paced))
+        parts = stack.enter_context(Growing())
+        for path, form in _wanted(arguments):
+            if form.part is not None:
+                parts.add(path, partial(form.part, recording))
+        if tracing is not None and arguments.trace is not None:
+            parts.add(arguments.trace, partial(_trace, tracing, simulation))
 
-            def step(time_s: float) -> None:
-                parts.grow(time_s)
-                pace(time_s)
+        def step(time_s: float) -> None:
+            parts.grow()
+            pace(time_s)
 
-            yield step
+        if simulation.recording.rounds:
+            parts.grow()
+        yield step
+
+
+def _trace(tracing: Tracing, simulation: Simulation, file: BinaryIO) -> Callable[[], None]:
+    from koord.semantics.traces.parts import PartTrace
+
+    part = PartTrace(file)
+
+    def grow() -> None:
+        if tracing.is_begun:
+            part.grow(tracing.so_far(simulation))
+
+    return grow
 
 
 @contextmanager
-def _paced(
-    arguments: argparse.Namespace, recording: Recording, factor: float
+def _served(
+    arguments: argparse.Namespace, recording: Recording, *, paced: bool
 ) -> Iterator[Callable[[float], None]]:
     """Keeps the pace, and serves the page if that is asked for. Raises KoordError."""
-    from koord.sim.live import Live, Pace
+    factor = arguments.pace or (1.0 if arguments.live else None)
+    pace: Callable[[float], None] = _unhurried
+    if factor is not None and paced:
+        from koord.sim.live import Pace
 
-    pace = Pace(factor).keep
+        pace = Pace(factor).keep
     if not arguments.live:
         yield pace
         return
+    from koord.sim.live import Live
+
     try:
         server = Live(recording)
     except OSError as error:
@@ -192,59 +234,8 @@ def _paced(
         live.wait_for_watchers(_PATIENCE_S)
 
 
-class _Parts:
-    """What is kept of a run while it goes on, in files beside those that are asked for.
-
-    They are there if the process is killed, up to the last second of the wall; when the run is kept
-    as a whole they are removed.
-    """
-
-    def __init__(self, arguments: argparse.Namespace, recording: Recording) -> None:
-        self._arguments, self._recording = arguments, recording
-        self._growing: list[PartPage | PartRecord] = []
-        self._next_s = time.monotonic() + _PERIOD_S
-        self._stack = ExitStack()
-
-    def __enter__(self) -> _Parts:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
-
-    def grow(self, time_s: float) -> None:
-        """Write what is new, if it is time. Raises KoordError."""
-        now_s = time.monotonic()
-        if now_s < self._next_s:
-            return
-        try:
-            if not self._growing:
-                self._begin()
-            for one in self._growing:
-                one.grow()
-        except OSError as error:
-            raise refusal("K903", "the run", f"cannot be written: {error.strerror}") from None
-        self._next_s = time.monotonic() + _PERIOD_S
-
-    def _begin(self) -> None:
-        """A run that is over within a second needs no such files."""
-        from koord.sim.viewing import PartPage
-
-        for path, _ in _wanted(self._arguments):
-            is_page, is_record = path == self._arguments.html, Path(path).suffix.lower() == ".mcap"
-            if not (is_page or is_record) or (os.path.exists(path) and not os.path.isfile(path)):
-                continue
-            file = self._stack.enter_context(Path(part_of(path)).open("wb"))  # noqa: SIM115
-            if is_page:
-                self._growing.append(PartPage(self._recording, file))
-            else:
-                from koord.sim.files.mcap import PartRecord
-
-                self._growing.append(PartRecord(self._recording, file))
-
-
-def part_of(path: str) -> str:
-    """Where a file grows while the run goes on."""
-    return str(Path(path).with_suffix(f".part{Path(path).suffix}"))
+def _unhurried(time_s: float) -> None:
+    """Without a pace time passes as it does."""
 
 
 def keep(arguments: argparse.Namespace, recording: Recording) -> list[str]:
@@ -259,8 +250,7 @@ def keep(arguments: argparse.Namespace, recording: Recording) -> list[str]:
             write_atomically(path, made)
         else:
             write_folder(path, made)
-        with suppress(OSError):
-            os.unlink(part_of(path))
+        remove_part(path)
         kept.append(path)
     return kept
 

@@ -64,18 +64,19 @@ def simulate(arguments: argparse.Namespace, job: Job, tracing: Tracing | None) -
     began = time.perf_counter()
     late = _Late()
     try:
-        # The page is fed by what is told: it keeps the pace of the processes by itself.
-        with watched(arguments, followed.recording) as step, ExitStack() as stack:
+        # What is told keeps the pace of the processes by itself.
+        with (
+            watched(arguments, followed, tracing, paced=False) as over,
+            ExitStack() as stack,
+        ):
             fleet = _launched(stack, Maker(job.cast(), job.scene, job.supplied()), deployment)
             for decision in _rounds(stack, fleet, deployment, followed, late):
-                if arguments.pace is None and not arguments.live:
-                    step(followed.time_s)
-                if tracing is None:
-                    continue
-                if decision.round == INIT_ROUND:
-                    tracing.begun(decision, followed)
-                else:
-                    tracing.round(decision, followed)
+                if tracing is not None:
+                    if decision.round == INIT_ROUND:
+                        tracing.begun(decision, followed)
+                    else:
+                        tracing.round(decision, followed)
+                over(followed.time_s)
             died = fleet.died
     except TransportError as error:
         hint = error.hint or None

@@ -163,6 +163,8 @@ def verdict(name: str, trace: Trace, found: Replayed, style: Style) -> Iterator[
         )
         yield f"  a run of {visible(str(trace.problem))}"
         yield from _end(trace)
+        if trace.cut_off:
+            yield f"  the file is cut off: what the run did after {rounds} is not known"
     else:
         bad = style.paint(f"not legal by {refused.rule}", Paint.ERROR)
         yield f"{visible(name)}: {_where(refused)}: {bad}"
@@ -237,4 +239,5 @@ def as_json(trace: Trace, found: Replayed) -> dict[str, object]:
         },
         "slack": float(trace.slack),
         "trusted": list(found.trusted),
+        "cut_off": trace.cut_off,
     }

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
+from functools import partial
 from random import Random
+from typing import BinaryIO
 
 from koord.cli.arguments import (
     Fleet,
@@ -22,7 +24,8 @@ from koord.cli.arguments import (
 from koord.cli.diagnostics import Report, report_error
 from koord.cli.excerpt import place
 from koord.cli.exits import Exit
-from koord.cli.files import DASH, check_writable
+from koord.cli.files import DASH, check_writable, write_atomically
+from koord.cli.growing import Growing, part_of, remove_part
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.interactive import Interactive
 from koord.cli.progress import Interruption
@@ -37,9 +40,11 @@ from koord.semantics.runs.running import Moment, Run, new_run
 from koord.semantics.runs.watching import Watch
 from koord.semantics.traces.codec import encode
 from koord.semantics.traces.names import Names
+from koord.semantics.traces.parts import PartTrace
 from koord.semantics.traces.trace import (
     BEFORE_ROUNDS,
     Numbers,
+    Sources,
     Trace,
     Tracer,
     Violation,
@@ -49,6 +54,9 @@ from koord.semantics.traces.trace import (
 from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Span
+
+#: A trace grows so often: a step may take long, and what was before it is to be there then.
+_PERIOD_S = 0.05
 
 
 class Policy(Enum):
@@ -155,12 +163,18 @@ def _by_policy(
     tracer = Tracer() if request.trace is not None or request.as_json else None
     rounds = None if request.as_json else Rounds(table)
     kept: Moment | None = None
-    with interruption:
+    sources = sources_of(loaded)
+    with interruption, Growing(_PERIOD_S) as growing:
+        if request.trace is not None:
+            assert tracer is not None
+            growing.add(request.trace, partial(_part, tracer, sources, play))
         try:
             for taken in play.steps():
                 kept = play.run.moment
                 if tracer is not None:
                     tracer.add(taken.step)
+                if taken.step.robot is None:  # between two rounds
+                    growing.grow()
                 if rounds is not None:
                     rounds.show(taken)
                 if interruption.requested:
@@ -176,8 +190,7 @@ def _by_policy(
                 rounds.close()
     run, violation = play.run, play.violation
     if tracer is not None:
-        sources, recording = sources_of(loaded), play.recording()
-        trace = tracer.trace(sources, run.system, run.numbers, recording, violation)
+        trace = tracer.trace(sources, run.system, run.numbers, play.recording(), violation)
         _keep(trace, request)
     if interruption.requested:
         if not request.as_json:
@@ -188,14 +201,34 @@ def _by_policy(
     return _code(run, violation)
 
 
+def _part(tracer: Tracer, sources: Sources, play: Play, file: BinaryIO) -> Callable[[], None]:
+    """Begins a file that the run's trace grows in, and gives what writes behind it."""
+    part, run = PartTrace(file), play.run
+
+    def grow() -> None:
+        if tracer.configurations:
+            recording = play.recording()
+            part.grow(tracer.trace(sources, run.system, run.numbers, recording, play.violation))
+
+    return grow
+
+
 def _by_hand(loaded: LoadedProgram, request: Request, session: Interactive) -> Exit:
-    session.play()
-    run, violation = session.run, session.violation
-    recording = run.recording(checks=violation is not None)
-    sources = sources_of(loaded)
+    def trace() -> Trace:
+        recording = run.recording(checks=session.violation is not None)
+        steps, violation = session.taken, session.violation
+        return assembled(sources_of(loaded), run.system, run.numbers, recording, steps, violation)
+
+    def keep() -> None:
+        """Steps may be taken back, so it is written anew."""
+        if request.trace is not None:
+            write_atomically(part_of(request.trace), encode(trace()))
+
+    run = session.run
+    session.play(keep)
+    violation = session.violation
     if request.trace is not None:
-        trace = assembled(sources, run.system, run.numbers, recording, session.taken, violation)
-        _keep(trace, request)
+        _keep(trace(), request)
     _conclude(loaded, run, violation)
     return _code(run, violation)
 
@@ -203,6 +236,7 @@ def _by_hand(loaded: LoadedProgram, request: Request, session: Interactive) -> E
 def _keep(trace: Trace, request: Request) -> None:
     if request.trace is not None:
         write_trace(request.trace, trace)
+        remove_part(request.trace)
     if request.as_json:
         sys.stdout.write(encode(trace).decode("utf-8"))
 

@@ -233,16 +233,16 @@ def _run(
     if not arguments.json:
         print(heading(job))
     with (
-        watched(arguments, simulation.recording) as pace,
+        watched(arguments, simulation, tracing) as over,
         Interruption() as interruption,
         LiveLine(sys.stderr) as line,
     ):
         told = Noticed(line)
         for decision in run(simulation, limit_s):
             line.show(progress(simulation))
-            pace(simulation.time_s)
             if tracing is not None:
                 tracing.round(decision, simulation)
+            over(simulation.time_s)
             told.tell(simulation)
             if interruption.requested:
                 simulation.end(Ending.INTERRUPTED)

@@ -12,6 +12,7 @@ from koord.refinement.running import Ran, ready
 from koord.runtime.compile.slack import loosened
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host
+from koord.runtime.shapes import Shape
 from koord.semantics.configurations import System
 from koord.semantics.traces.trace import Trace
 from koord.sim.running import Simulation
@@ -37,10 +38,15 @@ class Tracing:
         self._made = ready(program)
         self._hearing: Hearing | None = None
 
-    def hear(self, host: Host) -> Host:
-        """The host that a run is to have instead of another."""
-        self._hearing = Hearing(self._made, self.system, host)
+    def hear(self, host: Host, world: Host) -> Host:
+        """The host that a run is to have instead of another, of a ``world``."""
+        self._hearing = Hearing(self._made, self.system, host, world)
         return self._hearing
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether INIT is over."""
+        return self._hearing is not None and self._hearing.is_begun
 
     def begun(self, decision: Decision, simulation: Simulation) -> None:
         """INIT is over."""
@@ -55,10 +61,15 @@ class Tracing:
     def ran(self, simulation: Simulation) -> Ran:
         """The run, as far as it got. Raises KoordError."""
         assert self._hearing is not None
-        shapes = {
-            name: shape for one in simulation.host.watches for name, shape in one.EXTERNALS.items()
-        }
-        return self._hearing.ran(simulation.engine, sources_of(self.job.loaded), shapes)
+        sources = sources_of(self.job.loaded)
+        return self._hearing.ran(simulation.engine, sources, self._shapes(simulation))
+
+    def so_far(self, simulation: Simulation) -> Trace:
+        """The trace of a run that goes on, up to the last round that is over. Raises KoordError."""
+        assert self._hearing is not None
+        sources = sources_of(self.job.loaded)
+        heard = self._hearing.so_far(simulation.engine, sources, self._shapes(simulation))
+        return self._as_written(heard)
 
     def judged(self, ran: Ran) -> Judged:
         """What the reference says of a run."""
@@ -66,5 +77,14 @@ class Tracing:
 
     def trace(self, ran: Ran) -> Trace:
         """The trace of a run, of the program as it is written, and with the slack that it had."""
+        return self._as_written(ran.trace)
+
+    def _as_written(self, trace: Trace) -> Trace:
         system = replace(self.system, program=self.job.loaded.program)
-        return replace(ran.trace, system=system, slack=self.job.slack)
+        return replace(trace, system=system, slack=self.job.slack)
+
+    @staticmethod
+    def _shapes(simulation: Simulation) -> dict[str, Shape]:
+        """Those of the answers that are asked for in a simulation and by no robot."""
+        watches = simulation.host.watches
+        return {name: shape for one in watches for name, shape in one.EXTERNALS.items()}

@@ -105,11 +105,12 @@ class Job:
         cast = self.cast()
         checked: list[Checked] = []
 
-        def heard(host: Host) -> Host:
+        def heard(world: Host) -> Host:
+            host = world
             if summaries:
-                checked.append(Checked(host))
+                checked.append(Checked(world))
                 host = checked[0]
-            return host if tracing is None else tracing.hear(host)
+            return host if tracing is None else tracing.hear(host, world)
 
         made = kind(cast, scene, keep_going=keep_going, heard=heard, supplied=self.supplied())
         claims = watching(made, program, self.slack)

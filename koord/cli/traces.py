@@ -10,6 +10,7 @@ from koord.semantics.replay import replay
 from koord.semantics.traces.codec import decode_document, encode, load_embedded
 from koord.semantics.traces.itf import embedded_trace, encode_itf, is_itf
 from koord.semantics.traces.json_reader import parse
+from koord.semantics.traces.parts import mended
 from koord.semantics.traces.trace import Sources, Trace
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
@@ -65,8 +66,12 @@ def _encoded(path: str, trace: Trace) -> bytes:
 def read_trace(raw: bytes, name: str, program: Source | None) -> Trace:
     """The trace in a file of either form. Raises KoordError.
 
-    ``program``, if given, replaces the text that the trace holds.
+    ``program``, if given, replaces the text that the trace holds. Of a file that ends in the
+    middle the rounds that are whole are read, and the trace is ``cut_off``.
     """
+    whole = mended(raw)
+    if whole is not None:
+        return replace(read_trace(whole, name, program), cut_off=True)
 
     def load(sources: Sources) -> core.Program:
         if program is None:

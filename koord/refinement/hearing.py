@@ -13,7 +13,7 @@ from typing import Any
 
 from koord.refinement.answering import starting
 from koord.refinement.running import Compiled, Ran, schedule_of
-from koord.refinement.summaries import with_summaries
+from koord.refinement.summaries import Completing, PutOffError, with_summaries
 from koord.refinement.translating import Observer, to_plain, to_value, to_written
 from koord.runtime.engine.fleet import Fleet
 from koord.runtime.proposals import INIT_ROUND, Decision
@@ -41,10 +41,16 @@ _PHASES = {Turn.INIT: Phase.INIT, Turn.PROG: Phase.PROG, Turn.ENV: Phase.ENV}
 
 
 class Hearing:
-    """A host that answers as another does. The run that it heard is :meth:`ran`."""
+    """A host that answers as another does. The run that it heard is :meth:`ran`.
 
-    def __init__(self, made: Compiled, system: System, host: Host) -> None:
+    ``world`` is who answers what only the rules ask: in the end the same host.
+    """
+
+    def __init__(
+        self, made: Compiled, system: System, host: Host, world: Host | None = None
+    ) -> None:
         self.made, self.system, self.host = made, system, host
+        self.world = host if world is None else world
         self._observer = Observer(system, made.names)
         self._starting = dict(starting(system.program, made.names))
         self._shapes = {name: s for one in made.classes for name, s in one.EXTERNALS.items()}
@@ -54,6 +60,9 @@ class Hearing:
         self._opening = Opening(())
         self._rounds: list[Round] = []
         self._configurations: list[Configuration[Constant]] = []
+        self._completing = Completing(system, self._lasting)
+        self._complete: list[Round] = []  #: the rounds with all answers, as far as they are known
+        self._complete_opening: Opening | None = None
 
     # --- the host ---------------------------------------------------------------------------------
 
@@ -104,6 +113,11 @@ class Hearing:
 
     # --- the run ----------------------------------------------------------------------------------
 
+    @property
+    def is_begun(self) -> bool:
+        """Whether INIT is over."""
+        return bool(self._configurations)
+
     def begun(self, decision: Decision, fleet: Fleet) -> None:
         """INIT is over."""
         order, _ = schedule_of(decision, self.system.robots)
@@ -121,28 +135,42 @@ class Hearing:
         last = self._configurations[-1]
         self._configurations.append(last if cut else self._observer.configuration(fleet))
 
-    def ran(self, fleet: Fleet, sources: Sources, shapes: Mapping[str, Shape]) -> Ran:
-        """The run, with the answers that the rules ask for.
+    def so_far(
+        self, fleet: Fleet, sources: Sources, shapes: Mapping[str, Shape], *, whole: bool = False
+    ) -> Trace:
+        """The run up to the last round that is over; to its end, if that is the ``whole`` run.
 
         ``shapes`` are those of the answers of functions that no robot asks. Raises KoordError.
         """
         self._shapes = {**shapes, **self._shapes}
-        configurations = list(self._configurations)
-        ended = fleet.ended
-        if ended is not None:
-            kind = FaultKind(ended.fault.kind.value)
-            fault = Fault(kind, ended.robot, NOWHERE, ended.fault.detail)
-            configurations[-1] = replace(configurations[-1], fault=fault)
-        trace = Trace(
+        if self._complete_opening is None:
+            self._complete_opening = self._completing.opening(self._opening)
+        known = self._rounds if whole else [one for one in self._rounds if not one.cut]
+        new = known[len(self._complete) :]
+        self._complete += map(self._completing.round, new)
+        return Trace(
             sources,
             self.system,
             Numbers.DOUBLE,
-            Recording(self._opening, tuple(self._rounds)),
-            tuple(configurations),
-            tuple(self._outputs(fleet)),
+            Recording(self._complete_opening, tuple(self._complete)),
+            tuple(self._configurations[: len(known) + 1]),
+            tuple(one for one in self._outputs(fleet) if one.round < len(known)),
         )
-        place = None if ended is None else ended.fault.place
-        return Ran(with_summaries(trace, self._library), place)
+
+    def ran(self, fleet: Fleet, sources: Sources, shapes: Mapping[str, Shape]) -> Ran:
+        """The run, with the answers that the rules ask for. Raises KoordError."""
+        trace = self.so_far(fleet, sources, shapes, whole=True)
+        if self._completing.put_off:
+            bare = replace(trace, recording=Recording(self._opening, tuple(self._rounds)))
+            trace = with_summaries(bare, self._library)
+        ended = fleet.ended
+        if ended is None:
+            return Ran(trace, None)
+        kind = FaultKind(ended.fault.kind.value)
+        fault = Fault(kind, ended.robot, NOWHERE, ended.fault.detail)
+        *before, last = trace.configurations
+        configurations = (*before, replace(last, fault=fault))
+        return Ran(replace(trace, configurations=configurations), ended.fault.place)
 
     # --- inside -----------------------------------------------------------------------------------
 
@@ -158,8 +186,16 @@ class Hearing:
     ) -> Concrete:
         """What the host answers to what only the rules ask."""
         given = tuple(map(to_plain, arguments))
-        answer = self.host.ask(Turn.ENV, robot or 0, (), external.name, given)
+        answer = self.world.ask(Turn.ENV, robot or 0, (), external.name, given)
         return self._value(external, self._shapes[external.name], answer)
+
+    def _lasting(
+        self, external: core.External, arguments: tuple[Concrete, ...], robot: int | None
+    ) -> Concrete:
+        """The same while the run goes on: of functions whose answers change nothing of it."""
+        if external.kind is not core.ExternalKind.FUNCTION:
+            raise PutOffError
+        return self._library(external, arguments, robot)
 
     def _outputs(self, fleet: Fleet) -> list[Emitted]:
         return [

@@ -22,7 +22,14 @@ from koord.semantics.rounds import IllegalStepError, evolved, initialised, run_e
 from koord.semantics.runs.answering import SampledInputs
 from koord.semantics.runs.sampling import Sampler
 from koord.semantics.runs.settling import settle_robot
-from koord.semantics.traces.recording import Answer, Concrete, Reading, Recording, Round
+from koord.semantics.traces.recording import (
+    Answer,
+    Concrete,
+    Opening,
+    Reading,
+    Recording,
+    Round,
+)
 from koord.semantics.traces.trace import Numbers, Trace
 from koord.semantics.turns import holds_in
 from koord.syntax import core
@@ -40,31 +47,72 @@ def with_summaries(trace: Trace, library: Library | None = None) -> Trace:
     A trace that breaks a rule before that is returned as far as it was looked at: replay will say
     where. Raises KoordError where no answer is found that its own summary allows.
     """
-    asking = _Asking(trace.system, library)
-    opening, rounds = trace.recording.opening, list(trace.recording.rounds)
-    for answers in (opening.answers, *(round_.answers for round_ in rounds)):
-        asking.remember(answers)
-    try:
-        inputs = asking.inputs(opening.answers, starts=RecordedInputs(starts=opening.starts))
-        start = initialised(DOUBLES, trace.system, inputs, opening.order).configuration
-        if start.fault is None:
-            for assumption in trace.system.program.assumptions:
-                e, bound = assumption.condition, assumption.bound
-                holds_in(DOUBLES, trace.system, start, e, bound, inputs)
-        opening = replace(opening, answers=tuple(inputs.answers))
-        for number, round_ in enumerate(rounds):
-            if start.fault is not None:
-                break
-            inputs = asking.inputs(round_.answers, starts=RecordedInputs())
-            inputs.readings = list(round_.readings)
-            try:
-                start = _round(trace.system, start, round_, inputs)
-            finally:
-                answers, readings = tuple(inputs.answers), tuple(inputs.readings)
-                rounds[number] = replace(round_, answers=answers, readings=readings)
-    except IllegalStepError:
-        pass  # replay finds the same step, and tells of it
-    return replace(trace, recording=Recording(opening, tuple(rounds)))
+    completing = Completing(trace.system, library)
+    recording = trace.recording
+    for answers in (recording.opening.answers, *(round_.answers for round_ in recording.rounds)):
+        completing.remember(answers)
+    opening = completing.opening(recording.opening)
+    rounds = tuple(map(completing.round, recording.rounds))
+    return replace(trace, recording=Recording(opening, rounds))
+
+
+class PutOffError(Exception):
+    """A library does not answer a question now: its answer would be another afterwards."""
+
+
+class Completing:
+    """Adds to a run, from INIT on and round by round, the answers that only the rules want.
+
+    Once the run has broken a rule (which replay finds, too), has ended in a fault, or once the
+    library has put off a question, the rest of it stays as it is.
+    """
+
+    def __init__(self, system: System, library: Library | None) -> None:
+        self.put_off = False  #: whether the library did not answer
+        self._system = system
+        self._asking = _Asking(system, library)
+        self._last: Configuration[Constant] | None = None  #: None: nothing more is looked at
+
+    def remember(self, answers: tuple[Answer, ...]) -> None:
+        """Note what functions answered somewhere in the run."""
+        self._asking.remember(answers)
+
+    def opening(self, opening: Opening) -> Opening:
+        """The opening with all answers. Raises KoordError."""
+        self.remember(opening.answers)
+        inputs = self._asking.inputs(opening.answers, starts=RecordedInputs(starts=opening.starts))
+        try:
+            start = initialised(DOUBLES, self._system, inputs, opening.order).configuration
+            if start.fault is None:
+                for assumption in self._system.program.assumptions:
+                    e, bound = assumption.condition, assumption.bound
+                    holds_in(DOUBLES, self._system, start, e, bound, inputs)
+        except IllegalStepError:
+            return opening
+        except PutOffError:
+            self.put_off = True
+            return opening
+        self._go_on(start)
+        return replace(opening, answers=tuple(inputs.answers))
+
+    def round(self, round_: Round) -> Round:
+        """The next round with all answers. Raises KoordError."""
+        if self._last is None:
+            return round_
+        self.remember(round_.answers)
+        inputs = self._asking.inputs(round_.answers, starts=RecordedInputs())
+        inputs.readings = list(round_.readings)
+        before, self._last = self._last, None
+        try:
+            self._go_on(_round(self._system, before, round_, inputs))
+        except IllegalStepError:
+            pass  # replay finds the same step, and tells of it
+        except PutOffError:
+            self.put_off = True
+        return replace(round_, answers=tuple(inputs.answers), readings=tuple(inputs.readings))
+
+    def _go_on(self, configuration: Configuration[Constant]) -> None:
+        self._last = configuration if configuration.fault is None else None
 
 
 def _round(

@@ -16,6 +16,7 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
 from koord.cli.exits import Exit
+from koord.cli.main import main
 from tests.sim.unpacking import unpacked
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
@@ -23,8 +24,9 @@ EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 #: Runs the command line, and ends itself by a signal when something was called so many times.
 ENDED = """
 import os, sys
-import koord.cli.keeping as keeping
+import koord.cli.growing as growing
 from koord.runtime.records import RecordFile
+from koord.semantics.traces.parts import PartTrace
 from koord.sim.viewing import PartPage
 from koord.cli.main import main
 
@@ -39,9 +41,11 @@ def counted(holder, name, most, number):
     setattr(holder, name, done)
 
 if __name__ == "__main__":
-    keeping._PERIOD_S = 0.0
+    growing.PERIOD_S = 0.0
     what, most, number = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-    holder, name = {"page": (PartPage, "grow"), "record": (RecordFile, "flush")}[what]
+    holders = {"page": (PartPage, "grow"), "record": (RecordFile, "flush")}
+    holders["trace"] = (PartTrace, "grow")
+    holder, name = holders[what]
     counted(holder, name, most, number)
     sys.exit(main(sys.argv[4:]))
 """
@@ -69,14 +73,17 @@ def messages(path: Path) -> list[Message]:
     return found
 
 
-def test_a_simulated_run_that_is_killed_is_there_up_to_then(tmp_path: Path) -> None:
-    words = ["sim", str(EXAMPLES / "follow_path.krd"), "--record", "run.mcap"]
-    assert ended(tmp_path, "record", 5, signal.SIGKILL, *words) == -signal.SIGKILL
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "driver.py",
-        "run.part.html",
-        "run.part.mcap",
-    ]
+def test_a_simulated_run_that_is_killed_is_there_up_to_then(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["sim", str(EXAMPLES / "follow_path.krd"), "--record", "run.mcap", "--trace", "t.json"]
+    assert ended(tmp_path, "trace", 6, signal.SIGKILL, *words) == -signal.SIGKILL
+    names = ["driver.py", "run.part.html", "run.part.mcap", "t.part.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    assert main(["replay", str(tmp_path / "t.part.json")]) == Exit.OK
+    said = capsys.readouterr().out
+    assert ": legal: 26 steps, 5 rounds" in said
+    assert "  the file is cut off: what the run did after 5 rounds is not known\n" in said
     text = (tmp_path / "run.part.html").read_text("utf-8")
     found = re.findall(r'class="pack">([^<]*)</script>', text)
     packs = [base64.b64decode(one) for one in found]

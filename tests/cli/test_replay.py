@@ -120,7 +120,7 @@ def test_the_answer_as_json(trace: Any, capsys: pytest.CaptureFixture[str]) -> N
             "rounds": 3,
             "refused": None,
         }
-        | {"slack": 0.0, "trusted": [], "compiled": None},
+        | {"slack": 0.0, "trusted": [], "cut_off": False, "compiled": None},
     )
     trace["run"]["rounds"][1]["after"]["robots"][1]["locals"]["done"] = False
     code, out, _ = replayed(capsys, trace, "--json")

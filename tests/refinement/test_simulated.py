@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import math
 from pathlib import Path
@@ -19,6 +20,8 @@ from koord.cli.simulating import Job
 from koord.refinement.judging import Judged
 from koord.runtime.motion.clearance import Clearance
 from koord.runtime.motion.library import Library
+from koord.semantics.traces.codec import encode
+from koord.semantics.traces.parts import PartTrace
 from koord.sim.running import Simulation, run
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
@@ -175,3 +178,24 @@ def test_the_command_judges_runs_in_a_world(
     assert "refused" in capsys.readouterr().out
     assert (tmp_path / "refinement-simulated-0.json").exists()
     assert main(["check-refinement", *flags]) == Exit.BAD_INPUT
+
+
+@pytest.mark.parametrize("name", ["task", "mapping", "waypoints"])
+def test_a_trace_that_grows_is_a_piece_of_the_one_that_is_kept(name: str) -> None:
+    """[TRACE] And nothing of the run hangs on whether it grows."""
+    traces = []
+    for grows in (False, True):
+        tracing = Tracing(job(name))
+        simulation = tracing.job.simulation(tracing=tracing, summaries=True)
+        tracing.begun(simulation.begin(), simulation)
+        file = io.BytesIO()
+        part = PartTrace(file)
+        for decision in run(simulation, 0.8):
+            tracing.round(decision, simulation)
+            if grows:
+                part.grow(tracing.so_far(simulation))
+        traces.append(encode(tracing.trace(tracing.ran(simulation))))
+        if grows:
+            assert traces[1].startswith(file.getvalue())
+            assert file.getvalue().count(b"\n  {") == simulation.engine.round
+    assert traces[0] == traces[1]

@@ -63,9 +63,14 @@ def encode(trace: Trace) -> bytes:
 
 def to_json(trace: Trace) -> dict[str, Json]:
     """A trace as a JSON object."""
+    return {**head_of(trace), "run": encode_run(trace)}
+
+
+def head_of(trace: Trace) -> dict[str, Json]:
+    """All of a trace but its run."""
     sources = trace.sources
     tasks = sources.tasks
-    document: dict[str, Json] = {
+    return {
         "format": FORMAT,
         "version": _version(trace),
         "program": _encode_text(sources.program),
@@ -78,9 +83,7 @@ def to_json(trace: Trace) -> dict[str, Json]:
         "delta": encode_fraction(trace.system.delta_s),
         "numbers": trace.numbers.value,
         **({"slack": encode_fraction(trace.slack)} if trace.slack else {}),
-        "run": encode_run(trace),
     }
-    return document
 
 
 def _version(trace: Trace) -> int:
@@ -104,11 +107,16 @@ def _rendered_run(run: dict[str, Json]) -> str:
     parts = []
     for name, value in run.items():
         if name == "rounds" and isinstance(value, list) and value:
-            rounds = ",\n".join(f"  {json.dumps(round_)}" for round_ in value)
+            rounds = ",\n".join(map(rendered_round, value))
             parts.append(f'"rounds": [\n{rounds}\n ]')
         else:
             parts.append(f"{json.dumps(name)}: {json.dumps(value)}")
     return "{\n " + ",\n ".join(parts) + "\n}"
+
+
+def rendered_round(round_: Json) -> str:
+    """A round as the line of text that it is."""
+    return f"  {json.dumps(round_)}"
 
 
 def _encode_text(source: Source) -> Json:

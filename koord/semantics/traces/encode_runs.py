@@ -35,52 +35,71 @@ from koord.syntax.types import Type, show
 STATUS_NAMES = tuple(status.name.lower() for status in sorted(Status))
 
 
-def encode_run(trace: Trace) -> Json:
+def encode_run(trace: Trace) -> dict[str, Json]:
     """The run of a trace."""
-    names = Names(trace.system)
-    opening = trace.recording.opening
-    written: dict[int, list[Json]] = {}
-    for emitted in trace.outputs:
-        written.setdefault(emitted.round, []).append(_encode_output(emitted))
-    first, *after = trace.configurations
-    rounds = zip(trace.recording.rounds, after, strict=True)
     loop = trace.recording.loop
     repeats: dict[str, Json] = {} if loop is None else {"loop": loop}
+    return {
+        **encode_start_of_run(trace),
+        "rounds": encode_rounds(trace),
+        **repeats,
+        "violation": _encode_violation(trace.violation),
+    }
+
+
+def encode_start_of_run(trace: Trace) -> dict[str, Json]:
+    """The run of a trace up to its first round."""
+    names = Names(trace.system)
+    opening = trace.recording.opening
     return {
         "opening": {
             "order": list(opening.order),
             "starts": [_encode_start(names, start) for start in opening.starts],
             "answers": [_encode_answer(names, answer) for answer in opening.answers],
-            "output": written.get(BEFORE_ROUNDS, []),
+            "output": _outputs(trace, BEFORE_ROUNDS).get(BEFORE_ROUNDS, []),
         },
-        "initial": encode_configuration(names, first),
-        "rounds": [
-            {
-                "order": list(round_.order),
-                "events": [
-                    None if position is None else names.of(robot).events[position]
-                    for robot, position in enumerate(round_.events)
-                ],
-                "readings": [
-                    {
-                        "robot": reading.robot,
-                        "port": names.of(reading.robot).ports[reading.slot].name,
-                        "value": encode_value(
-                            reading.value, names.of(reading.robot).ports[reading.slot].type
-                        ),
-                    }
-                    for reading in round_.readings
-                ],
-                "answers": [_encode_answer(names, answer) for answer in round_.answers],
-                "cut": round_.cut,
-                "output": written.get(number, []),
-                "after": encode_configuration(names, configuration),
-            }
-            for number, (round_, configuration) in enumerate(rounds)
-        ],
-        **repeats,
-        "violation": _encode_violation(trace.violation),
+        "initial": encode_configuration(names, trace.configurations[0]),
     }
+
+
+def encode_rounds(trace: Trace, first: int = 0) -> list[Json]:
+    """The rounds of a trace, from number ``first`` on."""
+    names, written = Names(trace.system), _outputs(trace, first)
+    rounds = trace.recording.rounds[first:]
+    after = trace.configurations[first + 1 :]
+    return [
+        {
+            "order": list(round_.order),
+            "events": [
+                None if position is None else names.of(robot).events[position]
+                for robot, position in enumerate(round_.events)
+            ],
+            "readings": [
+                {
+                    "robot": reading.robot,
+                    "port": names.of(reading.robot).ports[reading.slot].name,
+                    "value": encode_value(
+                        reading.value, names.of(reading.robot).ports[reading.slot].type
+                    ),
+                }
+                for reading in round_.readings
+            ],
+            "answers": [_encode_answer(names, answer) for answer in round_.answers],
+            "cut": round_.cut,
+            "output": written.get(number, []),
+            "after": encode_configuration(names, configuration),
+        }
+        for number, (round_, configuration) in enumerate(zip(rounds, after, strict=True), first)
+    ]
+
+
+def _outputs(trace: Trace, first: int) -> dict[int, list[Json]]:
+    """What was written in the rounds from number ``first`` on."""
+    written: dict[int, list[Json]] = {}
+    for emitted in trace.outputs:
+        if emitted.round >= first:
+            written.setdefault(emitted.round, []).append(_encode_output(emitted))
+    return written
 
 
 def _encode_output(emitted: Emitted) -> Json:

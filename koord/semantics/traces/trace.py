@@ -99,7 +99,8 @@ class Trace:
     than rounds in the recording.
 
     ``slack`` is by how much floats may be off in what the program claims, for vehicles that made
-    the run keep no claim to the letter.
+    the run keep no claim to the letter. Of a trace that is ``cut_off`` the file ends in the middle:
+    what the run did after these rounds is not known.
     """
 
     sources: Sources
@@ -110,6 +111,7 @@ class Trace:
     outputs: tuple[Emitted, ...] = ()
     violation: Violation | None = None
     slack: Fraction = Fraction(0)
+    cut_off: bool = False
 
     @property
     def problem(self) -> Problem:

@@ -1,0 +1,84 @@
+"""Files that grow while a run goes on, beside those that are made of it when it is over.
+
+They are there if the process is killed, up to the last second of the wall; when the run is kept as
+a whole they are removed.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO
+
+from koord.syntax.diagnostics import refusal
+
+#: What is new is kept so often.
+PERIOD_S = 1.0
+
+
+class Growing:
+    """The files of one run: :meth:`add` them, and :meth:`grow` them while it goes on."""
+
+    def __init__(self, period_s: float | None = None) -> None:
+        self._period_s = PERIOD_S if period_s is None else period_s
+        self._files: list[Callable[[], None]] = []
+        self._next_s = 0.0
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Growing:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        with self._stack:
+            if kind is None:
+                self._next_s = 0.0
+                self.grow()
+
+    def add(self, path: str, begun: Callable[[BinaryIO], Callable[[], None]]) -> None:
+        """A file beside ``path``, if that is to be a file.
+
+        ``begun`` writes its beginning, and gives what writes behind it. Raises KoordError.
+        """
+        if os.path.exists(path) and not os.path.isfile(path):
+            return
+        try:
+            file = Path(part_of(path)).open("wb")  # noqa: SIM115
+            self._files.append(begun(self._stack.enter_context(file)))
+            file.flush()
+        except OSError as error:
+            raise _unwritable(error) from None
+
+    def grow(self) -> None:
+        """Write what is new, if it is time. Raises KoordError."""
+        if time.monotonic() < self._next_s:
+            return
+        try:
+            for one in self._files:
+                one()
+        except OSError as error:
+            raise _unwritable(error) from None
+        self._next_s = time.monotonic() + self._period_s
+
+
+def part_of(path: str) -> str:
+    """Where a file grows while the run goes on."""
+    return str(Path(path).with_suffix(f".part{Path(path).suffix}"))
+
+
+def remove_part(path: str) -> None:
+    """The file is there as a whole now."""
+    with suppress(OSError):
+        os.unlink(part_of(path))
+
+
+def _unwritable(error: OSError) -> Exception:
+    return refusal("K903", "the run", f"cannot be written: {error.strerror}")
