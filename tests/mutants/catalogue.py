@@ -667,8 +667,8 @@ VERIFY = (
     Mutant(
         "what two robots cannot do no number can",
         "verify/portfolio.py",
-        "if self.wanted and self.of_any_number:",
-        "if False:",
+        "                if self.of_any_number:",
+        "                if False:",
         (VACUITY,),
     ),
     Mutant(

@@ -235,8 +235,8 @@ ENGINE = (
     Mutant(
         "what is read anew is not kept",
         "runtime/robot.py",
-        "                if value != held[name]:",
-        "                if value == held[name]:",
+        "                if name in self._ordered or value != held[name]:",
+        "                if name in self._ordered or value == held[name]:",
         (ROUNDS,),
     ),
     Mutant(
