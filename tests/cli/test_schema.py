@@ -23,23 +23,19 @@ Step:
 assume: forall i: x@i == 0
 """
 
-UNENDING = """
-allwrite:
-  int total = 0
+# No inductive step of a few rounds knows that numbers are even, which is seen at once.
+EVEN = """
 local:
-  int x = 1
+  int x = 0
 Step:
-  eff:
-    atomic:
-      x = x * x + total
-      total = total + x
+  eff: x = x + 2
 """
 
 PROGRAMS = {
     "holds": COUNTER + "invariant Low: forall i: x@i >= 0\n",
     "violated": COUNTER + "invariant Small: forall i: x@i < 2\ninvariant Few: forall i: x@i < 3\n",
     "vacuous": COUNTER + "Never:\n  pre: x < 0\n  eff: x = 7\ninvariant Low: forall i: x@i >= 0\n",
-    "unknown": UNENDING + "invariant Odd: total != 91\n",
+    "unknown": EVEN + "invariant Odd: forall i: x@i != 91\n",
     "live": COUNTER + "eventually Nine: forall i: x@i == 9\neventually Ten: exists i: x@i == 10\n",
     "wrong": COUNTER + "invariant Low: y > 0\n",
 }
