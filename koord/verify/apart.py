@@ -117,30 +117,33 @@ class _Asking:
     ) -> bool:
         """Some claims by themselves: what is better than what was found is put there.
 
-        Whether Ctrl-C ended it.
+        Whether Ctrl-C ended it. A claim whose process died goes on for what is left of its time.
         """
-        bounds = replace(self.bounds, timeout_s=seconds)
 
-        def alone(name: str, past: Past, tell: Teller) -> Report:
-            limited = replace(bounds, timeout_s=_least(seconds, deadline.left_s()))
+        def alone(name: str, past: Past, own_s: float, tell: Teller) -> Report:
+            limited = replace(self.bounds, timeout_s=_least(own_s, deadline.left_s()))
             return self._asked(tell, limited, names=[name], known=known, past=past)
 
         cut = False
-        grace_s = _with_grace(seconds)
         until = None if deadline.at is None else deadline.at + GRACE_S
-        pasts = dict.fromkeys(names, Past())
+        shared_s = {name: found[name].seconds for name in names}
+        pasts, left_s = dict.fromkeys(names, Past()), dict.fromkeys(names, seconds)
         with Pool(self.jobs, self.progress, self.interrupted) as pool:
             try:
                 while pasts:
                     work = {
                         name: pool.hand_in(
-                            name, partial(alone, name, past), lasts_s=grace_s, until=until
+                            name,
+                            partial(alone, name, past, left_s[name]),
+                            lasts_s=_with_grace(left_s[name]),
+                            until=until,
                         )
                         for name, past in pasts.items()
                     }
                     again = {}
                     for name, answer in pool.answers(work):
-                        spent, job = found[name].seconds + seconds, work[name]
+                        job = work[name]
+                        left_s[name] = max(0.0, left_s[name] - job.lasted_s)
                         if answer is not None:
                             (verdict,), cut = answer.verdicts, cut or answer.interrupted
                         else:
@@ -148,10 +151,12 @@ class _Asking:
                             if not job.is_late:
                                 is_further = past.begun != pasts[name].begun
                                 past = past.ended(job.end)
-                                if is_further:
+                                if is_further and left_s[name] > 0:
                                     again[name] = past
-                            why = _late(past) if job.is_late else ""
-                            (verdict,) = self._known(past, why, spent, [name], late=job.is_late)
+                            is_late = job.is_late or left_s[name] <= 0
+                            why = _late(past) if is_late else ""
+                            spent = shared_s[name] + seconds - left_s[name]
+                            (verdict,) = self._known(past, why, spent, [name], late=is_late)
                         if _is_better(verdict, found[name]):
                             found[name] = replace(verdict, claim=found[name].claim)
                     pasts = again

@@ -164,7 +164,7 @@ class ByInduction:
             if self._done > 0 and (ledger.deadline.passed() or self._effort(ledger).left <= 0):
                 return
             self._done = depth = self._done + 1
-            self.unrolling.through(ledger, depth - 1)
+            self.unrolling.through(ledger, depth - 1, self._effort(ledger))
             bounded = self.unrolling.of(ledger)
             # What is not known to hold in those rounds is neither to be proved nor to be assumed.
             claims = [c for c in ledger.open() if c not in bounded.unreplayed]

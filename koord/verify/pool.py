@@ -96,6 +96,7 @@ class Job(Generic[T]):
     ``lasts_s`` is for how long its process may go on, and ``until`` when it is ended if it is not
     done (as :func:`time.monotonic` counts): then it ``is_late``. ``noted`` is what it told of
     before it was done, which stays known however it ends; ``told`` is what it was at last.
+    ``lasted_s`` is for how long its process went on.
     """
 
     name: str
@@ -110,6 +111,8 @@ class Job(Generic[T]):
     failure: Exception | None = None
     noted: list[object] = field(default_factory=list)
     told: str = ""
+    started: float | None = None
+    lasted_s: float = 0.0
     exit_code: int | None = None
 
     @property
@@ -230,6 +233,7 @@ class Pool:
             receives, sends = context.Pipe(duplex=False)
             process = context.Process(target=_worked, args=(job.work, sends, os.getpid()))
             process.start()
+            job.started = time.monotonic()
             sends.close()
             if job.lasts_s is not None:
                 ends = time.monotonic() + job.lasts_s
@@ -258,6 +262,8 @@ class Pool:
 
     def _put_away(self, job: Job[object]) -> None:
         job.is_done = True
+        if job.started is not None:
+            job.lasted_s = time.monotonic() - job.started
         self._running.remove(job)
         self._done += 1
         _join(job)

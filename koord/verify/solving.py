@@ -18,6 +18,9 @@ from koord.verify.terms import Term, Terms
 #: Why Z3 stops on Ctrl-C. It says "canceled" of some deadlines too.
 _INTERRUPTED = frozenset({"interrupted from keyboard", "interrupted", "canceled"})
 
+#: What Z3 takes for no limit of time, in its milliseconds.
+_FOR_EVER = 2**32 - 1
+
 
 class Answer(Enum):
     """What a solver says of a question."""
@@ -73,6 +76,10 @@ class Deadline:
 #: Roughly what a solver does in a second, in its own units.
 PER_SECOND = 10_000_000
 
+#: How many times longer a question may take than its effort is meant for. Reals that are multiplied
+#: keep a solver busy for minutes that it counts as a second of work.
+AT_MOST_TIMES = 10
+
 
 @dataclass(slots=True)
 class Effort:
@@ -87,6 +94,10 @@ class Effort:
     def of_seconds(seconds: float) -> Effort:
         """About what a solver does in that time."""
         return Effort(int(seconds * PER_SECOND))
+
+    def limit(self, at_most: int) -> int:
+        """What one question may use up: all that is left, or ``at_most`` of it (0: all)."""
+        return min(self.left, at_most or self.left)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,15 +152,13 @@ class Solver:
         question = list(question)
         asked = [k for k, term in enumerate(question) if self.d.known(term) is not True]
         terms = [self.d.boolean(question[k]) for k in asked]
-        left = deadline.left_s()
-        given = Deadline.after(left)  # Z3 has a clock of its own
-        if left is not None:
-            if left <= 0:
-                return Answer.UNKNOWN
-            self._solver.set("timeout", max(1, int(left * 1000)))
-        limit = 0 if effort is None else min(effort.left, at_most or effort.left)
-        if effort is not None and limit <= 0:
+        limit = 0 if effort is None else effort.limit(at_most)
+        if deadline.passed() or (effort is not None and limit <= 0):
             return Answer.UNKNOWN
+        meant = deadline if effort is None else deadline.sooner(_longest_s(limit))
+        given = Deadline.after(meant.left_s())  # Z3 has a clock of its own
+        left = given.left_s()
+        self._solver.set("timeout", _FOR_EVER if left is None else max(1, int(left * 1000)))
         self._solver.set("rlimit", limit)
         literals, once = [], []
         for term in terms:
@@ -166,8 +175,9 @@ class Solver:
             core = {literal.get_id() for literal in self._solver.unsat_core()}
             pairs = zip(asked, literals, strict=True)
             self._core = frozenset(k for k, literal in pairs if literal.get_id() in core)
+        exhausted = bool(limit) and (spent >= limit or (result == z3.unknown and given.is_near()))
         if effort is not None:
-            effort.left -= spent
+            effort.left -= max(spent, limit) if exhausted else spent
         self._model = self._solver.model() if result == z3.sat else None
         # Asked for now: the next assertion makes Z3 forget why it stopped.
         reason = self._solver.reason_unknown() if result == z3.unknown else ""
@@ -177,7 +187,6 @@ class Solver:
             return Answer.UNSAT
         if result == z3.sat:
             return Answer.SAT
-        exhausted = bool(limit) and spent >= limit
         if reason in _INTERRUPTED and not exhausted and not given.is_near():
             raise KeyboardInterrupt
         return Answer.UNKNOWN
@@ -226,6 +235,11 @@ class Solver:
         for constraint in new:
             if self.d.known(constraint) is not True:
                 self._solver.add(self.d.boolean(constraint))
+
+
+def _longest_s(limit: int) -> float:
+    """How long a question may take at most that is to cost so much."""
+    return max(1.0, AT_MOST_TIMES * limit / PER_SECOND)
 
 
 def spent_by(solver: z3.Solver | z3.Fixedpoint) -> int:

@@ -18,6 +18,8 @@ from koord.verify import apart, pool
 from koord.verify.apart import verify_apart
 from koord.verify.claims import claims_of, liveness_of
 from koord.verify.portfolio import Choice, verify
+from koord.verify.resuming import Step
+from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
 
 #: More than anything here takes, on any machine.
@@ -219,3 +221,38 @@ def test_all_that_is_done_for_a_claim_counts(
     given.clear()
     verify_apart(alone, replace(AMPLE, claim_s=10.0))
     assert sum(given) <= 10.0 * 1.01
+
+
+def test_who_goes_on_after_a_crash_has_what_is_left(
+    system: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A process that died has spent the time of its claim all the same."""
+    given: list[float] = []
+
+    class Dying:
+        """Each process gets a step further, takes three seconds, and dies."""
+
+        def __init__(self, *more: Any) -> None: ...
+
+        def __enter__(self) -> Dying:
+            return self
+
+        def __exit__(self, *more: Any) -> None: ...
+
+        def hand_in(self, name: str, work: Any, *, lasts_s: float, until: Any) -> pool.Job[Any]:
+            given.append(lasts_s)
+            job: pool.Job[Any] = pool.Job(name, work)
+            job.noted.append(Step("plain", len(given), "bmc"))
+            job.lasted_s, job.exit_code = 3.0, -11
+            return job
+
+        def answers(self, jobs: Any) -> Any:
+            return ((name, None) for name in jobs)
+
+    monkeypatch.setattr(apart, "Pool", Dying)
+    asking = apart._Asking(system, AMPLE, Choice.AUTO, 0, 1, lambda text: None, lambda: False)
+    found = {v.claim.name: v for v in nothing(system).verdicts}
+    assert not asking.each(["Few"], 10.0, Deadline(), tuple(found.values()), found)
+    assert given == pytest.approx([10.5, 7.35, 4.2, 1.1])
+    assert found["Few"].seconds == pytest.approx(10.0)
+    assert found["Few"].reason.startswith("timeout; bmc was being asked")

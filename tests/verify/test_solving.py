@@ -14,7 +14,7 @@ from koord.semantics.domain import Constant
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import BOOL, FLOAT, INT, STRING, EnumType, OpaqueType, Type
-from koord.verify.solving import Answer, Deadline, Effort, Solver, cases
+from koord.verify.solving import AT_MOST_TIMES, Answer, Deadline, Effort, Solver, cases
 from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms
 
@@ -83,6 +83,44 @@ def test_effort_is_used_up() -> None:
     whole = Effort(10**9)
     assert s.check([hard(d)], NEVER, whole, at_most=100_000) is Answer.UNKNOWN
     assert whole.left > 10**8
+
+
+def test_work_that_is_not_counted_ends_in_proportion_to_the_effort() -> None:
+    """Products of unknowns keep Z3 busy without its saying so."""
+    d, _, s = solver()
+    told: dict[str, int] = {}
+
+    class Idle(Stopped):
+        def set(self, *settings: object) -> None:
+            told.update({str(settings[0]): int(str(settings[1]))})
+
+        def check(self, *literals: object) -> z3.CheckSatResult:
+            clock[0] += told["timeout"] / 1000
+            return super().check(*literals)
+
+    clock = [100.0]
+    effort = Effort.of_seconds(3)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("koord.verify.solving.time.monotonic", lambda: clock[0])
+        s._solver = Idle("canceled", work=40)
+        assert s.check([d.fresh("x", BOOL)], NEVER, effort) is Answer.UNKNOWN
+    assert told["timeout"] == 3_000 * AT_MOST_TIMES
+    assert effort.left <= 0
+
+
+def test_without_a_deadline_none_is_left_from_before() -> None:
+    d, _, s = solver()
+    told: dict[str, object] = {}
+
+    class Told(Stopped):
+        def set(self, *settings: object) -> None:
+            told[str(settings[0])] = settings[1]
+
+    s._solver = Told("timeout", work=40)
+    s.check([d.fresh("x", BOOL)], Deadline.after(9))
+    assert 8_000 < int(str(told["timeout"])) <= 9_000
+    s.check([d.fresh("x", BOOL)], NEVER)
+    assert told["timeout"] == 2**32 - 1
 
 
 @pytest.mark.parametrize("limit", [500, 1_000, 10_000, 50_000])
