@@ -5,6 +5,8 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 SLICES = "tests/verify/cone/test_slices.py"
+ASKING = "tests/verify/cone/test_asking.py"
+ENGINES = "tests/agreement/test_slices.py"
 INFLUENCE = "verify/cone/influence.py"
 
 CONE = (
@@ -56,5 +58,19 @@ CONE = (
         "                self._add(Matter.FAULT, (*reads, *targets, *by))\n",
         "                pass\n",
         (SLICES,),
+    ),
+    Mutant(
+        "cone: what only the shared slice breaks is not asked of the whole program",
+        "verify/portfolio.py",
+        "        is_whole = part is system and not subject.is_abstract\n",
+        "        is_whole = not subject.is_abstract\n",
+        (ASKING,),
+    ),
+    Mutant(
+        "cone: a slice writes nothing",
+        "verify/cone/slicing.py",
+        "bool(self.influence.targets[id(s)] & self.cone)",
+        "False",
+        (ENGINES,),
     ),
 )

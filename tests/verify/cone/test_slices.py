@@ -256,10 +256,10 @@ def compare(of: System, seed: int) -> Counter[str]:
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_slice_breaks_what_its_program_breaks(family: str) -> None:
-    seeds = (1084, *range(25))
+    seeds = (1084, *range(16))
     count = sum((compare(FAMILIES[family](Random(s)), s) for s in seeds), Counter[str]())
-    assert count["broken"] > 10, count
-    assert count["exact"] > 10, count
+    assert count["broken"] > 8, count
+    assert count["exact"] > 8, count
 
 
 @pytest.mark.slow
