@@ -241,9 +241,13 @@ def _default(program: core.Program, robots: int | None) -> Configuration:
         of = f", kind: {name}" if name else ""
         lines.append(f"    - {{pid: {pid}, on_device: {device}{of}}}")
     from koord.sim.bounds import places_of, widened
+    from koord.sim.scene import inner
 
     made = load_configuration(Source(NO_FILE, _DEFAULT.format(agents="\n".join(lines))))
-    return replace(made, world=widened(World(), tuple(places_of(program))), bounded=True)
+    # However far away a program sends its robots, they begin in the arena of the paper.
+    scatter = replace(made.scatter, start=inner(World()))
+    world = widened(World(), tuple(places_of(program)))
+    return replace(made, world=world, scatter=scatter, bounded=True)
 
 
 def _with_tasks(

@@ -236,7 +236,7 @@ def _free_place(
     draw: np.random.Generator,
 ) -> Point | None:
     """Somewhere in a box, or on the ground of the world, apart from all that are there already."""
-    low, high = box if box is not None else _inner(world)
+    low, high = box if box is not None else inner(world)
     flat = isinstance(body, Car)
     free = field(world, flat=flat)
     for _ in range(2000):
@@ -250,7 +250,7 @@ def _free_place(
     return None
 
 
-def _inner(world: World) -> tuple[Point, Point]:
+def inner(world: World) -> tuple[Point, Point]:
     """The ground of the world but for what is near to its walls."""
     margin = [min(_FROM_WALLS_M, (b - a) / 4) for a, b in zip(world.low, world.high, strict=True)]
     (x0, y0, z), (x1, y1, _) = world.low, world.high
@@ -271,7 +271,7 @@ def _scattered(
     are so far apart, if there is room, that who waits at one is clear of who comes to another:
     else robots that have nothing left to do could keep the others from what is left to them.
     """
-    (x0, y0, ground), (x1, y1, _) = _inner(world)
+    (x0, y0, ground), (x1, y1, _) = inner(world)
     top = max(world.high[2] - _BELOW_TOP_M, ground)
     clear = clearance.safety_m + clearance.tracking_m + clearance.resting_m
     low = min(ground + max(_HIGH_M, clear + _ROUNDING_M), top)
