@@ -275,7 +275,9 @@ def test_a_start_that_was_not_looked_at_whole_is_no_round() -> None:
     assert compare(FAMILIES["symmetric"], 50_138)["search: too many ways to start"] == 1
 
 
-@pytest.mark.parametrize("seeds", [range(20, 40), range(40, 60)])
+@pytest.mark.parametrize(
+    "seeds", [range(20, 40), pytest.param(range(40, 60), marks=pytest.mark.slow)]
+)
 def test_all_engines_agree_with_the_search_where_numbers_are_large(seeds: range) -> None:
     count = many(FAMILIES["large"], seeds)
     assert count["systems"] >= 17, count

@@ -20,7 +20,12 @@ from koord.verify.portfolio import Choice, verify
 from koord.verify.verdicts import Bounds
 
 #: Of these the same way was shown again, with robots that wait for each other.
-STAGGERED = ("leader_elect_early", "mapping_race", "sats2_out_of_turn", "waypoints_early")
+STAGGERED = (
+    "leader_elect_early",
+    "waypoints_early",
+    pytest.param("mapping_race", marks=pytest.mark.slow),
+    pytest.param("sats2_out_of_turn", marks=pytest.mark.slow),
+)
 BROKEN = sorted(Path("specs/examples/broken").glob("*.krd"))
 
 
@@ -82,11 +87,13 @@ def test_ways_of_examples_differ(path: Path) -> None:
 @pytest.mark.parametrize(
     ("profile", "seeds", "least"),
     [
-        (FINITE, range(8), 0),
+        (FINITE, (2, 17, 22), 1),
         pytest.param(FINITE, range(1_000, 1_100), 5, marks=pytest.mark.slow),
         pytest.param(SYMMETRIC, range(1_000, 1_050), 0, marks=pytest.mark.slow),
     ],
 )
-def test_ways_of_generated_programs_differ(profile: Profile, seeds: range, least: int) -> None:
+def test_ways_of_generated_programs_differ(
+    profile: Profile, seeds: Sequence[int], least: int
+) -> None:
     found = sum(ways(system(Random(seed), profile), rounds=3) for seed in seeds)
     assert found >= least
