@@ -235,7 +235,7 @@ ARENA = "world: {bounds: {low: [-4, -4, 0], high: [4, 4, 3]}}\n"
         (ONE + "params:\n  tasks: {}", 3, "no value of a param", "number"),
         (ONE + "device: {planner: RRT_CAR, simulation: {level: fancy}}", 2, "'fancy'", "full"),
         (ONE + "params:\n  taks: 3", 0, "no `param` named `taks`", "tasks"),
-        ("agents:\n  - {pid: 0, kind: Boat}\n" + ARENA, 0, "kind Boat", "kinds are"),
+        ("agents:\n  - {pid: 0, kind: Boat}\n" + ARENA, 0, "kind Boat", "leave `kind` out"),
     ],
 )
 def test_a_bad_configuration_is_told_with_its_line(
