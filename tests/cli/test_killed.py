@@ -8,10 +8,12 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
@@ -25,6 +27,9 @@ EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 ENDED = """
 import os, sys
 import koord.cli.growing as growing
+import koord.cli.run as run
+from koord.cli.progress import LiveLine
+from koord.cli.tables import Rounds
 from koord.runtime.records import RecordFile
 from koord.semantics.traces.parts import PartTrace
 from koord.sim.viewing import PartPage
@@ -32,32 +37,53 @@ from koord.cli.main import main
 
 def counted(holder, name, most, number):
     do = getattr(holder, name)
-    left = [most]
+    left, pid = [most], os.getpid()
     def done(*arguments):
         do(*arguments)
         left[0] -= 1
         if left[0] == 0:
-            os.kill(os.getpid(), number)
+            os.kill(pid, number)
     setattr(holder, name, done)
 
 if __name__ == "__main__":
-    growing.PERIOD_S = 0.0
+    growing.PERIOD_S = run._PERIOD_S = 0.0
     what, most, number = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     holders = {"page": (PartPage, "grow"), "record": (RecordFile, "flush")}
-    holders["trace"] = (PartTrace, "grow")
+    holders |= {"trace": (PartTrace, "grow"), "line": (LiveLine, "show"), "table": (Rounds, "show")}
     holder, name = holders[what]
     counted(holder, name, most, number)
     sys.exit(main(sys.argv[4:]))
 """
 
 
+#: One claim holds at once; of the other nobody finds out for a while.
+HARD = """
+allwrite:
+  int total = 0
+local:
+  int x = 1
+Step:
+  eff:
+    atomic:
+      x = x * x + total
+      total = total + x
+invariant Odd: total != 92
+invariant Low: total >= 0
+"""
+
+
 def ended(folder: Path, what: str, most: int, number: int, *words: str) -> int:
+    return run_until(folder, what, most, number, *words).returncode
+
+
+def run_until(
+    folder: Path, what: str, most: int, number: int, *words: str
+) -> subprocess.CompletedProcess[bytes]:
     driver = folder / "driver.py"
     driver.write_text(ENDED, "utf-8")
     command = [sys.executable, str(driver), what, str(most), str(int(number)), *words]
     # Processes of robots inherit the pipe: its end is reached when the last of them has ended.
-    run = subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, timeout=120, check=False)
-    return run.returncode
+    return subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, timeout=120, check=False)
 
 
 def messages(path: Path) -> list[Message]:
@@ -94,12 +120,78 @@ def test_a_simulated_run_that_is_killed_is_there_up_to_then(
     assert max(one["round"] for one in told if "ran" in one) == 4
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
-def test_who_is_asked_to_end_keeps_all_of_it(number: int, code: int, tmp_path: Path) -> None:
-    words = ["sim", str(EXAMPLES / "follow_path.krd"), "--record", "run.mcap", "--trace", "t.json"]
-    assert ended(tmp_path, "page", 5, number, *words) == code
-    names = ["driver.py", "run.html", "run.mcap", "t.json"]
+@dataclass(frozen=True)
+class Asked:
+    """A command that is asked to end when something was called so often, and what it leaves."""
+
+    what: str
+    most: int
+    number: int
+    words: tuple[str, ...]
+    left: tuple[str, ...] = ()
+    said: str = ""
+
+
+LEADER, CARS = str(EXAMPLES / "leader_elect.krd"), str(EXAMPLES / "three_cars.yaml")
+PATH = str(EXAMPLES / "follow_path.krd")
+ASKED = (
+    Asked(
+        "line",
+        4,
+        signal.SIGTERM,
+        ("verify", "hard.krd", "--rounds", "400", "--jobs", "2"),
+        said="Low holds for every N",
+    ),
+    Asked(
+        "table",
+        30,
+        signal.SIGHUP,
+        ("run", LEADER, "--policy", "random", "--rounds", "90", "--trace", "t.json"),
+        ("t.json",),
+        "interrupted after",
+    ),
+    Asked("line", 3, signal.SIGTERM, ("check-refinement", LEADER), said="engine: "),
+    Asked(
+        "page",
+        5,
+        signal.SIGHUP,
+        ("sim", PATH, "--record", "run.mcap", "--trace", "t.json"),
+        ("run.html", "run.mcap", "t.json"),
+        "interrupted",
+    ),
+    Asked(
+        "record",
+        8,
+        signal.SIGTERM,
+        ("deploy", LEADER, CARS, "--all-local", "--record", "run.mcap"),
+        ("run.mcap",),
+        "rounds of 3 robots",
+    ),
+)
+
+
+@pytest.mark.parametrize("asked", ASKED, ids=lambda asked: asked.words[0])
+def test_who_is_asked_to_end_tells_and_keeps_what_there_is(asked: Asked, tmp_path: Path) -> None:
+    (tmp_path / "hard.krd").write_text(HARD, "utf-8")
+    ended_ = run_until(tmp_path, asked.what, asked.most, asked.number, *asked.words)
+    codes = {signal.SIGTERM: Exit.TERMINATED, signal.SIGHUP: Exit.HUNG_UP}
+    assert ended_.returncode == codes[signal.Signals(asked.number)]
+    assert asked.said in re.sub(" +", " ", ended_.stdout.decode())
+    names = sorted(["driver.py", "hard.krd", *asked.left])
     assert sorted(path.name for path in tmp_path.iterdir()) == names
+    if asked.words[0] == "deploy":
+        with (tmp_path / "run.mcap").open("rb") as file:
+            assert list(make_reader(file).iter_messages())
+
+
+def test_a_run_that_is_killed_is_there_up_to_then(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["run", LEADER, "--policy", "random", "--rounds", "90", "--trace", "t.json"]
+    assert ended(tmp_path, "trace", 8, signal.SIGKILL, *words) == -signal.SIGKILL
+    assert main(["replay", str(tmp_path / "t.part.json"), "--json"]) == Exit.OK
+    told = json.loads(capsys.readouterr().out)
+    assert (told["legal"], told["rounds"], told["cut_off"]) == (True, 7, True)
 
 
 def test_a_deployed_run_that_is_killed_is_there_up_to_then(tmp_path: Path) -> None:
@@ -108,13 +200,3 @@ def test_a_deployed_run_that_is_killed_is_there_up_to_then(tmp_path: Path) -> No
     assert ended(tmp_path, "record", 8, signal.SIGKILL, *words) == -signal.SIGKILL
     told = [json.loads(message.data) for message in messages(tmp_path / "run.mcap")]
     assert any("event" in one for one in told)
-
-
-def test_a_deployed_run_that_is_asked_to_end_ends_safely(tmp_path: Path) -> None:
-    words = ["deploy", str(EXAMPLES / "leader_elect.krd"), str(EXAMPLES / "three_cars.yaml")]
-    words += ["--all-local", "--record", "run.mcap"]
-    assert ended(tmp_path, "record", 8, signal.SIGTERM, *words) == Exit.TERMINATED
-    from mcap.reader import make_reader
-
-    with (tmp_path / "run.mcap").open("rb") as file:
-        assert list(make_reader(file).iter_messages())
