@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import IO, Any
 
 import msgspec
@@ -9,6 +12,38 @@ import msgspec
 
 class NoLibraryError(Exception):
     """The library for MCAP is not installed."""
+
+
+class _Stream:
+    """A file with a tail: what is written next takes its place."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file, self._has_tail = file, False
+
+    def write(self, data: bytes) -> int:
+        if self._has_tail:
+            self._file.truncate()
+            self._has_tail = False
+        return self._file.write(data)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def flush(self) -> None:
+        self._file.flush()
+
+    @contextmanager
+    def tail(self) -> Iterator[bool]:
+        """What is written now is the tail. Whether there can be one: not in a pipe."""
+        if not self._file.seekable():
+            self._file.flush()
+            yield False
+            return
+        end = self._file.tell()
+        yield True
+        self._file.flush()
+        self._file.seek(end)
+        self._has_tail = True
 
 
 class RecordFile:
@@ -20,8 +55,9 @@ class RecordFile:
             from mcap.writer import Writer
         except ImportError as error:
             raise NoLibraryError from error
-        self._stream = file
-        self._writer: Any = Writer(file)
+        self._stream = _Stream(file)
+        stream: Any = self._stream  # it has all that writers call
+        self._writer: Any = Writer(stream)
         self._writer.start(profile="", library="koord")
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
@@ -56,11 +92,18 @@ class RecordFile:
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def flush(self) -> None:
-        """Write all that was added: it can be read then, whatever becomes of this process."""
+        """Write all that was added: the file is whole then, whatever becomes of this process.
+
+        Its summary and its end are written behind what is there, until more takes their place.
+        """
         # The library offers no way to end a chunk before it is full.
         self._writer._Writer__finalize_chunk()
         self._writer._Writer__flush()
-        self._stream.flush()
+        ended = copy.copy(self._writer)
+        ended._Writer__summary_offsets = []
+        with self._stream.tail() as has_tail:
+            if has_tail:
+                ended.finish()
 
     def close(self) -> None:
         """Finish the file."""

@@ -8,6 +8,8 @@ STANDING = "tests/cli/test_standing.py"
 CLEARANCE = "tests/runtime/motion/test_clearance.py"
 CONFIG = "tests/cli/test_config.py"
 CAMPAIGNS = "tests/cli/test_campaigns.py"
+PARTS = "tests/semantics/test_parts.py"
+RECORDS = "tests/runtime/test_records_parts.py"
 
 SIMULATED = (
     Mutant(
@@ -51,5 +53,33 @@ SIMULATED = (
         "if campaign != self._campaign:",
         "if campaign is None:",
         (CAMPAIGNS,),
+    ),
+    Mutant(
+        "a round that was torn is read",
+        "semantics/traces/parts.py",
+        "if lines and not _is_whole(lines[-1]):",
+        "if not lines:",
+        (PARTS,),
+    ),
+    Mutant(
+        "what is cut off counts as whole",
+        "cli/traces.py",
+        ", cut_off=True)",
+        ")",
+        (PARTS,),
+    ),
+    Mutant(
+        "what grows has rounds twice",
+        "semantics/traces/parts.py",
+        "encode_rounds(trace, self._rounds)",
+        "encode_rounds(trace)",
+        (PARTS,),
+    ),
+    Mutant(
+        "the tail of a recording stays in it",
+        "runtime/records.py",
+        "        self._file.seek(end)\n",
+        "",
+        (RECORDS,),
     ),
 )
