@@ -184,8 +184,8 @@ def test_the_whole_is_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 def test_all_three_refuse_the_same_alike(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    some = list(mutants(yaml.safe_load(WHOLE), 40))
-    assert agree(some, tmp_path, capsys) > 12
+    some = list(mutants(yaml.safe_load(WHOLE), 20))
+    assert agree(some, tmp_path, capsys) > 6
 
 
 @pytest.mark.slow

@@ -163,7 +163,17 @@ ASKED = (
 )
 
 
-@pytest.mark.parametrize("asked", ASKED, ids=lambda asked: asked.words[0])
+#: Who are asked by default; the others hear signals in the same way.
+OFTEN = ("verify", "run", "deploy")
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        pytest.param(one, id=one.words[0], marks=() if one.words[0] in OFTEN else pytest.mark.slow)
+        for one in ASKED
+    ],
+)
 def test_who_is_asked_to_end_tells_and_keeps_what_there_is(asked: Asked, tmp_path: Path) -> None:
     (tmp_path / "hard.krd").write_text(HARD, "utf-8")
     ended_ = run_until(tmp_path, asked.what, asked.most, asked.number, *asked.words)
