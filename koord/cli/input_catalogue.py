@@ -151,6 +151,14 @@ INPUT_CATALOGUE = dict(
             "Run for fewer rounds, or take out of lists what is no more needed.",
         ),
         _entry(
+            "K925",
+            "a number is larger than any double",
+            "Robots calculate with doubles, which end at about 1.8e308, and a number of the "
+            "program, or the value that a param is set to, lies beyond. The verifier calculates "
+            "exactly and has no such end: `koord verify` and `koord run` take the program.\n\n"
+            "Take another unit, so that numbers become smaller, or another value of the param.",
+        ),
+        _entry(
             "K930",
             "a configuration file is not YAML",
             "The configuration of a run is a YAML file of named fields: robots, devices, how they "

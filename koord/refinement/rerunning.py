@@ -21,6 +21,7 @@ from typing import Any
 from koord.refinement.rehearsing import Rehearsal, Rehearsed
 from koord.refinement.running import Compiled, ready, schedule_of
 from koord.refinement.translating import Observer
+from koord.runtime.compile import NumberTooLargeError
 from koord.runtime.engine.fleet import Ended, Fleet
 from koord.runtime.operations import FaultError
 from koord.runtime.proposals import Decision, FaultKind
@@ -60,6 +61,9 @@ _MOST_TOLD = 20
 _ROUNDED = "; it computes with doubles, and the recording is of exact numbers"
 
 
+_TOO_LARGE = "a number is larger than any double"
+
+
 @dataclass(frozen=True, slots=True)
 class Departure:
     """Where a compiled program does something else. ``round`` is -1 for INIT.
@@ -74,8 +78,11 @@ class Departure:
 
 def rerun(trace: Trace, made: Compiled | None = None) -> Departure | None:
     """Where the compiled program departs from a run; None if it does the same, state for state."""
-    made = ready(trace.system.program) if made is None else made
     nobody = _Nobody()
+    try:
+        made = ready(trace.system.program) if made is None else made
+    except NumberTooLargeError:
+        return Departure(nobody.round, _TOO_LARGE)
     running = _Rerun(trace, made, nobody)
     try:
         running.run()
@@ -83,7 +90,7 @@ def rerun(trace: Trace, made: Compiled | None = None) -> Departure | None:
         found = error.departure
         return replace(found, reason=found.reason + _ROUNDED) if _rounds(trace) else found
     except OverflowError:
-        return Departure(nobody.round, "a number is larger than any double")
+        return Departure(nobody.round, _TOO_LARGE)
     return running.kept()
 
 

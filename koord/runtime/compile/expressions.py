@@ -113,7 +113,7 @@ def expression(scope: Scope, e: core.Expr) -> Code:
     """An expression."""
     match e:
         case core.Const(value=value, type=type_):
-            text = constant(scope.names, value, type_)
+            text = constant(scope.names, value, type_, e.span)
             return Code(text, NEGATE if text.startswith("-") else ATOM)
         case core.Read(place=place):
             return read(scope, place)

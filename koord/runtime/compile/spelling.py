@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from fractions import Fraction
 
 from koord.runtime.compile.naming import Names
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.source import Span
 from koord.syntax.types import (
     ArrayType,
     BoolType,
@@ -23,6 +24,17 @@ from koord.syntax.types import (
     StringType,
     Type,
 )
+
+
+class NumberTooLargeError(KoordError):
+    """A program has a float that is no double."""
+
+    def __init__(self, span: Span) -> None:
+        message = "a number of this program is larger than any double, which robots calculate with"
+        hint = (
+            "numbers up to 1.7e308 have doubles: take another unit, or another value of the param"
+        )
+        super().__init__((Diagnostic("K925", Severity.ERROR, span, message, hint),))
 
 
 class NotCompilableError(Exception):
@@ -106,12 +118,14 @@ def is_tree(type_: Type) -> bool:
     return isinstance(type_, RecordType | ArrayType)
 
 
-def constant(names: Names, value: int | Fraction | bool | str, type_: Type) -> str:
-    """A constant of the text."""
+def constant(names: Names, value: int | Fraction | bool | str, type_: Type, span: Span) -> str:
+    """A constant of the text. Raises NumberTooLargeError."""
     match type_:
         case FloatType():
-            number = float(Fraction(value))
-            return repr(number) if math.isfinite(number) else f'float("{number}")'
+            try:
+                return repr(float(Fraction(value)))
+            except OverflowError:
+                raise NumberTooLargeError(span) from None
         case EnumType(members=members):
             assert isinstance(value, int)
             return f"{names.types[type_]}.{names.member(members[value])}"
