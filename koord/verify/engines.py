@@ -43,6 +43,9 @@ GLANCE_S = 3.0
 #: What other claims may cost where one is violated, so that nobody waits long to see it.
 AFTERWARDS_S = 10.0
 
+#: What a proof for all rounds may cost where all claims were seen to hold as far as was asked.
+ANSWERED_S = 5.0
+
 
 @dataclass(slots=True)
 class ByUnrolling:
@@ -147,6 +150,7 @@ class ByInduction:
     unrolling: ByUnrolling
     effort: Effort = field(default_factory=lambda: Effort.of_seconds(PROOF_S))
     afterwards: Effort = field(default_factory=lambda: Effort.of_seconds(AFTERWARDS_S))
+    answered: Effort = field(default_factory=lambda: Effort.of_seconds(ANSWERED_S))
     _done: int = 0
     _shortest: dict[Claim, BrokenStep] = field(default_factory=dict)
 
@@ -194,6 +198,8 @@ class ByInduction:
                 )
 
     def _effort(self, ledger: Ledger) -> Effort:
+        if not ledger.wanting():
+            return self.answered
         return self.afterwards if ledger.is_violated else self.effort
 
 

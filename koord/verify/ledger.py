@@ -119,7 +119,18 @@ class Ledger:
         return self.subject.system
 
     def progress(self, text: str) -> None:
-        """Say what is being done, and what is known to be violated by now."""
+        """Say who is asked what of which claims, and what is known to be violated by now.
+
+        Once all that was asked is answered, it says what the rest is for.
+        """
+        if open_ := self.open():
+            text = f"{_named(open_)}: {text}"
+            if not self.wanting():
+                text = f"answered; for all rounds, {text}"
+        self.say(text)
+
+    def say(self, text: str) -> None:
+        """Say what is being done that is about no claim, and what is violated by now."""
         violated = [c.name for c, v in self.verdicts.items() if v.outcome is Outcome.VIOLATED]
         self.report(f"{text}; violated: {', '.join(violated)}" if violated else text)
 
@@ -344,6 +355,12 @@ class Ledger:
         failed = (f for f, of in self.failures.items() if claim in of)
         found += [Beyond(Engine.NONE, str(failure)) for failure in failed]
         return tuple(dict.fromkeys((*found, *self.in_the_way)))
+
+
+def _named(claims: Sequence[Claim]) -> str:
+    """The first two claims, and how many more there are."""
+    names = ", ".join(claim.name for claim in claims[:2])
+    return f"{names} and {len(claims) - 2} more" if len(claims) > 2 else names
 
 
 def reach_of(verdict: Verdict) -> Reach:

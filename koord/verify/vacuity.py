@@ -104,7 +104,7 @@ def tell(ledger: Ledger, wishes: Sequence[Wish]) -> None:
     """Say what is looked for."""
     asked = list(dict.fromkeys(words(_aim(wish), wish.subject) for wish in wishes))
     more = f" and {len(asked) - 2} more" if len(asked) > 2 else ""
-    ledger.progress(f"looking for what never happens: {', '.join(asked[:2])}{more}")
+    ledger.say(f"looking for what never happens: {', '.join(asked[:2])}{more}")
 
 
 def words(what: Emptiness, subject: str) -> str:

@@ -13,10 +13,11 @@ from koord.syntax import core
 from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, RecordType
 from koord.verify.bmc import Bounded
 from koord.verify.claims import Claim, Phase, claims_of
-from koord.verify.engines import ByInduction, ByUnrolling
-from koord.verify.induction import prove
+from koord.verify.engines import ANSWERED_S, PROOF_S, ByInduction, ByUnrolling
+from koord.verify.induction import Inductive, prove
 from koord.verify.ledger import Ledger, Subject
-from koord.verify.solving import Deadline
+from koord.verify.solving import PER_SECOND, Deadline, Effort
+from koord.verify.subjects import plain_subject
 from koord.verify.verdicts import Bounds, Counterexample
 from tests.semantics import programs
 from tests.semantics.building import (
@@ -348,3 +349,26 @@ def test_out_of_time_nothing_is_proved() -> None:
 def test_proofs_and_violations_never_meet(program: core.Program) -> None:
     proved, _ = inductive(program)
     assert not proved & set(bounded(program, rounds=4).rounds)
+
+
+def test_where_all_is_answered_proofs_cost_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Claims that were seen to hold as far as was asked are proved for all rounds, or soon not."""
+    b = Build("answered")
+    n = b.local("n", INT, 0)
+    b.event("Count", n < 9, n.set(n + 1))
+    b.invariant("Low", forall(I, n.at(I) < 99))
+    system = dealt(b.program(), 2)
+    given: list[int] = []
+
+    def attempt(*of: Any, **more: Any) -> Inductive:
+        effort: Effort = of[4]
+        given.append(effort.left)
+        return Inductive({}, {}, {})
+
+    monkeypatch.setattr("koord.verify.engines.prove", attempt)
+    for rounds in (2, 20):
+        ledger = Ledger(plain_subject(system), Bounds(rounds), Deadline(), claims_of(system))
+        unrolling = ByUnrolling()
+        unrolling.through(ledger, 2)
+        ByInduction(unrolling).over(1, ledger)
+    assert given == [int(ANSWERED_S * PER_SECOND), int(PROOF_S * PER_SECOND)]

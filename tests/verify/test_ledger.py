@@ -106,3 +106,22 @@ def test_what_was_spent_before_counts() -> None:
     clock.now += 1
     ledger.settle(held(a))
     assert ledger.verdict(a).seconds == 31
+
+
+def test_the_live_line_names_claims_and_says_what_goes_on_for() -> None:
+    ledger, a, b = begun(Clock())
+    told: list[str] = []
+    ledger.report = told.append
+    ledger.progress("bmc, round 2 of 20")
+    ledger.settle(held(a))
+    ledger.progress("bmc, round 3 of 20")
+    ledger.leave(ledger.open(), Reach(Engine.BMC, ledger.bounds.rounds, "", 0.0))
+    ledger.progress("induction over 2 rounds")
+    ledger.settle(held(b))
+    ledger.say("looking for what never happens: event Step")
+    assert told == [
+        "A, B and 1 more: bmc, round 2 of 20",
+        "B, no fault: bmc, round 3 of 20",
+        "answered; for all rounds, B, no fault: induction over 2 rounds",
+        "looking for what never happens: event Step",
+    ]

@@ -16,6 +16,7 @@ from koord.syntax.types import BOOL, FLOAT, INT, ListType
 from koord.verify import portfolio, varieties
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
 from koord.verify.ledger import Ledger, Reach, Subject, reach_of
+from koord.verify.obstacles import WholeRuns
 from koord.verify.portfolio import Choice, verify
 from koord.verify.solving import Deadline
 from koord.verify.unknowns import LIST_CAPACITY
@@ -275,7 +276,7 @@ def test_liveness_is_left_open_by_engines_that_know_nothing_of_it() -> None:
     report = verify(dealt(b.program(), 2), Bounds(1), Choice.INDUCTION, names=("Some",))
     (verdict,) = report.verdicts
     assert verdict.outcome is Outcome.UNKNOWN
-    assert "liveness" in verdict.reason
+    assert verdict.obstacles == (WholeRuns(),)
 
 
 # --- running out ----------------------------------------------------------------------------------

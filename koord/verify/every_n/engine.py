@@ -28,7 +28,7 @@ class ByEveryN:
 
     def work(self, ledger: Ledger) -> None:
         started = time.monotonic()
-        ledger.progress("every number of robots")
+        ledger.progress("every N, a proof for every number of robots")
         claims = ledger.open()
         effort = Effort.of_seconds(self.thrift.seconds)
         found = prove(ledger.system, claims, ledger.deadline, effort, self.thrift, ledger.seed)
@@ -64,7 +64,7 @@ class ByInference:
         if ledger.is_violated and not ledger.wanting():
             return
         started = time.monotonic()
-        ledger.progress("looking for invariants")
+        ledger.progress("every N, looking for invariants")
         # Invariants help from one round to the next, and not with what may fail to begin with.
         claims = [
             claim

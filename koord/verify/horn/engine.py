@@ -74,8 +74,7 @@ class BySpacer:
         reason = ""
         obstacle: Obstacle = Unreplayed(Engine.SPACER)
         while not reason and (claims := self._pending(ledger)):
-            whose = ", ".join(claim.name for claim in claims[:3])
-            ledger.progress(f"{whose}: Spacer looks for a proof for all rounds")
+            ledger.progress("Spacer looks for a proof for all rounds")
             try:
                 question = Question.of(ledger.system, claims, ledger.proved(), ledger.seed)
                 found = question.clauses.solved(ledger.deadline, effort, ledger.seed)

@@ -310,7 +310,7 @@ class _Run:
         return None
 
     def _tell(self, text: str) -> None:
-        self.ledger.progress(f"bits, {self.claim.name}: {text}")
+        self.ledger.progress(f"bits, {text}")
 
     def _symmetric(self, response: Response) -> tuple[core.Property, ...]:
         """What robots must look alike to: the response, and what is expected of each of them."""

@@ -45,7 +45,7 @@ class LiveBySearch:
             Limits(limits.states, limits.memory_mb, limits.rounds, ledger.deadline.at),
             most_edges=self.most_edges,
             progress=lambda states, rounds: ledger.progress(
-                f"liveness, round {rounds}, {states} states"
+                f"search for lassos, round {rounds}, {states} states"
             ),
         )
         seconds = time.monotonic() - started
