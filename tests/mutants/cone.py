@@ -73,4 +73,11 @@ CONE = (
         "False",
         (ENGINES,),
     ),
+    Mutant(
+        "cone: fair runs do not depend on all events",
+        INFLUENCE,
+        "                self._add(Matter.WHOLE_RUNS, (Happens(kind, position),))\n",
+        "                pass\n",
+        (SLICES,),
+    ),
 )

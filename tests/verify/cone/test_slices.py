@@ -17,7 +17,7 @@ from koord.semantics.search.engine import survey
 from koord.semantics.search.findings import Exhausted, Subject
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.search.limits import Limits
-from koord.verify.claims import claims_of
+from koord.verify.claims import claims_of, liveness_of
 from koord.verify.cone.slices import Slices
 from koord.verify.subjects import identity
 from tests.agreement.test_engines import NAMES
@@ -131,6 +131,19 @@ E:
     (event,) = of.program.agents[0].events
     assert len(event.effect) == 2
     assert event.lock_classes
+
+
+def test_what_happens_for_ever_depends_on_all_events() -> None:
+    """A fair robot may go on with F for ever, though nobody asks what F writes."""
+    of = of_text(
+        VARIABLES
+        + "E:\n    pre: x == 0\n    eff: x = 1\n"
+        + "F:\n    pre: y == 0\n    eff: unread = 1\n"
+        + "eventually Done: forall i: x@i == 1\n"
+    )
+    slices = Slices(of)
+    kept = slices.extent(slices.cone(liveness_of(of)))
+    assert {slices.name(part) for part in kept} == {"x", "y", "E", "F"}
 
 
 CONTRACT = """
