@@ -116,6 +116,11 @@ def rerun_of(
     return rerun(trace_of(sources_of(loaded), system, claim, found))
 
 
+def not_compared() -> Departure:
+    """Of a run that the compiled program could not be given."""
+    return Departure(0, "the run could not be compared")
+
+
 def trace_of(sources: Sources, system: System, claim: Claim, found: Counterexample) -> Trace:
     """A counterexample as a trace."""
     kind = _KINDS.get(claim.kind)

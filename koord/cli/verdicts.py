@@ -259,11 +259,13 @@ def as_json(
         "not_looked_at": [
             {"what": each.what.value, "subject": each.subject} for each in report.unlooked
         ],
-        "failures": [
-            {"who": each.who, "what": each.what, "place": each.where or None}
-            for each in report.failures
-        ],
+        "failures": [failed(failure) for failure in report.failures],
     }
+
+
+def failed(failure: Failure) -> dict[str, object]:
+    """What failed, for programs."""
+    return {"who": failure.who, "what": failure.what, "place": failure.where or None}
 
 
 def _vacuity_json(vacuity: Vacuity) -> dict[str, object]:

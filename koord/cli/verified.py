@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from koord.cli.asking import Asked, resting
@@ -12,12 +14,45 @@ from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram
 from koord.cli.requests import Request
 from koord.cli.terminal import is_debugging, style_of
+from koord.syntax.diagnostics import KoordError
 from koord.syntax.problem import Problem
 
 if TYPE_CHECKING:
     from koord.refinement.rerunning import Departure
-    from koord.verify.verdicts import Counterexample, Verdict
+    from koord.verify.verdicts import Counterexample, Failure, Verdict
     from koord.verify.verdicts import Report as Verification
+
+
+@dataclass(slots=True)
+class _Parts:
+    """What is told beside verdicts: a part that fails is named, and costs nothing else."""
+
+    failures: list[Failure] = field(default_factory=list)
+    _in_json: int = 0  #: so many of them are in a document
+
+    @contextmanager
+    def enduring(self, part: str) -> Iterator[None]:
+        try:
+            yield
+        except (KoordError, OSError, MemoryError):
+            raise
+        except Exception as error:
+            from koord.verify.failures import failure_of
+
+            failure = failure_of(part, error)
+            self.failures.append(failure)
+            print(
+                f"koord verify: {failure}; a mistake in koord, the verdicts stand", file=sys.stderr
+            )
+
+    def add_to(self, document: dict[str, object]) -> None:
+        """Put what failed since the last document into this one."""
+        from koord.cli.verdicts import failed
+
+        before = document["failures"]
+        assert isinstance(before, list)
+        before += [failed(each) for each in self.failures[self._in_json :]]
+        self._in_json = len(self.failures)
 
 
 def tell(
@@ -31,13 +66,19 @@ def tell(
     if asked.asks_nothing_between:
         why = "no invariant reads a sensor, so none can break between rounds"
         print(f"koord verify: {why}", file=sys.stderr)
-    found = resting(system, bounds, asked.at_ends, request) if request.rests_on else None
+    parts = _Parts()
+    found = None
+    if request.rests_on:
+        with parts.enduring("what the proofs rest on"):
+            found = resting(system, bounds, asked.at_ends, request)
     if request.as_json:
-        told.append(_as_json(program, asked, request))
+        document = _as_json(program, asked, request, parts)
         if found is not None:
-            from koord.cli import premises
+            with parts.enduring("what the proofs rest on"):
+                from koord.cli import premises
 
-            told[-1]["rests_on"] = premises.as_json(found)
+                document["rests_on"] = premises.as_json(found)
+        told.append(document)
     else:
         style = style_of(sys.stdout)
         for text in verdicts.lines(_problem(program, asked), report, style):
@@ -47,41 +88,50 @@ def tell(
                 from koord.cli import counterexamples
 
                 print()
-                for text in counterexamples.lines(
-                    program, asked.system_of(verdict), verdict, style, request.left_s()
-                ):
-                    print(text)
+                with parts.enduring(f"the story of {verdict.claim.name}"):
+                    for text in counterexamples.lines(
+                        program, asked.system_of(verdict), verdict, style, request.left_s()
+                    ):
+                        print(text)
             elif request.explain and verdict.step is not None:
                 from koord.cli import steps
 
                 print()
-                for text in steps.lines(system, verdict, style):
-                    print(text)
+                with parts.enduring(f"the step of {verdict.claim.name}"):
+                    for text in steps.lines(system, verdict, style):
+                        print(text)
         if request.explain:
             from koord.cli import slices
 
-            independent = list(slices.lines(system, report))
-            if independent:
-                print("\n" + "\n".join(independent))
+            with parts.enduring("what claims do not depend on"):
+                independent = list(slices.lines(system, report))
+                if independent:
+                    print("\n" + "\n".join(independent))
         if found is not None:
             from koord.cli import premises
 
             print()
-            for text in premises.lines(program, found, style):
-                print(text)
+            with parts.enduring("what the proofs rest on"):
+                for text in premises.lines(program, found, style):
+                    print(text)
         print()
         print(verdicts.summary(_problem(program, asked), bounds, report, style))
-    if is_debugging():
-        for failure in report.failures:
-            print(failure.trace, file=sys.stderr)
     if request.trace is not None:
-        _keep(program, asked, request.trace)
+        with parts.enduring("the trace"):
+            _keep(program, asked, request.trace)
     if request.found is not None:
-        _save(_problem(program, asked), asked.at_ends, request.found)
+        with parts.enduring("the file of invariants"):
+            _save(_problem(program, asked), asked.at_ends, request.found)
     if request.certificate is not None and not report.interrupted:
-        from koord.cli.certifying import certify
+        with parts.enduring("the certificate"):
+            from koord.cli.certifying import certify
 
-        certify(program, system, asked.at_ends, request.certificate, request.left_s())
+            certify(program, system, asked.at_ends, request.certificate, request.left_s())
+    if request.as_json:
+        parts.add_to(told[-1])
+    if is_debugging():
+        for failure in (*report.failures, *parts.failures):
+            print(failure.trace, file=sys.stderr)
     return _exit(report)
 
 
@@ -97,36 +147,53 @@ def tell_sweep(
     style = style_of(sys.stdout)
     of_all = program.problem(None, request.delta_s)
     points: list[sweeps.Point] = []
+    parts = _Parts()
     if not request.as_json:
         print("\n".join(sweeps.heading(of_all, style)))
     for asked in answers:
         system, report = asked.system, asked.report
         points.append(sweeps.Point(system, report))
-        told.append(_as_json(program, asked, request))
+        told.append(_as_json(program, asked, request, parts))
+        parts.add_to(told[-1])
         if not request.as_json:
             print(sweeps.row(points[-1], style), flush=True)
         if report.interrupted:
             break
     if request.plot is not None and points:
-        sweeps.draw(request.plot, of_all, points)
+        with parts.enduring("the plot"):
+            sweeps.draw(request.plot, of_all, points)
     if len(points) < len(request.fleets):
         return Exit.INTERRUPTED
     return gravest(_exit(point.report) for point in points)
 
 
-def _as_json(program: LoadedProgram, asked: Asked, request: Request) -> dict[str, object]:
+def _as_json(
+    program: LoadedProgram, asked: Asked, request: Request, parts: _Parts
+) -> dict[str, object]:
     from koord.cli import counterexamples, fairness, slices, verdicts
 
     def departed(verdict: Verdict, found: Counterexample) -> Departure | None:
-        return counterexamples.rerun_of(program, asked.system_of(verdict), verdict.claim, found)
+        system = asked.system_of(verdict)
+        part = f"the compiled program's run of {verdict.claim.name}"
+        # Nothing would say that it does the same.
+        departure: Departure | None = counterexamples.not_compared()
+        with parts.enduring(part):
+            departure = counterexamples.rerun_of(program, system, verdict.claim, found)
+        return departure
 
     def fair(verdict: Verdict, found: Counterexample) -> dict[str, object] | None:
         system = asked.system_of(verdict)
-        return fairness.as_json(fairness.of(program, system, verdict, found, request.left_s()))
+        told: dict[str, object] | None = None
+        with parts.enduring(f"the fairness of {verdict.claim.name}"):
+            told = fairness.as_json(fairness.of(program, system, verdict, found, request.left_s()))
+        return told
 
     problem = _problem(program, asked)
     document = verdicts.as_json(problem, asked.bounds, asked.report, departed, fair)
-    return document | {"left_out": slices.left_out(asked.system, asked.report)}
+    left_out: object = {}
+    with parts.enduring("what claims do not depend on"):
+        left_out = slices.left_out(asked.system, asked.report)
+    return document | {"left_out": left_out}
 
 
 def _problem(program: LoadedProgram, asked: Asked) -> Problem:

@@ -1,0 +1,90 @@
+"""What fails beside the verdicts costs its own part: they are told, and the failure is named."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from koord.cli import certifying, counterexamples, premises, slices, sweeps, verified
+from koord.cli.exits import Exit
+from koord.cli.main import main
+
+PROGRAM = """
+local:
+  int x = 0
+Step:
+  pre: x < 3
+  eff: x = x + 1
+invariant Low: forall i: x@i >= 0
+invariant Small: forall i: x@i < 2
+"""
+
+
+def fail(*words: object, **named: object) -> Any:
+    raise AssertionError("made to fail")
+
+
+PARTS = {
+    "rests on": (verified, "resting", ["--rests-on"], "what the proofs rest on"),
+    "premises": (premises, "lines", ["--rests-on"], "what the proofs rest on"),
+    "story": (counterexamples, "lines", [], "the story of Small"),
+    "rerun": (counterexamples, "rerun", [], "the story of Small"),
+    "slices": (slices, "lines", ["--explain"], "what claims do not depend on"),
+    "certificate": (certifying, "certify", ["--certificate", "c"], "the certificate"),
+    "trace": (verified, "_keep", ["--trace", "t.json"], "the trace"),
+    "invariants": (verified, "_save", ["--save-invariants", "i"], "the file of invariants"),
+}
+
+IN_JSON = {
+    "rests on": PARTS["rests on"],
+    "rerun": (counterexamples, "rerun", [], "the compiled program's run of Small"),
+    "slices": (slices, "left_out", [], "what claims do not depend on"),
+    "certificate": PARTS["certificate"],
+}
+
+ASKED = ["verify", "p.krd", "--robots", "1", "--rounds", "3", "--jobs", "1", "--engine", "bmc"]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("p.krd").write_text(PROGRAM, encoding="utf-8")
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_verdicts_are_told_whatever_fails_beside_them(
+    part: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    where, name, flags, who = PARTS[part]
+    monkeypatch.setattr(where, name, fail)
+    assert main([*ASKED, *flags]) == Exit.VIOLATED
+    printed = capsys.readouterr()
+    assert "violated: 1 of 3 claims" in printed.out
+    assert f"{who} failed: AssertionError: made to fail" in printed.err
+
+
+@pytest.mark.parametrize("part", IN_JSON)
+def test_documents_have_the_verdicts_and_what_failed(
+    part: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    where, name, flags, who = IN_JSON[part]
+    monkeypatch.setattr(where, name, fail)
+    assert main([*ASKED, *flags, "--json"]) == Exit.VIOLATED
+    (report,) = json.loads(capsys.readouterr().out)["reports"]
+    assert report["outcome"] == "violated"
+    assert [failure["who"] for failure in report["failures"]] == [who]
+    claims = {claim["name"]: claim for claim in report["claims"]}
+    if part == "rerun":
+        assert "could not be compared" in json.dumps(claims["Small"])
+
+
+def test_a_plot_that_fails_costs_no_verdict(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sweeps, "draw", fail)
+    words = ["verify", "p.krd", "--robots", "1..2", "--rounds", "2", "--plot", "p.svg"]
+    assert main([*words, "--jobs", "1", "--engine", "bmc"]) == Exit.VIOLATED
+    assert "the plot failed: AssertionError: made to fail" in capsys.readouterr().err
