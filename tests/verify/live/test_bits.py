@@ -44,6 +44,12 @@ COUNTER = """
 
 #: Whoever looks for a path may never find one; and where a robot drives, it may never arrive.
 DRIVING = """
+    def fun isFree(pos[][] routes, pos[] path, int me) -> bool:
+      bool free = true
+      for j = 0, length(routes):
+        if j != me and not pathsClear(routes[j], path):
+          free = false
+      return free
     using Motion
     local:
       bool busy = false
@@ -57,7 +63,7 @@ DRIVING = """
       pre: not busy
       eff:
         atomic:
-          if left > 0 and pathIsClear(route, [Motion.psn], pid):
+          if left > 0 and isFree(route, [Motion.psn], pid):
             left = left - 1
             busy = true
             route[pid] = [Motion.psn]
