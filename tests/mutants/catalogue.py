@@ -11,6 +11,7 @@ from tests.mutants.catalogue_shown import SHOWN
 from tests.mutants.cone import CONE
 from tests.mutants.deployed import DEPLOYED
 from tests.mutants.every_n import EVERY_N
+from tests.mutants.failing import FAILING
 from tests.mutants.horn import HORN
 from tests.mutants.instants import INSTANTS
 from tests.mutants.mutant import Mutant
@@ -762,6 +763,7 @@ MUTANTS = (
     *VERIFY,
     *CONE,
     *EVERY_N,
+    *FAILING,
     *INSTANTS,
     *HORN,
     *BITS,
