@@ -582,7 +582,8 @@ def test_an_engine_that_fails_is_told(
     assert "this is a mistake in koord" in shown
     assert frame.main(["verify", str(path), "--engine", "bits", "--json"]) == Exit.UNKNOWN
     (report,) = json.loads(capsys.readouterr().out)["reports"]
-    (failure,) = report["failures"]
-    assert failure["who"] == "bits"
-    assert failure["what"] == "AssertionError: made to fail"
-    assert failure["place"].startswith("koord/verify/")
+    assert report["failures"]  # claims that are asked on slices of their own fail by themselves
+    for failure in report["failures"]:
+        assert failure["who"] == "bits"
+        assert failure["what"] == "AssertionError: made to fail"
+        assert failure["place"].startswith("koord/verify/")
