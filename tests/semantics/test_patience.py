@@ -82,7 +82,9 @@ def test_writing_formulas_ends_in_time(text: str, choice: Choice) -> None:
     assert {verdict.reason for verdict in report.verdicts} == {"timeout"}
 
 
-@pytest.mark.parametrize("text", [WIDE, MANY, LONG], ids=["wide", "many", "long"])
+@pytest.mark.parametrize(
+    "text", [WIDE, MANY, LONG + "invariant Small: x < 7\n"], ids=["wide", "many", "long"]
+)
 def test_a_verification_can_be_interrupted_while_it_writes(text: str) -> None:
     looks = count()
     report = verify(system(text, 12), Bounds(rounds=50), interrupted=lambda: next(looks) >= 5)

@@ -244,9 +244,11 @@ def test_orders_of_all_kinds() -> None:
     fleet.release(0)
     fleet.follow(1, [(2, 0, 1), (2, 3, 1)])
     fleet.go_to(1, (2, 3, 1))
+    held = fleet.positions()[0].copy()
     fleet.follow(0, [])
     fleet.advance_to(9.0)
-    assert fleet.sensed()[0].reached
+    assert not fleet.sensed()[0].reached  # no path leads nowhere
+    assert np.allclose(fleet.positions()[0], held, atol=0.1)
     assert np.array_equal(fleet.positions()[1], stopped)
 
 
