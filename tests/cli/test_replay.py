@@ -275,7 +275,7 @@ def test_what_would_not_be_legal_is_not_written(
     file, kept = tmp_path / "slip.krd", tmp_path / "slip.json"
     file.write_text("local:\n  int n = 0\nGo:\n  pre: 1 / n > 0\n  eff:\n    n = 1\n")
     asked = ["verify", str(file), "--engine", "bmc"]
-    assert frame.main([*asked, "--trace", str(kept)]) == Exit.INTERNAL
+    assert frame.main([*asked, "--trace", str(kept)]) == Exit.VIOLATED  # [0032]
     told = capsys.readouterr()
     assert "violated in round 1" in told.out
     assert "not legal when it is read again: [FAULT]" in told.err
