@@ -9,6 +9,7 @@ from koord.syntax import core
 from koord.syntax.elaborate.assumed import Key, key, places_read
 from koord.syntax.elaborate.session import Session
 from koord.syntax.elaborate.world_tasks import takes_tasks
+from koord.syntax.source import Span
 from koord.syntax.types import (
     BOOL,
     FLOAT,
@@ -27,6 +28,15 @@ from koord.syntax.walk import nodes, written
 
 #: The fields that lead from a variable to a part of it; which element of an array is left open.
 Path = tuple[int, ...]
+
+#: Values to begin with.
+_FIRST: tuple[tuple[Type, str], ...] = (
+    (INT, "0"),
+    (FLOAT, "0.0"),
+    (BOOL, "false"),
+    (STRING, '""'),
+    (POS, "pos(0, 0, 0)"),
+)
 
 #: Types of great arrays of records are not taken apart further.
 _MOST_PATHS = 1_000
@@ -48,13 +58,15 @@ def never_set(session: Session, program: core.Program) -> None:
         for place, kind in places_read(condition):
             for each in range(len(program.agents)) if kind is None else (kind,):
                 reads.setdefault(key(place.variable, each), []).append(place)
-    told: set[core.Variable] = set()
+    # Types of records of records are nowhere hashed: that takes as long as they have parts.
+    told: set[Span] = set()
     for declaration, owner in _declarations(program):
         variable = declaration.variable
         found = key(variable, owner)
         unset = _unset(declaration, reads.get(found, ()), sets.get(found, set()))
-        if declaration.initial is core.Start.UNSET and unset is not None and variable not in told:
-            told.add(variable)
+        is_new = declaration.span not in told
+        if declaration.initial is core.Start.UNSET and unset is not None and is_new:
+            told.add(declaration.span)
             _warn(session, declaration, unset)
 
 
@@ -184,6 +196,4 @@ def _first(type_: Type) -> str | None:
         case EnumType(members=members):
             return members[0]
         case _:
-            return {INT: "0", FLOAT: "0.0", BOOL: "false", STRING: '""', POS: "pos(0, 0, 0)"}.get(
-                type_
-            )
+            return next((text for known, text in _FIRST if type_ == known), None)
