@@ -126,6 +126,8 @@ class _Given(SampledInputs):
 class Plain(Sampler):
     """Of each type the plainest value: 0, false, nothing."""
 
+    start_tries = 50  # it hardly draws anything else, however often it is asked
+
     def value(
         self, type_: Type, known: Iterable[Concrete] = (), length: int | None = None
     ) -> Concrete:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from random import Random
-from typing import assert_never
+from typing import ClassVar, assert_never
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import Constant
@@ -50,6 +50,9 @@ _LONGEST_LIST = 4
 @dataclass
 class Sampler:
     """Draws values of a system's types."""
+
+    #: How many starts are drawn at most, where one has to meet assumptions; None: the usual number.
+    start_tries: ClassVar[int | None] = None
 
     system: System
     numbers: Numbers

@@ -53,7 +53,8 @@ def settled_start(
             f"this assumption is false of {system.fleet}, whatever the variables start with",
             "choose other `--robots` or `--set`, or mend the assumption",
         )
-    for _ in range(START_TRIES):
+    most = inputs.sampler.start_tries
+    for _ in range(START_TRIES if most is None else most):
         if not best:
             return stepped
         if all(map(inputs.is_given, inputs.starts)) and not inputs.answers:
