@@ -354,6 +354,6 @@ def test_what_was_found_is_kept_and_taken_back(
     said = capsys.readouterr().out
     assert [text for text in kept if f"    {text}\n" in said] == kept[:MOST_SHOWN]
     assert f"… {len(kept) - MOST_SHOWN} more" in said
-    assert "for 3 robots" in found.read_text("utf-8")
+    assert "elect.krd: 3 robots" in found.read_text("utf-8")
     # What some of them suppose never comes true: that is told, and they hold all the same.
     assert main([*ask, "induction", "--with", str(found)]) in (Exit.OK, Exit.VACUOUS)

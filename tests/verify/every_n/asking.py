@@ -17,6 +17,7 @@ from koord.verify.every_n.candidates import candidates
 from koord.verify.every_n.proving import SPARING, Inferred, Proof, Thrift, infer, prove
 from koord.verify.solving import Deadline, Effort
 
+#: The length of rounds where a text states none.
 DELTA = Fraction(1)
 
 
@@ -31,7 +32,8 @@ def system_of(text: str, robots: int = 2) -> System:
     """A system of that many robots, with what merely flows made opaque."""
     program = core_of(text)
     abstraction = abstracted(program)
-    return dealt(program if abstraction is None else abstraction.program, robots, DELTA)
+    delta_s = program.instance.delta_s or DELTA
+    return dealt(program if abstraction is None else abstraction.program, robots, delta_s)
 
 
 def asked(text: str, thrift: Thrift = SPARING) -> Proof:
