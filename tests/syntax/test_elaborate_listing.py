@@ -46,7 +46,8 @@ def test_with_the_cures_taken_nothing_is_left() -> None:
     lines[22] = lines[22].replace("task.", "list[i].")
     lines[24:36] = [line.removeprefix("  ") for line in lines[24:36]]
     found = load(Source("task.krd", "\n".join(lines)))
-    assert found.diagnostics == ()
+    # Its tasks come from a configuration, which a warning names.
+    assert {d.code for d in found.diagnostics} <= {"K406"}
     assert found.program is not None
     assert [function.name for function in found.program.functions] == [
         "allAssigned",

@@ -321,7 +321,7 @@ def test_a_false_assumption_is_warned_of() -> None:
     ],
 )
 def test_assumptions_that_leave_no_value_are_warned_of(conditions: list[str]) -> None:
-    assert codes(_WITH + "".join(f"assume: {each}\n" for each in conditions)) == ["K404"]
+    assert of_assumptions(_WITH + "".join(f"assume: {each}\n" for each in conditions)) == ["K404"]
 
 
 @pytest.mark.parametrize(
@@ -339,7 +339,12 @@ def test_assumptions_that_leave_no_value_are_warned_of(conditions: list[str]) ->
     ],
 )
 def test_assumptions_that_leave_some_value_are_not(conditions: list[str]) -> None:
-    assert codes(_WITH + "".join(f"assume: {each}\n" for each in conditions)) == []
+    assert of_assumptions(_WITH + "".join(f"assume: {each}\n" for each in conditions)) == []
+
+
+def of_assumptions(text: str) -> list[str]:
+    """What is told but for variables that nothing sets (K406)."""
+    return [code for code in codes(text) if code != "K406"]
 
 
 _WITH = """\
@@ -370,7 +375,7 @@ COMPARISONS = st.tuples(
 def test_what_contradicts_has_no_solution(parts: list[tuple[str, int, bool]]) -> None:
     texts = [f"{value} {op} n" if turned else f"n {op} {value}" for op, value, turned in parts]
     solved = any(all(eval(text, {"n": n}) for text in texts) for n in range(-9, 10))
-    found = codes(_WITH + "".join(f"assume: {text}\n" for text in texts))
+    found = of_assumptions(_WITH + "".join(f"assume: {text}\n" for text in texts))
     if solved:
         assert found == []
     elif all(op != "!=" for op, _, _ in parts):
