@@ -5,7 +5,8 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import FrameType, TracebackType
 from typing import TextIO
@@ -153,34 +154,25 @@ class TimeUpError(Exception):
     """The time for something is up."""
 
 
-@dataclass(slots=True)
-class TimeLimit:
+@contextmanager
+def time_limit(seconds: float | None) -> Iterator[None]:
     """Lets work that asks nobody whether to go on end in time: raises TimeUpError inside it.
 
     What is half done by then is lost. Where there are no timers, it takes as long as it takes.
     """
+    is_main = threading.current_thread() is threading.main_thread()
+    if seconds is None or not _HAS_TIMER or not is_main:
+        yield
+        return
+    previous = signal.signal(signal.SIGALRM, _time_is_up)
+    # A timer of zero would never ring.
+    signal.setitimer(signal.ITIMER_REAL, max(1e-6, seconds))
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, previous)
 
-    seconds: float | None
-    _previous: object = field(default=None, repr=False)
 
-    def __enter__(self) -> TimeLimit:
-        is_main = threading.current_thread() is threading.main_thread()
-        if self.seconds is not None and _HAS_TIMER and is_main:
-            self._previous = signal.signal(signal.SIGALRM, self._on_signal)
-            # A timer of zero would never ring.
-            signal.setitimer(signal.ITIMER_REAL, max(1e-6, self.seconds))
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if self._previous is not None:
-            signal.setitimer(signal.ITIMER_REAL, 0)
-            signal.signal(signal.SIGALRM, self._previous)  # type: ignore[arg-type]
-            self._previous = None
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        raise TimeUpError
+def _time_is_up(number: int, frame: FrameType | None) -> None:
+    raise TimeUpError

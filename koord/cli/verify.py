@@ -27,7 +27,7 @@ from koord.cli.exits import Exit, gravest
 from koord.cli.exporting import add_export, export
 from koord.cli.files import DASH
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
-from koord.cli.progress import TimeLimit, TimeUpError
+from koord.cli.progress import TimeUpError, time_limit
 from koord.cli.requests import Engine, Request, request_of
 from koord.cli.systems import system_of
 from koord.cli.watching import watched
@@ -142,7 +142,7 @@ def _once(arguments: argparse.Namespace, request: Request) -> int:
     """Read the programs and verify them."""
     report = Report()
     try:
-        with TimeLimit(request.left_s()):
+        with time_limit(request.left_s()):
             programs = load_programs(arguments.files, Reading.of(arguments), report)
     except TimeUpError:
         print("koord verify: timeout before all programs were read", file=sys.stderr)

@@ -94,13 +94,14 @@ class _Asking:
 
     def _tell(self, ledger: Ledger) -> None:
         """Put down what was found out by now."""
-        said = self.inner.said(self._own())
+        own = self._own()
+        said = self.inner.said(own)
 
         def outer(found: Mapping[Claim, T]) -> dict[Claim, T]:
             return {self.part.claims[identity(claim)]: each for claim, each in found.items()}
 
         failures = {
-            failure: frozenset(outer(dict.fromkeys(claims & set(self._own()))))
+            failure: frozenset(outer(dict.fromkeys(claims.intersection(own))))
             for failure, claims in said.failures.items()
         }
         ledger.take(
@@ -146,7 +147,8 @@ class BySlices:
 
     def _parts(self, ledger: Ledger) -> list[_Part]:
         """The slices of the open claims, smaller ones first."""
-        extents = {claim: self._extent(claim) for claim in ledger.claims}
+        cones = {claim: self.slices.cone([self._stated(claim)]) for claim in ledger.claims}
+        extents = {claim: self.slices.extent(cone) for claim, cone in cones.items()}
         everything = frozenset[Part]().union(*extents.values())
         found: dict[frozenset[Part], _Part] = {}
         for claim in ledger.open():
@@ -158,12 +160,9 @@ class BySlices:
                 found[extent] = _Part(
                     name, extent, frozenset(), {}, _is_alone(ledger, extent, extents)
                 )
-            found[extent].cone |= self.slices.cone([self._stated(claim)])
+            found[extent].cone |= cones[claim]
             found[extent].claims[identity(claim)] = claim
         return sorted(found.values(), key=lambda part: len(part.extent))
-
-    def _extent(self, claim: Claim) -> frozenset[Part]:
-        return self.slices.extent(self.slices.cone([self._stated(claim)]))
 
     def _stated(self, claim: Claim) -> Claim:
         """The claim as it is stated of the system itself."""
@@ -205,10 +204,7 @@ def _is_alone(
 
 def _serves(ledger: Ledger, claim: Claim) -> bool:
     """Whether a claim may be a lemma: it is proved, or may still be."""
-    verdict = ledger.verdict(claim)
-    return claim not in ledger.verdicts or (
-        verdict.outcome is Outcome.HOLDS and verdict.rounds is None
-    )
+    return claim not in ledger.verdicts or claim in ledger.proved()
 
 
 def _violated(ledger: Ledger) -> dict[Claim, Verdict]:
