@@ -156,5 +156,4 @@ class System:
 
 def dealt(program: core.Program, robots: int, delta_s: Fraction = core.USUAL_DELTA_S) -> System:
     """A system of that many robots, of the kinds in order of declaration, round-robin."""
-    kinds = tuple(i % len(program.agents) for i in range(robots))
-    return System(program, kinds, delta_s)
+    return System(program, core.round_robin(robots, len(program.agents)), delta_s)

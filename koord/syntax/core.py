@@ -687,6 +687,11 @@ USUAL_ROBOTS = 3
 USUAL_DELTA_S = Fraction(1, 10)
 
 
+def round_robin(robots: int, kinds: int) -> tuple[int, ...]:
+    """The kinds of so many robots, to which they are dealt in order of declaration. [CONFIG]"""
+    return tuple(at % kinds for at in range(robots))
+
+
 @dataclass(frozen=True, slots=True)
 class Instance:
     """The instance that a program is meant for, as far as its text says: ``kinds[i]`` is robot i's

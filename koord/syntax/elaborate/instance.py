@@ -23,8 +23,7 @@ def instance(session: Session, sections: Sections) -> core.Instance:
     counts = [_robots(session, kind) or 0 for kind in sections.kinds]
     stated = [kind for kind in sections.kinds if _of_robots(kind)]
     if not stated:
-        kinds = max(1, len(counts))
-        return core.Instance(tuple(at % kinds for at in range(total or 0)), delta_s)
+        return core.Instance(core.round_robin(total or 0, max(1, len(counts))), delta_s)
     _check_kinds(session, sections, stated)
     if not 0 < sum(counts) <= MOST_ROBOTS:
         story = f"there must be 1 to {MOST_ROBOTS} robots together, not {sum(counts)}"
