@@ -44,6 +44,9 @@ _MOST_PATHS = 1_000
 
 def never_set(session: Session, program: core.Program) -> None:
     """Warn of variables without a value that nothing sets, and something reads."""
+    unset = [d for d in _declarations(program) if d[0].initial is core.Start.UNSET]
+    if not unset:
+        return
     reads: dict[Key, list[core.Place]] = {}
     sets: dict[Key, set[Path]] = {}
     for number, agent in enumerate(program.agents):
@@ -60,14 +63,12 @@ def never_set(session: Session, program: core.Program) -> None:
                 reads.setdefault(key(place.variable, each), []).append(place)
     # Types of records of records are nowhere hashed: that takes as long as they have parts.
     told: set[Span] = set()
-    for declaration, owner in _declarations(program):
-        variable = declaration.variable
-        found = key(variable, owner)
-        unset = _unset(declaration, reads.get(found, ()), sets.get(found, set()))
-        is_new = declaration.span not in told
-        if declaration.initial is core.Start.UNSET and unset is not None and is_new:
+    for declaration, owner in unset:
+        found = key(declaration.variable, owner)
+        part = _unset(declaration, reads.get(found, ()), sets.get(found, set()))
+        if part is not None and declaration.span not in told:
             told.add(declaration.span)
-            _warn(session, declaration, unset)
+            _warn(session, declaration, part)
 
 
 def _declarations(program: core.Program) -> Iterator[tuple[core.Declaration, int | None]]:
