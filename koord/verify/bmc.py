@@ -94,7 +94,8 @@ class Bounded:
     even INIT is known to satisfy them), and ``covered`` the last one through which they do for
     lists and maps of any length. ``unreplayed`` are claims with a candidate violation that is no
     run, each with the reason and with what was completed before it. ``tired``: the last check
-    ended because its effort was used up, and can be gone on with.
+    ended because its effort was used up, and can be gone on with. ``beyond`` is what formulas
+    cannot say of the next round, if there is something: then that is the end.
     """
 
     def __init__(self, system: System, judge: Judge, seed: int = 0) -> None:
@@ -107,6 +108,7 @@ class Bounded:
         self.completed: int | None = None
         self.covered: int | None = None
         self.reason = ""
+        self.beyond = ""
         self.tired = False
 
     def check(

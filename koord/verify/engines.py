@@ -16,6 +16,7 @@ from koord.verify.claims import Claim
 from koord.verify.induction import prove
 from koord.verify.ledger import Ledger, Reach, Subject
 from koord.verify.obstacles import (
+    Beyond,
     Elsewhere,
     GaveUp,
     Lengths,
@@ -79,7 +80,9 @@ class ByUnrolling:
         bounded = self.of(ledger)
         try:
             self._through(bounded, ledger, rounds, effort)
-        except (KoordError, NotFiniteError, OutOfPatienceError):
+        except NotFiniteError as error:
+            bounded.beyond = str(error)
+        except (KoordError, OutOfPatienceError):
             raise
         except Exception:
             self.bounded = None  # it may be half done: nobody relies on it any more
@@ -90,7 +93,7 @@ class ByUnrolling:
     def _through(
         self, bounded: Bounded, ledger: Ledger, rounds: int, effort: Effort | None
     ) -> None:
-        while not bounded.reason and (claims := self._pending(bounded, ledger)):
+        while not (bounded.reason or bounded.beyond) and (claims := self._pending(bounded, ledger)):
             number = 0 if bounded.completed is None else bounded.completed + 1
             if number > rounds:
                 return
@@ -111,6 +114,8 @@ class ByUnrolling:
         if bounded.tired:
             reason = "another claim is violated, and this one takes long"
             obstacle = Elsewhere(Engine.BMC) if ledger.is_violated else GaveUp(Engine.BMC)
+        elif bounded.beyond:
+            reason, obstacle = bounded.beyond, Beyond(Engine.BMC, bounded.beyond)
         elif reason:
             obstacle = gave_up(Engine.BMC, ledger.deadline)
         if not reason and bounded.limits:
@@ -175,15 +180,22 @@ class ByInduction:
             if not claims or bounded.completed is None or bounded.completed < depth - 1:
                 return
             ledger.progress(f"induction over {depth} round{'s' if depth > 1 else ''}")
-            result = prove(
-                ledger.system,
-                claims,
-                ledger.proved(),
-                ledger.deadline,
-                self._effort(ledger),
-                depth=depth,
-                seed=ledger.seed,
-            )
+            try:
+                result = prove(
+                    ledger.system,
+                    claims,
+                    ledger.proved(),
+                    ledger.deadline,
+                    self._effort(ledger),
+                    depth=depth,
+                    seed=ledger.seed,
+                )
+            except NotFiniteError as error:
+                self._done = MAX_DEPTH  # longer steps have the same rounds in them
+                seconds, why = time.monotonic() - started, str(error)
+                beyond = Beyond(Engine.INDUCTION, why)
+                ledger.leave(claims, Reach(Engine.INDUCTION, None, why, seconds, obstacle=beyond))
+                return
             ledger.settle(result.proved)
             for claim, reason in result.reasons.items():
                 seconds = time.monotonic() - started

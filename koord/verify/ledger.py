@@ -161,8 +161,8 @@ class Ledger:
             yield
         except NumberTooLongError as error:
             self.fail(Failure(who, error.diagnostics[0].message))
-        except (KoordError, OutOfPatienceError):
-            raise
+        except (KoordError, NotFiniteError, OutOfPatienceError):
+            raise  # nobody's mistake
         except Exception as error:
             if was_interrupted():
                 raise KeyboardInterrupt from error

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from koord.semantics.configurations import System, dealt
+from koord.semantics.machine import NotFiniteError
 from koord.syntax.load import load
-from koord.syntax.source import Source
+from koord.syntax.source import NOWHERE, Source
 from koord.verify.claims import Claim, claims_of
 from koord.verify.ledger import Ledger, Reach, Subject
 from koord.verify.solving import Deadline
@@ -125,3 +126,15 @@ def test_the_live_line_names_claims_and_says_what_goes_on_for() -> None:
         "answered; for all rounds, B, no fault: induction over 2 rounds",
         "looking for what never happens: event Step",
     ]
+
+
+def test_what_an_engine_cannot_follow_is_a_limit_and_no_mistake() -> None:
+    ledger, a, _ = begun(Clock())
+
+    def work() -> None:
+        raise NotFiniteError(NOWHERE, "a list may have any length")
+
+    with ledger.stopping(), ledger.enduring("bmc"):
+        work()
+    assert not ledger.failures
+    assert "a list may have any length" in ledger.verdict(a).reason
