@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 #: So many invariants that were found are shown; files have all of them.
 MOST_SHOWN = 12
 
+#: What is said of a violation where nobody looked at all runs with fewer rounds.
+SOONER = ", perhaps sooner"
+
 PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKNOWN: Paint.WARNING}
 
 
@@ -174,9 +177,12 @@ def outcome_of(report: Report) -> str:
             reach = "in every round" if _everywhere(report) else "within the bound"
             return f"holds {reach}" + (", vacuously" if report.is_vacuous else "")
         case Outcome.VIOLATED:
-            found = [v.counterexample for v in report.verdicts if v.counterexample is not None]
-            ends = [shown.round for shown in found if shown.recording.loop is None]
-            return f"violated in round {min(ends)}" if ends else "violated by a run without end"
+            broken = [(v.counterexample, v.fewest) for v in report.verdicts if v.counterexample]
+            ended = [(c.round, fewest) for c, fewest in broken if c.recording.loop is None]
+            if not ended:
+                return "violated by a run without end"
+            sooner = "" if all(fewest for _, fewest in ended) else SOONER
+            return f"violated in round {min(ended)[0]}{sooner}"
         case Outcome.UNKNOWN:
             return "unknown"
     assert_never(report.outcome)
@@ -201,7 +207,7 @@ def said(verdict: Verdict) -> str:
 
                 return f"violated: {repeats(found.recording)}"
             where = f"in round {found.round}" if found.round else "at the start"
-            return f"violated {where}"
+            return f"violated {where}{'' if verdict.fewest else SOONER}"
         case Outcome.UNKNOWN if verdict.rounds is None:
             return "unknown"
         case Outcome.UNKNOWN:
@@ -307,6 +313,7 @@ def _verdict_json(verdict: Verdict, departed: Departed, fair: Fairly) -> dict[st
         ],
         "fairness": list(verdict.fairness),
         "violated": None if found is None else violation(found),
+        "fewest_rounds": verdict.fewest,
         "others": [violation(other) for other in verdict.others],
         "ways": None if verdict.ways is None else _ways_json(1 + len(verdict.others), verdict.ways),
     }

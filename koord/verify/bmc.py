@@ -22,7 +22,7 @@ from koord.verify.rounds import Encoder
 from koord.verify.solving import Answer, Deadline, Effort, Solver
 from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms
-from koord.verify.verdicts import Engine, Outcome, Verdict
+from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict, has_fewest
 from koord.verify.witness import NotReplayedError, Reader, recording_of
 
 
@@ -140,7 +140,15 @@ class Bounded:
             except OutOfPatienceError:
                 self.reason = "timeout"
                 break
-            verdicts |= found
+            for claim, (shown, seconds) in found.items():
+                verdicts[claim] = Verdict(
+                    claim,
+                    Outcome.VIOLATED,
+                    Engine.BMC,
+                    seconds,
+                    counterexample=shown,
+                    fewest=has_fewest(shown, self.covered),
+                )
             self.unreplayed |= {c: (why, self.completed) for c, why in unreplayed.items()}
             pending = [c for c in pending if c not in verdicts and c not in self.unreplayed]
             self.tired = bool(self.reason) and effort is not None and effort.left <= 0
@@ -179,22 +187,23 @@ def _look(
     effort: Effort | None,
     started: float,
     judge: Judge,
-) -> tuple[dict[Claim, Verdict], dict[Claim, str], str]:
-    """The claims that this configuration can break; those where only a candidate was found that
-    did not replay, with the reason; and why the look was cut short, if it was.
+) -> tuple[dict[Claim, tuple[Counterexample, float]], dict[Claim, str], str]:
+    """The claims that this configuration can break, each with a run and the seconds that it took to
+    find; those where only a candidate was found that did not replay, with the reason; and why the
+    look was cut short, if it was.
     """
     d, solver = unrolling.encoder.d, unrolling.solver
     asked = violations(unrolling.system, d, moment, claims)
     for _, needed in asked.values():
         solver.add(needed)
-    verdicts: dict[Claim, Verdict] = {}
+    found: dict[Claim, tuple[Counterexample, float]] = {}
     unreplayed: dict[Claim, str] = {}
     pending = {claim: violated for claim, (violated, _) in asked.items()}
     while pending:
         answer = solver.check([disjunction(d, list(pending.values()))], deadline, effort)
         if answer is Answer.UNKNOWN:
             why = "timeout" if deadline.is_near() else "the solver gave up"
-            return verdicts, unreplayed, why
+            return found, unreplayed, why
         if answer is Answer.UNSAT:
             break
         model = solver.model()
@@ -209,17 +218,11 @@ def _look(
             unreplayed[claim] = f"a candidate violation did not replay: {error}"
             del pending[claim]
             continue
-        verdicts[claim] = Verdict(
-            claim,
-            Outcome.VIOLATED,
-            Engine.BMC,
-            time.monotonic() - started,
-            counterexample=counterexample,
-        )
+        found[claim] = (counterexample, time.monotonic() - started)
         del pending[claim]
     never = [d.unary(UnaryOp.NOT, violated) for violated in pending.values()]
     solver.add(never)
-    return verdicts, unreplayed, ""
+    return found, unreplayed, ""
 
 
 def violations(

@@ -1,4 +1,4 @@
-"""The explicit search of the semantics as an engine: for all rounds, or a shortest run."""
+"""The explicit search of the semantics as an engine: for all rounds, or a run with the fewest rounds."""
 
 from __future__ import annotations
 
@@ -133,7 +133,10 @@ def _violation(claim: Claim, shown: Violated, judge: Judge, seconds: float) -> V
         counterexample = _without_the_environment(recording, claim, judge)
     if counterexample is None:
         counterexample = judge(recording, claim, phase)
-    return Verdict(claim, Outcome.VIOLATED, Engine.SEARCH, seconds, counterexample=counterexample)
+    # It goes round by round.
+    return Verdict(
+        claim, Outcome.VIOLATED, Engine.SEARCH, seconds, counterexample=counterexample, fewest=True
+    )
 
 
 def _without_the_environment(

@@ -108,8 +108,9 @@ class Verdict:
     """The answer to one claim.
 
     ``rounds`` is how far a *holds* reaches (None: all rounds), or, if *unknown*, the last round
-    through which the claim was seen to hold (None: not even INIT). ``with_claims`` names the other
-    claims that the proof used. ``reason`` says why an answer is *unknown*.
+    through which the claim was seen to hold (None: not even INIT). ``reason`` says why an answer is
+    *unknown*. ``fewest``: if *violated*, no run with fewer rounds than its counterexample breaks
+    the claim; else nobody looked at all of those.
     """
 
     claim: Claim
@@ -118,6 +119,7 @@ class Verdict:
     seconds: float
     rounds: int | None = None
     counterexample: Counterexample | None = None
+    fewest: bool = False
     reason: str = ""
     depth: int = 1  #: of an inductive proof
     others: tuple[Counterexample, ...] = ()  #: different ones, if more were asked for
@@ -127,6 +129,11 @@ class Verdict:
     unsaid: str = ""  #: why the invariant of a proof is not among the lemmas
     fairness: tuple[str, ...] = ()  #: kinds of it, and expectations, that a proof needs
     obstacles: tuple[Obstacle, ...] = ()  #: what stands in the way, if it is *unknown*
+
+
+def has_fewest(found: Counterexample, through: int | None) -> bool:
+    """Whether a claim breaks in no earlier round, if it holds through so many (None: none)."""
+    return found.recording.loop is None and found.round <= (0 if through is None else through + 1)
 
 
 class Emptiness(Enum):

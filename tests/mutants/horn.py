@@ -1,4 +1,4 @@
-"""Seeded mistakes in what is asked of Spacer, and in what is made of its answers."""
+"""Seeded mistakes in what is asked of Spacer, and in what is said of the fewest rounds."""
 
 from __future__ import annotations
 
@@ -34,5 +34,26 @@ HORN = (
         "for fact in reversed(facts):",
         "for fact in facts:",
         (HORN_TEST,),
+    ),
+    Mutant(
+        "spacer: nobody looks at the rounds below a violation",
+        "verify/horn/engine.py",
+        "first = _first(ledger, claim, shown)",
+        "first = _First(shown, fewest=True)",
+        ("tests/agreement/test_fewest.py",),
+    ),
+    Mutant(
+        "spacer: rounds that were not looked at count as looked at",
+        "verify/horn/engine.py",
+        "        return _First(shown, is_whole and has_fewest(shown, bounded.covered))",
+        "        return _First(shown, fewest=True)",
+        (HORN_TEST,),
+    ),
+    Mutant(
+        "fewest: a list that may be longer breaks nothing sooner",
+        "verify/bmc.py",
+        "fewest=has_fewest(shown, self.covered),",
+        "fewest=True,",
+        ("tests/agreement/test_fewest.py",),
     ),
 )

@@ -24,7 +24,7 @@ from koord.verify.claims import Claim, Phase
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Lengths, Obstacle, Unreplayed, Values, gave_up
 from koord.verify.solving import Answer
-from koord.verify.verdicts import Engine, Outcome, Verdict
+from koord.verify.verdicts import Engine, Outcome, Verdict, has_fewest
 from koord.verify.witness import NotReplayedError
 
 #: So many rounds are unrolled before a proof is tried.
@@ -202,8 +202,15 @@ class _Run:
             self.astray[claim] = f"a candidate violation did not replay: {error}"
             return
         seconds = time.monotonic() - self.started
+        # Circuits allow more than the program, and shorter lists: then a longer one may break it.
+        fewest = not self.circuit.limits and has_fewest(counterexample, self.completed)
         verdict = Verdict(
-            claim, Outcome.VIOLATED, self.engine, seconds, counterexample=counterexample
+            claim,
+            Outcome.VIOLATED,
+            self.engine,
+            seconds,
+            counterexample=counterexample,
+            fewest=fewest,
         )
         ledger.settle({claim: verdict})
 

@@ -26,7 +26,7 @@ from koord.verify.obstacles import Beyond, Obstacle, Unreplayed, gave_up
 from koord.verify.solving import Answer, Deadline, Effort
 from koord.verify.symbols import SymbolicInputs
 from koord.verify.terms import Term, Terms
-from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
+from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict, has_fewest
 from koord.verify.witness import NotReplayedError, Reader, recording_of
 
 #: What proofs may cost, about so many seconds: before others are asked, and after them.
@@ -122,8 +122,15 @@ class BySpacer:
             except NotReplayedError:
                 continue
             seconds = time.monotonic() - started
-            shown = _sooner(ledger, claim, shown)
-            verdict = Verdict(claim, Outcome.VIOLATED, Engine.SPACER, seconds, counterexample=shown)
+            first = _first(ledger, claim, shown)
+            verdict = Verdict(
+                claim,
+                Outcome.VIOLATED,
+                Engine.SPACER,
+                seconds,
+                counterexample=first.counterexample,
+                fewest=first.fewest,
+            )
             ledger.settle({claim: verdict})
             settled = True
             break
@@ -249,20 +256,29 @@ class Question:
         return all(self.clauses.impossible(body, deadline, effort) for body in bodies)
 
 
-def _sooner(ledger: Ledger, claim: Claim, shown: Counterexample) -> Counterexample:
-    """The same violation with the fewest rounds, as far as that costs little.
+@dataclass(frozen=True, slots=True)
+class _First:
+    """A violation, and whether it is known that none has fewer rounds."""
+
+    counterexample: Counterexample
+    fewest: bool
+
+
+def _first(ledger: Ledger, claim: Claim, shown: Counterexample) -> _First:
+    """The same violation with the fewest rounds, as far as looking for that costs little.
 
     Rounds through which the claim was seen to hold by others are not looked at again.
     """
     before, seen = shown.round - 1, ledger.verdict(claim).rounds
-    if not 0 <= before <= SOONER_ROUNDS or (seen is not None and seen >= before):
-        return shown
+    if has_fewest(shown, seen) or before > SOONER_ROUNDS:
+        return _First(shown, has_fewest(shown, seen))
     bounded = Bounded(ledger.system, ledger.subject.judge, ledger.seed)
     effort = Effort.of_seconds(SOONER_S)
     found = bounded.check([claim], ledger.proved(), before, ledger.deadline, effort).get(claim)
     if found is None or found.counterexample is None:
-        return shown
-    return found.counterexample
+        is_whole = claim not in bounded.unreplayed
+        return _First(shown, is_whole and has_fewest(shown, bounded.covered))
+    return _First(found.counterexample, found.fewest)
 
 
 def _held(

@@ -12,7 +12,7 @@ import pytest
 from koord.semantics.configurations import System
 from koord.verify.claims import claims_of
 from koord.verify.horn.clauses import Clauses, Reached, Safe
-from koord.verify.horn.engine import _sooner
+from koord.verify.horn.engine import _first
 from koord.verify.ledger import Ledger, Reach, Subject
 from koord.verify.portfolio import Choice, verify
 from koord.verify.solving import Deadline
@@ -172,7 +172,25 @@ def test_a_violation_is_shown_with_the_fewest_rounds() -> None:
     first = bounded(system, rounds=5).violated["Few"]
     assert first.round == 3
     later = replace(first, round=5)
-    assert _sooner(ledger, claim, later).round == 3
-    assert _sooner(ledger, claim, first) is first
+    found = _first(ledger, claim, later)
+    assert (found.counterexample.round, found.fewest) == (3, True)
+    found = _first(ledger, claim, first)
+    assert found.counterexample is first
+    assert found.fewest
     ledger.leave([claim], Reach(Engine.BMC, 4, "", 0.0))  # somebody has looked there
-    assert _sooner(ledger, claim, later) is later
+    found = _first(ledger, claim, later)
+    assert found.counterexample is later
+    assert found.fewest
+
+
+def test_nobody_says_that_rounds_are_the_fewest_that_could_not_be_looked_at() -> None:
+    system = of_text(
+        "local:\n    int x = 0\n\nGrow:\n    eff: x = x + 1\n\ninvariant Few: x < 3\n", 1
+    )
+    claim, *_ = claims = claims_of(system)
+    later = replace(bounded(system, rounds=5).violated["Few"], round=5)
+    subject = Subject(system, partial(judged, system), system)
+    ledger = Ledger(subject, Bounds(9), Deadline.after(0), claims)
+    found = _first(ledger, claim, later)
+    assert found.counterexample is later
+    assert not found.fewest
