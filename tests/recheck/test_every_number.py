@@ -174,16 +174,16 @@ def test_found_invariants_are_in_the_certificate(tmp_path: Path) -> None:
 
 
 def test_nothing_is_confirmed_for_every_number_that_a_search_breaks() -> None:
-    count = compared(0, 60, settled_for_everyone)
-    assert count["systems"] >= 15
-    assert count["broken"] >= 20
-    assert count["confirmed"] >= 30
+    count = compared(0, 20, settled_for_everyone)
+    assert count["systems"] >= 5
+    assert count["broken"] >= 6
+    assert count["confirmed"] >= 10
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", range(5))
+@pytest.mark.parametrize("block", range(6))
 def test_nothing_is_confirmed_that_a_search_breaks_in_many(block: int) -> None:
-    assert compared(120 + 300 * block, 420 + 300 * block, settled_for_everyone)["systems"] >= 50
+    assert compared(20 + 300 * block, 320 + 300 * block, settled_for_everyone)["systems"] >= 50
 
 
 # --- what is not so for any number ---------------------------------------------------------------
