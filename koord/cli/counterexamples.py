@@ -10,7 +10,7 @@ from koord.cli.inputs import LoadedProgram
 from koord.cli.tables import Shown, Table, repeats
 from koord.cli.terminal import Paint, Style
 from koord.cli.traces import sources_of
-from koord.refinement.rerunning import Departure, rerun
+from koord.refinement.rerunning import Departure, Rerun, rerun
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant
 from koord.semantics.execution import execute
@@ -109,9 +109,7 @@ def _rounds(system: System, found: Counterexample, table: Table) -> Iterator[str
         yield table.goes_on(found.recording)
 
 
-def rerun_of(
-    loaded: LoadedProgram, system: System, claim: Claim, found: Counterexample
-) -> Departure | None:
+def rerun_of(loaded: LoadedProgram, system: System, claim: Claim, found: Counterexample) -> Rerun:
     """Where the compiled program departs from the run, if it does."""
     return rerun(trace_of(sources_of(loaded), system, claim, found))
 

@@ -6,20 +6,25 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from koord.cli.terminal import visible
+from koord.refinement.rounding import Unjudged
 from koord.semantics.traces.changes import Change
 from koord.semantics.traces.json_reader import shortened
 from koord.semantics.traces.trace import BEFORE_ROUNDS
 
 if TYPE_CHECKING:
-    from koord.refinement.rerunning import Departure
+    from koord.refinement.rerunning import Rerun
 
 _WIDEST = 40
 
 
-def lines(departure: Departure | None) -> Iterator[str]:
+def lines(departure: Rerun) -> Iterator[str]:
     """Whether the compiled program does the same, and where it does not."""
     if departure is None:
         yield "  the compiled program does the same, state for state"
+        return
+    if isinstance(departure, Unjudged):
+        yield "  the compiled program comes to the same states, up to rounding; whether it breaks"
+        yield f"  the claim there is not known: {visible(departure.reason)}"
         return
     where = f"round {departure.round + 1}" if departure.round != BEFORE_ROUNDS else "the start"
     yield f"  the compiled program departs at {where}: {visible(departure.reason)}"
@@ -43,10 +48,12 @@ def _location(change: Change) -> str:
     return change.name if change.robot is None else f"{change.name} of robot {change.robot}"
 
 
-def as_json(departure: Departure | None, first: int) -> dict[str, object]:
+def as_json(departure: Rerun, first: int) -> dict[str, object]:
     """The same as an object; rounds count from ``first``, and the one before is the start."""
-    departs = None
-    if departure is not None:
+    departs = unjudged = None
+    if isinstance(departure, Unjudged):
+        unjudged = departure.reason
+    elif departure is not None:
         departs = {
             "round": departure.round + first,
             "reason": departure.reason,
@@ -55,4 +62,4 @@ def as_json(departure: Departure | None, first: int) -> dict[str, object]:
                 for c in departure.changes
             ],
         }
-    return {"agrees": departure is None, "departs": departs}
+    return {"agrees": departs is None, "departs": departs, "unjudged": unjudged}

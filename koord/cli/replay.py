@@ -18,7 +18,7 @@ from koord.cli.files import InputFile, name_of, read_bytes, read_program
 from koord.cli.tables import Rounds, Table, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import read_trace
-from koord.refinement.rerunning import rerun
+from koord.refinement.rerunning import Departure, rerun
 from koord.semantics.execution import Step
 from koord.semantics.replay import Refused, Replayed, replay
 from koord.semantics.runs.policies import Taken
@@ -121,7 +121,9 @@ def _replay(request: Request) -> Exit:
         if compared:
             for line in departures.lines(departure):
                 print(line)
-    return Exit.OK if found.refused is None and departure is None else Exit.VIOLATED
+    return (
+        Exit.OK if found.refused is None and not isinstance(departure, Departure) else Exit.VIOLATED
+    )
 
 
 def _loosened(trace: Trace) -> Trace:

@@ -27,7 +27,7 @@ from koord.verify.verdicts import (
 )
 
 if TYPE_CHECKING:
-    from koord.refinement.rerunning import Departure
+    from koord.refinement.rerunning import Rerun
 
 #: So many invariants that were found are shown; files have all of them.
 MOST_SHOWN = 12
@@ -238,7 +238,7 @@ def _robots(problem: Problem, report: Report) -> str:
 Fairly: TypeAlias = "Callable[[Verdict, Counterexample], dict[str, object] | None]"
 
 #: What the compiled program did of a counterexample.
-Departed: TypeAlias = "Callable[[Verdict, Counterexample], Departure | None]"
+Departed: TypeAlias = "Callable[[Verdict, Counterexample], Rerun]"
 
 
 def as_json(
@@ -324,7 +324,7 @@ def _ways_json(count: int, ways: Ways) -> dict[str, object]:
 
 
 def _violation_json(
-    found: Counterexample, departure: Departure | None, fair: dict[str, object] | None
+    found: Counterexample, departure: Rerun, fair: dict[str, object] | None
 ) -> dict[str, object]:
     return {
         "round": found.round,

@@ -18,7 +18,7 @@ from koord.syntax.diagnostics import KoordError
 from koord.syntax.problem import Problem
 
 if TYPE_CHECKING:
-    from koord.refinement.rerunning import Departure
+    from koord.refinement.rerunning import Rerun
     from koord.verify.verdicts import Counterexample, Failure, Verdict
     from koord.verify.verdicts import Report as Verification
 
@@ -172,11 +172,11 @@ def _as_json(
 ) -> dict[str, object]:
     from koord.cli import counterexamples, fairness, slices, verdicts
 
-    def departed(verdict: Verdict, found: Counterexample) -> Departure | None:
+    def departed(verdict: Verdict, found: Counterexample) -> Rerun:
         system = asked.system_of(verdict)
         part = f"the compiled program's run of {verdict.claim.name}"
         # Nothing would say that it does the same.
-        departure: Departure | None = counterexamples.not_compared()
+        departure: Rerun = counterexamples.not_compared()
         with parts.enduring(part):
             departure = counterexamples.rerun_of(program, system, verdict.claim, found)
         return departure

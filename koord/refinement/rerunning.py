@@ -11,14 +11,21 @@ has no configuration: there the store counts, and what those have of their own w
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from itertools import islice, zip_longest
-from typing import Any
+from typing import Any, TypeAlias
 
 from koord.refinement.rehearsing import Rehearsal, Rehearsed
+from koord.refinement.rounding import (
+    Mended,
+    Passed,
+    Unjudged,
+    as_doubles,
+    judged,
+    unrounded,
+    unrounded_values,
+)
 from koord.refinement.running import Compiled, ready, schedule_of
 from koord.refinement.translating import Observer
 from koord.runtime.compile import NumberTooLargeError
@@ -26,14 +33,11 @@ from koord.runtime.engine.fleet import Ended, Fleet
 from koord.runtime.operations import FaultError
 from koord.runtime.proposals import Decision, FaultKind
 from koord.runtime.robot import Key, Robot, Turn
-from koord.semantics.configurations import Configuration, Fault, Store
+from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.configurations import FaultKind as FaultName
 from koord.semantics.configurations import Robot as RobotState
-from koord.semantics.domain import DOUBLES, Constant
-from koord.semantics.execution import RecordedInputs
+from koord.semantics.domain import Constant
 from koord.semantics.replay import quoted, same_output
-from koord.semantics.rounds import IllegalStepError
-from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.traces.changes import Change, changes, differences
 from koord.semantics.traces.names import Names
 from koord.semantics.traces.recording import Round
@@ -42,17 +46,10 @@ from koord.semantics.traces.trace import (
     Emitted,
     Numbers,
     Trace,
-    ViolationKind,
 )
-from koord.semantics.turns import holds_in
-from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import FLOAT
 from koord.syntax.walk import nodes
-
-#: Two floats are the same up to rounding if they are this close, relative to the larger of them
-#: or, near zero, in their own unit.
-ROUNDING = 1e-9
 
 #: So many locations that differ are told.
 _MOST_TOLD = 20
@@ -76,8 +73,12 @@ class Departure:
     changes: tuple[Change, ...] = ()
 
 
-def rerun(trace: Trace, made: Compiled | None = None) -> Departure | None:
-    """Where the compiled program departs from a run; None if it does the same, state for state."""
+#: What a compiled program makes of a run: None if it does the same, state for state.
+Rerun: TypeAlias = "Departure | Unjudged | None"
+
+
+def rerun(trace: Trace, made: Compiled | None = None) -> Rerun:
+    """Where the compiled program departs from a run, or mends by rounding what the run breaks."""
     nobody = _Nobody()
     try:
         made = ready(trace.system.program) if made is None else made
@@ -91,7 +92,7 @@ def rerun(trace: Trace, made: Compiled | None = None) -> Departure | None:
         return replace(found, reason=found.reason + _ROUNDED) if _rounds(trace) else found
     except OverflowError:
         return Departure(nobody.round, _TOO_LARGE)
-    return running.kept()
+    return running.judged() if _rounds(trace) else None
 
 
 def _rounds(trace: Trace) -> bool:
@@ -152,7 +153,7 @@ class _Rerun:
         self.host = Rehearsal(trace, made.names, nobody)
         system = trace.system
         self.fleet = Fleet(made.classes, system.kinds, float(system.delta_s), self.host)
-        self.last: Configuration[Constant] | None = None  #: where the run ended, on doubles
+        self.passed = Passed()
 
     def run(self) -> None:
         recording = self.trace.recording
@@ -170,6 +171,8 @@ class _Rerun:
                 self.compare(number, inside=round_)
                 break
             if self.fleet.ended is None:
+                if number + 1 == len(recording.rounds):
+                    self.passed.turned = self.observer.configuration(self.fleet)
                 self.fleet.environment_turn()
             self.compare(number)
         self.check_outputs()
@@ -199,7 +202,7 @@ class _Rerun:
 
     def _is_same_output(self, made: Emitted, recorded: Emitted) -> bool:
         if self.trace.numbers is Numbers.EXACT:
-            values = _values(recorded.written.values, made.written.values)
+            values = unrounded_values(recorded.written.values, made.written.values)
             made = replace(made, written=replace(made.written, values=values))
         return same_output(made, recorded)
 
@@ -214,40 +217,27 @@ class _Rerun:
             found = replace(found, fault=_fault(ended))
         elif inside is not None:
             robots = _states(found.robots, recorded.robots)
-            self.last = replace(recorded, robots=robots, store=found.store)
+            self.passed.last = replace(recorded, robots=robots, store=found.store)
             found = _within(found, recorded, inside.order)
         if inside is None:
-            self.last = found
+            self.passed.last = found
+            self.passed.ends.append(found)
         if self.trace.numbers is Numbers.EXACT:
-            found = _unrounded(recorded, found)
+            found = unrounded(recorded, found)
         told = tuple(islice(differences(self.names, recorded, found), _MOST_TOLD))
         if told:
             raise _DepartedError(Departure(number, "it comes to another configuration", told))
 
-    def kept(self) -> Departure | None:
-        """Whether a property that exact numbers break holds of the program's own numbers."""
-        trace, violation, last = self.trace, self.trace.violation, self.last
-        ends = violation is not None and trace.recording.loop is None
-        if not ends or trace.numbers is not Numbers.EXACT or last is None:
-            return None
-        assert violation is not None
-        stated = [p for p in trace.system.program.properties if p.name == violation.name]
-        if violation.kind is not ViolationKind.PROPERTY or not stated:
-            return None
-        recording = trace.recording
-        answers = recording.rounds[-1].answers if recording.rounds else recording.opening.answers
-        inputs = RecordedInputs(answers=answers)
-        try:
-            holds, _ = holds_in(
-                DOUBLES, trace.system, last, stated[0].condition, stated[0].bound, inputs
-            )
-        except IllegalStepError:
-            return None  # it asks a function about rounded numbers, of which nobody knows
-        if holds is not True:
-            return None
-        told = changes(self.names, _as_doubles(trace.configurations[-1]), last)
-        reason = f"on doubles, {violation.name} holds there"
-        return Departure(violation.round, reason, tuple(islice(told, _MOST_TOLD)))
+    def judged(self) -> Departure | Unjudged | None:
+        """What the run breaks on exact numbers, asked of the program's own numbers."""
+        found = judged(self.trace, self.passed)
+        if not isinstance(found, Mended):
+            return found
+        trace, last = self.trace, self.passed.last
+        assert last is not None  # it came to the end of the run
+        told = changes(self.names, as_doubles(trace.configurations[-1]), last)
+        number = len(trace.recording.rounds) - 1
+        return Departure(number, found.reason, tuple(islice(told, _MOST_TOLD)))
 
 
 def _states(
@@ -274,102 +264,3 @@ def _within(
         seen = found.robots[robot]
         robots[robot] = replace(robots[robot], locals=seen.locals, ports=seen.ports)
     return replace(recorded, robots=tuple(robots), store=found.store, fault=None)
-
-
-# --- floats, as doubles -------------------------------------------------------------------------
-
-
-def _as_doubles(recorded: Configuration[Constant]) -> Configuration[Constant]:
-    """The nearest doubles for exact numbers that are none."""
-
-    def all_of(storages: tuple[Storage[Constant], ...]) -> tuple[Storage[Constant], ...]:
-        return tuple(map(storage, storages))
-
-    def storage(one: Storage[Constant]) -> Storage[Constant]:
-        if isinstance(one, Tree):
-            return Tree(all_of(one.parts))
-        return Cell(one.is_set, value(one.value))
-
-    def value(one: Value[Constant]) -> Value[Constant]:
-        match one:
-            case Fraction():
-                return float(one)
-            case Rec(fields=fields):
-                return Rec(tuple(map(value, fields)))
-            case Seq(length=length, items=items):
-                return Seq(length, tuple(map(value, items)))
-            case Table(length=length, entries=entries):
-                return Table(length, tuple((value(k), value(v)) for k, v in entries))
-            case _:
-                return one
-
-    def store(one: Store[Constant]) -> Store[Constant]:
-        return Store(all_of(one.allread), all_of(one.allwrite))
-
-    robots = tuple(
-        replace(r, locals=all_of(r.locals), ports=all_of(r.ports), copy=store(r.copy))
-        for r in recorded.robots
-    )
-    return replace(recorded, robots=robots, store=store(recorded.store))
-
-
-# --- floats, up to rounding ---------------------------------------------------------------------
-
-
-def _unrounded(
-    recorded: Configuration[Constant], found: Configuration[Constant]
-) -> Configuration[Constant]:
-    """What was found, with the recorded numbers for floats that are so up to rounding."""
-
-    def robot(a: RobotState[Constant], b: RobotState[Constant]) -> RobotState[Constant]:
-        locals_, ports = _all(a.locals, b.locals), _all(a.ports, b.ports)
-        return replace(b, locals=locals_, ports=ports, copy=_store(a.copy, b.copy))
-
-    return replace(
-        found,
-        robots=tuple(map(robot, recorded.robots, found.robots)),
-        store=_store(recorded.store, found.store),
-    )
-
-
-def _store(recorded: Store[Constant], found: Store[Constant]) -> Store[Constant]:
-    return Store(_all(recorded.allread, found.allread), _all(recorded.allwrite, found.allwrite))
-
-
-def _all(
-    recorded: tuple[Storage[Constant], ...], found: tuple[Storage[Constant], ...]
-) -> tuple[Storage[Constant], ...]:
-    return tuple(map(_storage, recorded, found))
-
-
-def _storage(recorded: Storage[Constant], found: Storage[Constant]) -> Storage[Constant]:
-    match recorded, found:
-        case Tree(parts=a), Tree(parts=b):
-            return Tree(_all(a, b))
-        case Cell(is_set=True, value=a), Cell(is_set=True, value=b):
-            return Cell(True, _value(a, b))
-        case _:
-            return found
-
-
-def _values(
-    recorded: tuple[Value[Constant], ...], found: tuple[Value[Constant], ...]
-) -> tuple[Value[Constant], ...]:
-    """Item by item; what one has more than the other is the found one's."""
-    return (*map(_value, recorded, found), *found[len(recorded) :])
-
-
-def _value(recorded: Value[Constant], found: Value[Constant]) -> Value[Constant]:
-    match recorded, found:
-        case Fraction(), float():
-            near = math.isclose(recorded, found, rel_tol=ROUNDING, abs_tol=ROUNDING)
-            return recorded if near else found
-        case Rec(fields=a), Rec(fields=b):
-            return Rec(_values(a, b))
-        case Seq(items=a), Seq(items=b) if len(a) == len(b):
-            return Seq(len(b), _values(a, b))
-        case Table(entries=a), Table(entries=b) if len(a) == len(b):
-            pairs = zip(a, b, strict=True)
-            return Table(len(b), tuple((_value(k, m), _value(v, w)) for (k, v), (m, w) in pairs))
-        case _:
-            return found

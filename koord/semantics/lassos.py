@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Status, System
-from koord.semantics.domain import EXACT, Constant
+from koord.semantics.domain import EXACT, Constant, Domain
 from koord.semantics.liveness import LIVENESS, Response, expected, locks_of, responses
 from koord.semantics.search.checking import NoInputs
 from koord.semantics.search.effects import asks
@@ -36,14 +36,15 @@ def flaw_of(
     recording: Recording,
     configurations: Sequence[Configuration[Constant]],
     stated: core.Property | None,
+    d: Domain[Constant] = EXACT,
 ) -> Flaw | None:
     """The first thing that is not as the rules want it; None if there is nothing.
 
-    ``configurations`` are those of the recorded run, on exact numbers: the one after INIT and one
-    after each round. ``stated`` is the property that it is to break, if it is to break one.
+    ``configurations`` are those of the recorded run, on the numbers of ``d``: the one after INIT
+    and one after each round. ``stated`` is the property that it is to break, if any.
     """
     assert recording.loop is not None
-    return next(_flaws(Lasso(system, recording, tuple(configurations)), stated), None)
+    return next(_flaws(Lasso(system, recording, tuple(configurations), d), stated), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +54,7 @@ class Lasso:
     system: System
     recording: Recording
     configurations: tuple[Configuration[Constant], ...]
+    d: Domain[Constant] = EXACT
 
     @property
     def begins(self) -> int:
@@ -154,7 +156,7 @@ def _since(lasso: Lasso, response: Response) -> int | None:
 def holds_at(lasso: Lasso, statement: core.Property, number: int) -> bool:
     configuration = lasso.configurations[number]
     holds, _ = holds_in(
-        EXACT, lasso.system, configuration, statement.condition, statement.bound, NoInputs()
+        lasso.d, lasso.system, configuration, statement.condition, statement.bound, NoInputs()
     )
     return holds is True
 
@@ -170,7 +172,7 @@ def _is_open(system: System, stated: core.Property) -> bool:
 def _unfair(lasso: Lasso) -> Iterator[Flaw]:
     system = lasso.system
     able = [
-        [able_in(system, start, robot) for robot in range(system.robots)]
+        [able_in(system, start, robot, lasso.d) for robot in range(system.robots)]
         for start, _ in lasso.rounds
     ]
     for robot in range(system.robots):
@@ -207,7 +209,12 @@ class Able:
         return self.ready and all(k in each for each in self.classes)
 
 
-def able_in(system: System, configuration: Configuration[Constant], robot: int) -> Able:
+def able_in(
+    system: System,
+    configuration: Configuration[Constant],
+    robot: int,
+    d: Domain[Constant] = EXACT,
+) -> Able:
     """What a robot may do. [FAIR-ROBOT] [FAIR-LOCK]"""
     state = configuration.robots[robot]
     if state.status == Status.STOPPED:
@@ -217,7 +224,7 @@ def able_in(system: System, configuration: Configuration[Constant], robot: int) 
     open_: list[bool] = []
     for event in system.agent(robot).events:
         try:
-            found = _guard(system, configuration, robot, event)
+            found = _guard(d, system, configuration, robot, event)
         except UnboundedError:
             ready = True
             open_.append(True)
@@ -230,13 +237,17 @@ def able_in(system: System, configuration: Configuration[Constant], robot: int) 
 
 
 def _guard(
-    system: System, configuration: Configuration[Constant], robot: int, event: core.Event
+    d: Domain[Constant],
+    system: System,
+    configuration: Configuration[Constant],
+    robot: int,
+    event: core.Event,
 ) -> list[tuple[bool, bool]]:
     """With each answer, whether a guard holds, and whether it can be evaluated."""
     state = configuration.robots[robot]
     turns = explored(
         lambda chooser: ExploringInputs(system, chooser),
-        lambda inputs: guard_of(EXACT, system, robot, state, event, inputs),
+        lambda inputs: guard_of(d, system, robot, state, event, inputs),
     )
     return [(turn.outcome[0] is True, turn.outcome[1] is True) for turn in turns]
 

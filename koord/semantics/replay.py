@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import islice
 from random import Random
 
-from koord.semantics.configurations import Configuration, Written
-from koord.semantics.domain import Constant
+from koord.semantics.configurations import Configuration, System, Written
+from koord.semantics.domain import Constant, Domain
 from koord.semantics.execution import RecordedInputs, Step, execute
 from koord.semantics.lassos import Flaw, flaw_of
 from koord.semantics.liveness import LIVENESS
@@ -19,7 +19,7 @@ from koord.semantics.runs.answering import SampledInputs
 from koord.semantics.runs.sampling import Sampler
 from koord.semantics.traces.changes import Change, differences
 from koord.semantics.traces.names import Names
-from koord.semantics.traces.recording import Answer
+from koord.semantics.traces.recording import Answer, Round
 from koord.semantics.traces.rendering import show_output
 from koord.semantics.traces.trace import (
     BEFORE_ROUNDS,
@@ -306,31 +306,39 @@ class _Replay:
         return ("PROP-ROUND" if at_round else "PROP-INVARIANT"), holds is not True
 
     def update_lost(self, name: str) -> bool:
-        """Whether two robots wrote a location in the last round that one of them updated."""
-        trace, d = self.trace, self.d
+        trace = self.trace
         if not trace.recording.rounds:
             return False
-        round_ = trace.recording.rounds[-1]
-        slots = [n.slot for n in self.names.allwrite if n.name == name]
-        inputs = RecordedInputs(readings=round_.readings, answers=round_.answers)
-        start = trace.configurations[-2]
-        updated = rewritten(trace.system.program)
-        written = []
-        for robot in round_.order:
-            position = round_.events[robot]
-            if position is None:
-                continue
-            state = start.robots[robot]
-            _, turned = program_turn(d, trace.system, robot, state, position, inputs)
-            kind = trace.system.kinds[robot]
-            written.append((turned.allwrite, updated.get((kind, position), frozenset())))
-        return any(
-            d.known(overlap(d, mine.get(slot), theirs.get(slot))) is True
-            for slot in slots
-            for k, (mine, updates) in enumerate(written)
-            for other, (theirs, _) in enumerate(written)
-            if k != other and slot in updates
-        )
+        start, round_ = trace.configurations[-2], trace.recording.rounds[-1]
+        return update_lost(self.d, trace.system, start, round_, name)
+
+
+def update_lost(
+    d: Domain[Constant],
+    system: System,
+    start: Configuration[Constant],
+    round_: Round,
+    name: str,
+) -> bool:
+    """Whether two robots write a location in a round that one of them updates. [LOST-UPDATE]"""
+    slots = [n.slot for n in Names(system).allwrite if n.name == name]
+    inputs = RecordedInputs(readings=round_.readings, answers=round_.answers)
+    updated = rewritten(system.program)
+    written = []
+    for robot in round_.order:
+        position = round_.events[robot]
+        if position is None:
+            continue
+        _, turned = program_turn(d, system, robot, start.robots[robot], position, inputs)
+        updates = updated.get((system.kinds[robot], position), frozenset())
+        written.append((turned.allwrite, updates))
+    return any(
+        d.known(overlap(d, mine.get(slot), theirs.get(slot))) is True
+        for slot in slots
+        for k, (mine, updates) in enumerate(written)
+        for other, (theirs, _) in enumerate(written)
+        if k != other and slot in updates
+    )
 
 
 def same_output(made: Emitted, recorded: Emitted) -> bool:

@@ -9,6 +9,7 @@ import pytest
 
 from koord.cli.counterexamples import trace_of
 from koord.refinement.rerunning import Departure, rerun
+from koord.refinement.rounding import Unjudged
 from koord.refinement.running import ready
 from koord.semantics.configurations import dealt
 from koord.semantics.traces.trace import BEFORE_ROUNDS, Numbers, Trace, traced
@@ -74,7 +75,7 @@ def departed(trace: Trace, wrong: str = "", right: str = "") -> Departure:
     text = trace.sources.program.text
     assert wrong in text
     found = rerun(trace, ready(program(text.replace(wrong, right, 1))))
-    assert found is not None
+    assert isinstance(found, Departure)
     return found
 
 
@@ -215,7 +216,7 @@ def test_a_property_that_rounding_mends_is_told(kind: str) -> None:
     mended = f"{steps}invariant A{kind}: forall i: x@i != 0.3\n"
     (trace,) = counterexamples(mended, robots=1)
     departure = rerun(trace)
-    assert departure is not None
+    assert isinstance(departure, Departure)
     assert (departure.round, departure.reason) == (2, "on doubles, A holds there")
     assert [(c.robot, c.name, c.old, c.new) for c in departure.changes] == [
         (0, "x", "0.3", "0.30000000000000004")
@@ -224,3 +225,100 @@ def test_a_property_that_rounding_mends_is_told(kind: str) -> None:
     assert rerun(broken) is None
     (apart,) = counterexamples(mended.replace("x@i != 0.3", "x@i < 0.25"), robots=1)
     assert rerun(apart) is None
+
+
+#: x is 0.3 after three steps, and 0.30000000000000004 on doubles.
+STEPS = """\
+allwrite:
+  int c = 0
+local:
+  float x = 0.0
+  bool done = false
+Step:
+  pre: x < 0.25
+  eff: x = x + 0.1
+"""
+
+
+@pytest.mark.parametrize(
+    ("rest", "reason"),
+    [
+        (
+            "Back:\n  pre: x >= 0.25\n  eff: x = x - 0.3\neventually A: forall i: x@i > 1\n",
+            "on doubles, the run does not end where its loop begins (x: 0 and ≈5.5",
+        ),
+        (
+            "Back:\n  pre: x >= 0.25\n  eff: x = 0.0\neventually A: forall i: x@i > 0.3\n",
+            "on doubles, A is not broken by the run",
+        ),
+        (
+            "Late:\n  pre: x == 0.30000000000000004\n  eff: done = true\n"
+            "eventually A: forall i: done@i\n",
+            "on doubles, robot 0 could run an event, and never does",
+        ),
+    ],
+)
+def test_a_run_without_end_that_rounding_mends_is_told(rest: str, reason: str) -> None:
+    """[RERUN] [LASSO]: it is closed, fair and breaks what it says on doubles as well, or not."""
+    (trace,) = counterexamples(STEPS + rest, robots=1, rounds=8)
+    assert trace.recording.loop is not None
+    departure = rerun(trace)
+    assert isinstance(departure, Departure)
+    assert departure.reason.startswith(reason)
+    assert departure.round == len(trace.recording.rounds) - 1
+    broken = STEPS + rest.replace("x = x - 0.3", "x = 0.0").replace("> 0.3", "> 5")
+    broken = broken.replace("== 0.30000000000000004", "> 5")
+    (trace,) = counterexamples(broken, robots=1, rounds=8)
+    assert rerun(trace) is None
+
+
+def test_a_lost_update_that_rounding_mends_is_told() -> None:
+    """[RERUN] [LOST-UPDATE]: who updates c at 0.3 does not on doubles."""
+    lost = STEPS + "Touch:\n  pre: x >= 0.25\n  eff:\n    if x == 0.3:\n      c = c * 1\n"
+    (trace,) = counterexamples(lost, rounds=8)
+    departure = rerun(trace)
+    assert isinstance(departure, Departure)
+    assert departure.reason == "on doubles, no update of c is lost there"
+    (trace,) = counterexamples(lost.replace("x == 0.3", "x > 0.25"), rounds=8)
+    assert rerun(trace) is None
+
+
+#: The model comes to 0.3 in the third round.
+MODEL = """\
+using Clock:
+  sensors:
+    float passed = 0.0
+  environment:
+    passed = passed + 0.1
+  contract Odd:
+    ensures: passed' != 0.3
+local:
+  int n = 0
+Wait:
+  eff: n = 1
+"""
+
+
+def test_a_contract_that_rounding_mends_is_told() -> None:
+    """[RERUN] [PROP-CONTRACT]"""
+    (trace,) = counterexamples(MODEL, robots=1)
+    departure = rerun(trace)
+    assert isinstance(departure, Departure)
+    assert departure.reason == "on doubles, robot 0 keeps contract Odd"
+    (trace,) = counterexamples(MODEL.replace("!= 0.3", "< 0.25"), robots=1)
+    assert rerun(trace) is None
+
+
+def test_what_nobody_recorded_about_rounded_numbers_is_not_judged() -> None:
+    """[RERUN]: the property asks a function about 0.3, and nobody about its double."""
+    text = """\
+def fun far(float x) -> bool: extern
+local:
+  float x = 0.0
+Go:
+  pre: x < 0.25
+  eff: x = x + 0.1
+invariant A: forall i: x@i < 0.25 or far(x@i)
+"""
+    (trace,) = counterexamples(text, robots=1)
+    assert isinstance(rerun(trace), Unjudged)
