@@ -7,17 +7,29 @@ a whole they are removed.
 from __future__ import annotations
 
 import os
+import shutil
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
+from typing import BinaryIO, Protocol
 
+from koord.cli.files import check_folder
 from koord.syntax.diagnostics import refusal
 
 #: What is new is kept so often.
 PERIOD_S = 1.0
+
+
+class Part(Protocol):
+    """What grows, and has to be closed."""
+
+    def grow(self) -> None:
+        """Write what is new."""
+
+    def close(self) -> None:
+        """Nothing more is written."""
 
 
 class Growing:
@@ -57,6 +69,20 @@ class Growing:
         except OSError as error:
             raise _unwritable(error) from None
 
+    def add_own(self, path: str, begun: Callable[[Path], Part]) -> None:
+        """As :meth:`add`, of what sees to its file, or folder, itself. Raises KoordError."""
+        here = Path(part_of(path))
+        try:
+            if here.exists():  # that of a run that was killed
+                if here.is_dir():
+                    check_folder(str(here))
+                remove_part(path)
+            part = begun(here)
+        except OSError as error:
+            raise _unwritable(error) from None
+        self._stack.callback(part.close)
+        self._files.append(part.grow)
+
     def grow(self) -> None:
         """Write what is new, if it is time. Raises KoordError."""
         if time.monotonic() < self._next_s:
@@ -76,8 +102,12 @@ def part_of(path: str) -> str:
 
 def remove_part(path: str) -> None:
     """The file is there as a whole now."""
+    part = part_of(path)
     with suppress(OSError):
-        os.unlink(part_of(path))
+        if os.path.isdir(part):
+            shutil.rmtree(part)
+        else:
+            os.unlink(part)
 
 
 def _unwritable(error: OSError) -> Exception:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from koord.cli.arguments import number
 from koord.cli.files import check_folder, check_writable, write_atomically, write_folder
-from koord.cli.growing import Growing, remove_part
+from koord.cli.growing import Growing, Part, remove_part
 from koord.syntax.diagnostics import refusal
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ class Form:
     extra: str
     #: Begins such a file while the run goes on, and gives what writes behind it.
     part: Callable[[Recording, BinaryIO], Callable[[], None]] | None = None
+    #: Or one that sees to its file, or folder, itself.
+    own: Callable[[Recording, Path], Part] | None = None
 
 
 def _mcap(recording: Recording, path: str) -> bytes:
@@ -85,12 +87,24 @@ def _part_mcap(recording: Recording, file: BinaryIO) -> Callable[[], None]:
     return PartRecord(recording, file).grow
 
 
+def _part_rrd(recording: Recording, path: Path) -> Part:
+    from koord.sim.files.rerun import PartRrd
+
+    return PartRrd(recording, path)
+
+
+def _part_bag(recording: Recording, path: Path) -> Part:
+    from koord.sim.files.rosbag import PartBag
+
+    return PartBag(recording, path)
+
+
 #: By the ending of a file's name.
 _PLOTS = dict.fromkeys((".png", ".svg", ".pdf"), Form(_plot, ("matplotlib",), "plot"))
 _RECORDS = {
     ".mcap": Form(_mcap, ("mcap",), "sim", _part_mcap),
-    ".rrd": Form(_rrd, ("rerun",), "export"),
-    ".rosbag2": Form(_rosbag, ("rosbags",), "export"),
+    ".rrd": Form(_rrd, ("rerun",), "export", own=_part_rrd),
+    ".rosbag2": Form(_rosbag, ("rosbags",), "export", own=_part_bag),
 }
 _VIEWS = {
     "2d": Form(_page, (), "sim", _part_page),
@@ -183,6 +197,8 @@ def watched(
         for path, form in _wanted(arguments):
             if form.part is not None:
                 parts.add(path, partial(form.part, recording))
+            if form.own is not None:
+                parts.add_own(path, partial(form.own, recording))
         if tracing is not None and arguments.trace is not None:
             parts.add(arguments.trace, partial(_trace, tracing, simulation))
 

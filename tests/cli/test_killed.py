@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -47,6 +49,10 @@ if __name__ == "__main__":
     growing.PERIOD_S = run._PERIOD_S = 0.0
     what, most, number = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     holders = {"page": (PartPage, "grow"), "record": (RecordFile, "flush")}
+    if what in ("bag", "rrd"):
+        from koord.sim.files.rerun import PartRrd
+        from koord.sim.files.rosbag import PartBag
+        holders |= {"bag": (PartBag, "grow"), "rrd": (PartRrd, "grow")}
     holders |= {"trace": (PartTrace, "grow"), "line": (LiveLine, "show"), "table": (Rounds, "show")}
     holder, name = holders[what]
     counted(holder, name, most, number)
@@ -203,3 +209,45 @@ def test_a_deployed_run_that_is_killed_is_there_up_to_then(tmp_path: Path) -> No
     assert ended(tmp_path, "record", 8, signal.SIGKILL, *words) == -signal.SIGKILL
     told = [json.loads(message.data) for message in messages(tmp_path / "run.mcap")]
     assert any("event" in one for one in told)
+
+
+def test_a_bag_of_a_run_that_is_killed_is_whole(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    words = ["sim", PATH, "--no-html", "--record", "run.rosbag2"]
+    assert ended(tmp_path, "bag", 6, signal.SIGKILL, *words) == -signal.SIGKILL
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["driver.py", "run.part.rosbag2"]
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with AnyReader([tmp_path / "run.part.rosbag2"], default_typestore=store) as reader:
+        times = [time_ns for one, time_ns, _ in reader.messages() if one.topic == "/tf"]
+        assert reader.message_count == sum(1 for _ in reader.messages())
+    assert max(times) == round(0.5e9)  # five rounds
+
+
+@pytest.mark.slow
+def test_a_recording_for_rerun_of_a_run_that_is_killed_is_there(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    words = ["sim", PATH, "--no-html", "--record", "run.rrd"]
+    assert ended(tmp_path, "rrd", 6, signal.SIGKILL, *words) == -signal.SIGKILL
+    tool = shutil.which("rerun", path=Path(sys.executable).parent)
+    assert tool is not None
+    told = subprocess.run(
+        [tool, "rrd", "print", "-vvv", str(tmp_path / "run.part.rrd")],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "HOME": str(tmp_path)},
+        check=True,
+    )
+    times = {float(one) for one in re.findall(r"PT([0-9.]+)S", told.stdout)}
+    assert max(times) == 0.5, told.stdout[:4000]
+
+
+@pytest.mark.slow
+def test_a_run_that_is_watched_and_killed_is_there_up_to_then(tmp_path: Path) -> None:
+    words = ["sim", PATH, "--live", "--pace", "10", "--no-html", "--record", "run.mcap"]
+    assert ended(tmp_path, "record", 6, signal.SIGKILL, *words) == -signal.SIGKILL
+    told = [json.loads(message.data) for message in messages(tmp_path / "run.part.mcap")]
+    assert max(one["round"] for one in told if "ran" in one) == 4

@@ -167,6 +167,13 @@ SHOWN = (
         "None if not lost else Mended",
         ("tests/refinement/test_rerunning.py",),
     ),
+    Mutant(
+        "a bag is committed at its end only",
+        "sim/files/rosbag.py",
+        "        self._storage.conn.commit()\n",
+        "        pass\n",
+        ("tests/cli/test_killed.py",),
+    ),
     # time, and what is unknown
     Mutant(
         "what was spent on a claim before does not count",

@@ -102,7 +102,7 @@ def test_a_rosbag_has_every_obstacle(cluttered: Recording) -> None:
     from rosbags.typesys import Stores, get_typestore
 
     types = get_typestore(Stores.ROS2_HUMBLE).types
-    ((_, _, scene),) = rosbag._Messages(cluttered, types).all()
+    ((_, _, scene),) = rosbag._Messages(cluttered, types).scenery()
     box, disc, polygon = [marker for marker in scene.markers if marker.ns == "obstacles"]
     assert (box.pose.position.x, box.pose.position.y, box.scale.z) == (1.5, 2.0, 1.0)
     assert (disc.scale.x, disc.scale.z) == (1.0, 3.0)

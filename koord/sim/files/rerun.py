@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from koord.runtime.motion.world import Box, Disc, Obstacle, World
-from koord.sim.recording import Header, Look, Recording, TaskState, turns_of
+from koord.sim.recording import Header, Look, Recording, Sizes, TaskState, turns_of
 
 _HUES = (0x2F6FDEFF, 0xB8429AFF, 0x0E8F9EFF, 0x8A6428FF, 0x6C4BD8FF, 0x5A7182FF)
 _TASKS = {
@@ -25,21 +25,64 @@ _TIMELINE = "time"
 
 def rrd_of(recording: Recording) -> bytes:
     """A run in Rerun's form; times are seconds on the timeline ``time``."""
-    import rerun
-
-    stream = rerun.RecordingStream("koord", send_properties=False)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.rrd"
-        stream.save(path)
-        _draw_world(rerun, stream, recording.header.world)
-        for k in range(len(recording.header.robots)):
-            _draw_robot(rerun, stream, recording, k)
-        _draw_tasks(rerun, stream, recording)
-        _draw_paths(rerun, stream, recording)
-        _tell(rerun, stream, recording)
-        _tell_distance(rerun, stream, recording)
-        stream.disconnect()
+        drawn = PartRrd(recording, path)
+        drawn.grow()
+        drawn.close()
         return path.read_bytes()
+
+
+class PartRrd:
+    """A file of Rerun's form that grows while the run goes on, and can be read up to its end."""
+
+    def __init__(self, recording: Recording, path: Path) -> None:
+        import rerun
+
+        self._rerun: Any = rerun
+        self._recording, self._kept = recording, Sizes()
+        header = recording.header
+        self._states = [TaskState.OPEN] * len(header.world.tasks)
+        self._stream: Any = rerun.RecordingStream("koord", send_properties=False)
+        self._stream.save(path)
+        _draw_world(rerun, self._stream, header.world)
+        for k in range(len(header.robots)):
+            _draw_body(rerun, self._stream, header, k)
+        self._stream.set_time(_TIMELINE, duration=0.0)
+        self._draw_tasks()
+        for line in header.differing:
+            self._stream.log("log", rerun.TextLog(line, level="INFO"))
+
+    def grow(self) -> None:
+        """Write what is new."""
+        now = self._recording.sizes
+        self._add(self._recording.since(self._kept))
+        self._kept = now
+        self._stream.flush()
+
+    def close(self) -> None:
+        self._stream.disconnect()
+
+    def _add(self, new: Recording) -> None:
+        rerun, stream = self._rerun, self._stream
+        for k in range(len(new.header.robots)):
+            _draw_poses(rerun, stream, new, k)
+        for change in new.tasks:
+            stream.set_time(_TIMELINE, duration=change.time_s)
+            self._states[change.task] = change.state
+            self._draw_tasks()
+        _draw_paths(rerun, stream, new)
+        _tell(rerun, stream, new)
+        _tell_distance(rerun, stream, new)
+
+    def _draw_tasks(self) -> None:
+        tasks = self._recording.header.world.tasks
+        if not tasks:
+            return
+        labels = [f"{k}: {state.name.lower()}" for k, state in enumerate(self._states)]
+        colours = [_TASKS[state] for state in self._states]
+        points = self._rerun.Points3D(tasks, colors=colours, radii=0.1, labels=labels)
+        self._stream.log("world/tasks", points)
 
 
 def _draw_world(rerun: Any, stream: Any, world: World) -> None:
@@ -76,9 +119,8 @@ def _prism(rerun: Any, obstacle: Obstacle, world: World) -> Any:
             return rerun.LineStrips3D(strips, colors=[_WALL])
 
 
-def _draw_robot(rerun: Any, stream: Any, recording: Recording, number: int) -> None:
-    robot, colour = recording.header.robots[number], _HUES[number % len(_HUES)]
-    name = f"world/robots/{number}"
+def _draw_body(rerun: Any, stream: Any, header: Header, number: int) -> None:
+    robot, colour = header.robots[number], _HUES[number % len(_HUES)]
     if robot.look is Look.CAR:
         half = (robot.length_m / 2, robot.width_m / 2, 0.08)
         centre = (robot.middle_m, 0.0, 0.08)
@@ -87,35 +129,19 @@ def _draw_robot(rerun: Any, stream: Any, recording: Recording, number: int) -> N
     body = rerun.Boxes3D(
         half_sizes=[half], centers=[centre], colors=[colour], labels=[robot.name], fill_mode="solid"
     )
-    stream.log(f"{name}/body", body, static=True)
+    stream.log(f"world/robots/{number}/body", body, static=True)
+
+
+def _draw_poses(rerun: Any, stream: Any, recording: Recording, number: int) -> None:
     poses = recording.stacked()[:, number]
     if not len(poses):
         return
     turns = turns_of(poses)[:, [1, 2, 3, 0]]  # w is last there
     stream.send_columns(
-        name,
+        f"world/robots/{number}",
         indexes=[rerun.TimeColumn(_TIMELINE, duration=list(recording.times_s))],
         columns=rerun.Transform3D.columns(translation=poses[:, :3], quaternion=turns),
     )
-
-
-def _draw_tasks(rerun: Any, stream: Any, recording: Recording) -> None:
-    tasks = recording.header.world.tasks
-    if not tasks:
-        return
-    states = [TaskState.OPEN] * len(tasks)
-
-    def draw() -> None:
-        labels = [f"{k}: {state.name.lower()}" for k, state in enumerate(states)]
-        colours = [_TASKS[state] for state in states]
-        stream.log("world/tasks", rerun.Points3D(tasks, colors=colours, radii=0.1, labels=labels))
-
-    stream.set_time(_TIMELINE, duration=0.0)
-    draw()
-    for change in recording.tasks:
-        stream.set_time(_TIMELINE, duration=change.time_s)
-        states[change.task] = change.state
-        draw()
 
 
 def _draw_paths(rerun: Any, stream: Any, recording: Recording) -> None:
@@ -129,9 +155,6 @@ def _draw_paths(rerun: Any, stream: Any, recording: Recording) -> None:
 def _tell(rerun: Any, stream: Any, recording: Recording) -> None:
     """Events, output and violations as text."""
     header = recording.header
-    stream.set_time(_TIMELINE, duration=0.0)
-    for line in header.differing:
-        stream.log("log", rerun.TextLog(line, level="INFO"))
     for done in recording.rounds:
         words = [*_events(header, done.deeds.tolist())]
         words += [f"robot {said.robot} {said.stream}: {said.text}" for said in done.said]

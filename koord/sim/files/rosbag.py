@@ -6,16 +6,17 @@ robots; ``/events``, what robots ran, and ``/violations``, as JSON in strings.
 
 from __future__ import annotations
 
+import copy
 import json
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from koord.runtime.motion.world import Box, Disc, Obstacle
-from koord.sim.recording import Header, Look, Recorded, Recording, TaskState, turns_of
+from koord.sim.recording import Header, Look, Recorded, Recording, Sizes, TaskState, turns_of
 
 _WORLD = "world"
 
@@ -36,21 +37,79 @@ _Timed = tuple[int, str, Any]
 
 def rosbag_of(recording: Recording, name: str) -> dict[str, bytes]:
     """The files of a rosbag2 folder of a name."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    messages = sorted(_Messages(recording, store.types).all(), key=lambda one: one[0])
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent) / name
-        connections: dict[str, Any] = {}
-        with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-            for time_ns, topic, message in messages:
-                kind = message.__msgtype__
-                if topic not in connections:
-                    connections[topic] = writer.add_connection(topic, kind, typestore=store)
-                writer.write(connections[topic], time_ns, store.serialize_cdr(message, kind))
+        bag = _Bag(recording, folder)
+        bag.add(recording, Sizes())
+        bag.close()
         return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+class PartBag:
+    """A rosbag2 folder that is written while the run goes on, whole each time that it has grown."""
+
+    def __init__(self, recording: Recording, folder: Path) -> None:
+        self._recording, self._kept = recording, Sizes()
+        self._bag = _Bag(recording, folder)
+
+    def grow(self) -> None:
+        """Write what is new."""
+        now = self._recording.sizes
+        self._bag.add(self._recording, self._kept)
+        self._kept = now
+        self._bag.flush()
+
+    def close(self) -> None:
+        self._bag.close()
+
+
+class _Bag:
+    """A rosbag2 folder that is being written; a topic is known from its first message on."""
+
+    def __init__(self, recording: Recording, folder: Path) -> None:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+
+        self._store: Any = get_typestore(Stores.ROS2_HUMBLE)
+        self._writer: Any = Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3)
+        self._writer.open()
+        self._connections: dict[str, Any] = {}
+        self._write(_Messages(recording, self._store.types).scenery())
+
+    def add(self, recording: Recording, start: Sizes) -> None:
+        """What was recorded after so much."""
+        self._write(_Messages(recording.since(start), self._store.types).all())
+
+    def _write(self, messages: Iterable[_Timed]) -> None:
+        writer, connections = self._writer, self._connections
+        for time_ns, topic, message in sorted(messages, key=lambda one: one[0]):
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=self._store)
+            raw = self._store.serialize_cdr(message, kind)
+            writer.write(connections[topic], time_ns, raw)
+
+    def flush(self) -> None:
+        """Write all that was added: the folder is whole then, whatever becomes of this process.
+
+        The library writes what says what is in a bag only where it closes one, so a copy does it.
+        """
+        ended = copy.copy(self._writer)
+        ended.storage = _Open(self._writer.storage)
+        ended.close()
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+class _Open:
+    """A storage that stays open when it is closed: what was written is committed."""
+
+    def __init__(self, storage: Any) -> None:
+        self.path, self._storage = storage.path, storage
+
+    def close(self, version: int, metadata: str) -> None:
+        self._storage.conn.commit()
 
 
 class _Messages:
@@ -60,16 +119,20 @@ class _Messages:
         self.recording, self.header = recording, recording.header
         self._types = types
 
-    def all(self) -> Iterator[_Timed]:
+    def scenery(self) -> Iterator[_Timed]:
+        """What is there from the beginning."""
         yield 0, "/scene", self._markers([*self._world(), *self._robots(), *self._tasks()])
+        if self.header.differing:
+            text = json.dumps({"differing": self.header.differing})
+            yield 0, "/events", self._make("std_msgs/msg/String", text)
+
+    def all(self) -> Iterator[_Timed]:
+        """What was recorded."""
         for time_s, poses in zip(self.recording.times_s, self.recording.poses, strict=True):
             yield from self._poses(time_s, poses.tolist(), turns_of(poses).tolist())
         for change in self.recording.tasks:
             marker = self._task(change.task, change.state, change.time_s)
             yield _ns(change.time_s), "/scene", self._markers([marker])
-        if self.header.differing:
-            text = json.dumps({"differing": self.header.differing})
-            yield 0, "/events", self._make("std_msgs/msg/String", text)
         for done in self.recording.rounds:
             ran = _ran(self.header, done.deeds.tolist())
             if ran:
