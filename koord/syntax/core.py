@@ -617,7 +617,8 @@ class External(Node):
     """A function known by its summary only.
 
     ``requires`` and ``ensures`` see the parameters (the first BOUND slots) and, in ``ensures``, the
-    answer (the slot behind them). Not meeting ``requires`` is a fault of the caller.
+    answer (the slot behind them). Not meeting ``requires`` is a fault of the caller. One that
+    ``constructs`` gives lists or records made of its arguments: of other arguments others.
     """
 
     name: str
@@ -627,6 +628,7 @@ class External(Node):
     requires: tuple[Expr, ...]
     ensures: tuple[Expr, ...]
     bound: int
+    constructs: bool = False
 
 
 class PropertyKind(Enum):

@@ -157,7 +157,7 @@ class _Rewriter:
                 return type_
 
     def _call(self, node: core.MakeList | core.MakeRecord) -> core.ExternalCall:
-        """The expression as a function of its parts, of which nothing is known."""
+        """The expression as a function of its parts, which are all that is known of it."""
         parts = node.items if isinstance(node, core.MakeList) else node.fields
         arguments = tuple(self.rewrite(part) for part in parts)
         types = tuple(argument.type for argument in arguments)
@@ -177,7 +177,14 @@ def _maker(name: str, types: tuple[Type, ...], result: Type) -> core.External:
     )
     answer = core.Variable(core.Home.BOUND, len(types), "result", result)
     return core.External(
-        name, parameters, answer, core.ExternalKind.FUNCTION, (), (), len(types) + 1
+        name,
+        parameters,
+        answer,
+        core.ExternalKind.FUNCTION,
+        (),
+        (),
+        len(types) + 1,
+        constructs=True,
     )
 
 

@@ -1,4 +1,4 @@
-"""The explicit search of the semantics as an engine: for all rounds, or a run with the fewest rounds."""
+"""The explicit search of the semantics as an engine: for all rounds, or for a run of few rounds."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp
 from koord.syntax.types import OpaqueType, Type
 from koord.verify.bits.domain import BitDomain, Bits, literal
-from koord.verify.bits.graph import TRUE
+from koord.verify.bits.graph import FALSE, TRUE
 from koord.verify.bits.opaque import EQUALS, Argument, Atom, Choice, Known
 from koord.verify.bits.unknowns import BitUnknowns
 
@@ -51,8 +51,11 @@ class Axioms:
     _axioms: list[Axiom] = field(default_factory=list)
     _required: dict[int, list[int]] = field(default_factory=lambda: {0: [], 1: []})
     _done: set[object] = field(default_factory=set)
+    _constructors: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
+        externals = self.system.program.externals
+        self._constructors = frozenset(e.name for e in externals if e.constructs)
         for external in self.system.program.externals:
             self._axioms += _axioms_of(self.system, self.d, external)
 
@@ -72,6 +75,7 @@ class Axioms:
                 for number, axiom in enumerate(self._axioms):
                     for binding in known.matches(axiom):
                         self._require(number, axiom, binding, part)
+            self._constructions(part, atoms)
             self._congruences(part, atoms)
         self.d.opaques.part = 1
 
@@ -88,6 +92,28 @@ class Axioms:
         required = self.d.graph.substituted(axiom.formula, meaning)
         if required != TRUE:
             self._required[part].append(required)
+
+    def _constructions(self, part: int, atoms: dict[Atom, int]) -> None:
+        """Lists and records are equal if they are made of as much, and that is equal."""
+        opaques, g = self.d.opaques, self.d.graph
+        for (relation, arguments), same in list(atoms.items()):
+            if relation != EQUALS or (part, same) in self._done:
+                continue
+            one, other = (opaques.tokens[a] for a in arguments if not isinstance(a, Known))
+            if not self._constructors.issuperset((one.function, other.function)):
+                continue
+            self._done.add((part, same))
+            if len(one.arguments) != len(other.arguments):
+                self._required[part].append(same ^ 1)
+            elif one.function == other.function:
+                pairs = zip(one.arguments, other.arguments, strict=True)
+                alike = g.all_of(self._alike(a, b) for a, b in pairs)
+                self._required[part].append(g.differ(same, alike) ^ 1)
+
+    def _alike(self, one: Argument, other: Argument) -> int:
+        if isinstance(one, Known) or isinstance(other, Known):
+            return TRUE if one == other else FALSE
+        return self.d.opaques.atom(EQUALS, (one, other))
 
     def _congruences(self, part: int, atoms: dict[Atom, int]) -> None:
         """Equal tokens are alike in all that was asked about both."""

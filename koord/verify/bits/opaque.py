@@ -70,18 +70,22 @@ class Opaques:
         return Choice(sort, ((len(self.tokens) - 1, TRUE),))
 
     def term(self, function: str, arguments: tuple[Argument, ...], sort: str) -> int:
-        """The token that a function gives for arguments: for equal ones the same."""
-        key = (function, self.part, arguments)
+        """The token that a function gives for arguments: for equal ones the same.
+
+        For none it gives one for the whole run, of which is known what is known of variables'.
+        """
+        key = (function, self.part if arguments else 0, arguments)
         if key not in self._terms:
             shown = ",".join(str(a) for a in arguments)
-            token = Token(sort, f"{function}({shown})", self.part, False, function, arguments)
+            name, standing = f"{function}({shown})", not arguments
+            token = Token(sort, name, self.part, standing, function, arguments)
             self.tokens.append(token)
             self._terms[key] = len(self.tokens) - 1
         return self._terms[key]
 
     def found(self, function: str, arguments: tuple[Argument, ...]) -> int:
         """The token that a function gave for arguments; -1 if it was never asked."""
-        return self._terms.get((function, self.part, arguments), -1)
+        return self._terms.get((function, self.part if arguments else 0, arguments), -1)
 
     def atom(self, relation: str, arguments: tuple[Argument, ...]) -> int:
         """Whether a relation holds of tokens and constants."""

@@ -80,6 +80,17 @@ class Assignment:
         return f"{value.sort}!0"
 
 
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What a step of a run (0: INIT) says of a relation between values, which go by their names."""
+
+    relation: str
+    names: tuple[str, ...]
+    step: int
+    literal: int  #: of the circuit
+    holds: bool
+
+
 @dataclass(slots=True)
 class Names:
     """What opaque values are called: those that are equal alike, from one step to the next."""
@@ -100,13 +111,13 @@ class Names:
         if isinstance(argument, Known):
             return str(argument.value)
         token = self.opaques.tokens[argument]
+        if token.function and not token.arguments:
+            return token.function
         if token.standing:
             return self.standing.get(argument, f"{token.sort}!0")
         if token.function:
             arguments = tuple(self.of(step, a) for a in token.arguments)
             key = (token.function, arguments)
-            if not arguments:
-                return token.function
             if key not in self._terms:
                 self._terms[key] = self._equal(step, argument) or self._new(token.sort)
             return self._terms[key]
@@ -137,15 +148,19 @@ def recording(
     run: Witnessed,
     phase: Phase,
     seen: Callable[[dict[int, str]], None] = lambda standing: None,
+    told: Callable[[Told], None] | None = None,
 ) -> Recording:
     """A run of a circuit as one of the system, up to a phase of its last round.
 
-    ``seen`` is told after INIT and after each round what opaque variables hold, by name.
+    ``seen`` is told after INIT and after each round what opaque variables hold, by name, and
+    ``told`` of all that is said of opaque values.
     """
     d = circuit.d
     names = Names(d.opaques)
     first = Assignment(d, run.opening, names, 0)
     opening = opening_of(_reader(first, system), circuit.opening)
+    if told is not None:
+        _tell(first, 0, told)
     names.next({token: first.name(starts) for token, (starts, _) in circuit.tokens.items()})
     seen(names.standing)
     rounds = []
@@ -154,9 +169,19 @@ def recording(
         last = number + 1 == len(run.rounds)
         d.opaques.part = 1
         rounds.append(round_of(_reader(step, system), circuit.round, phase if last else None))
+        if told is not None:
+            _tell(step, number + 1, told)
         names.next({token: step.name(then) for token, (_, then) in circuit.tokens.items()})
         seen(names.standing)
     return Recording(opening, tuple(rounds))
+
+
+def _tell(step: Assignment, number: int, told: Callable[[Told], None]) -> None:
+    """Say what a step says of opaque values."""
+    for (relation, arguments), x in list(step.d.opaques.atoms.get(step.part, {}).items()):
+        if relation != EQUALS:
+            names = tuple(step.names.of(step, argument) for argument in arguments)
+            told(Told(relation, names, number, x, step.literal(x)))
 
 
 def _reader(step: Assignment, system: System) -> Reader:

@@ -30,7 +30,7 @@ from koord.verify.bits.cells import (
 from koord.verify.bits.domain import Bit, BitDomain, Bits, Range, literal
 from koord.verify.bits.graph import FALSE, TRUE
 from koord.verify.bits.numbers import Number
-from koord.verify.bits.opaque import Choice, Known
+from koord.verify.bits.opaque import Argument, Choice, Known
 from koord.verify.bits.unknowns import BitUnknowns
 from koord.verify.bmc import assumed, violations
 from koord.verify.claims import Claim, Findings, Phase
@@ -449,13 +449,17 @@ def _relations(
             becomes = []
             for part in (0, 1):
                 d.opaques.part = part
-                values = [
-                    Choice("", ((a, TRUE),)) if isinstance(a, Known) else tokens[a][part]
-                    for a in arguments
-                ]
+                values = [_becomes(a, tokens, part) for a in arguments]
                 becomes.append(d.opaques.related(relation, values))
             d.opaques.part = 1
             found[atom] = Latch(d.graph.names[x >> 1], x, becomes[0], becomes[1])
+
+
+def _becomes(argument: Argument, tokens: dict[int, tuple[Choice, Choice]], part: int) -> Choice:
+    """What an argument is after INIT, or after a round; constants stay what they are."""
+    if isinstance(argument, Known) or argument not in tokens:
+        return Choice("", ((argument, TRUE),))
+    return tokens[argument][part]
 
 
 __all__ = ["FINEST", "Circuit", "Iterable", "Latch", "circuit_of"]

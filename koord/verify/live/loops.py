@@ -12,16 +12,19 @@ from koord.semantics.traces.recording import Recording
 from koord.verify.bits.clauses import TRUE_SIDE
 from koord.verify.bits.domain import Bits, literal
 from koord.verify.bits.graph import Graph
-from koord.verify.bits.runs import recording
+from koord.verify.bits.runs import Told, recording
 from koord.verify.bits.transition import Latch
 from koord.verify.bits.unrolling import Unrolled
 from koord.verify.claims import Phase
 from koord.verify.live.monitors import Watched
-from koord.verify.live.tying import tied
+from koord.verify.live.tying import closing, tied
 from koord.verify.solving import Answer, Deadline
 
 #: So many lassos of one length are looked at before longer ones are.
 _MOST = 8
+
+#: So often a lasso of one length is looked for in which functions keep to what they answered.
+_MOST_MENDED = 64
 
 
 @dataclass(slots=True)
@@ -59,25 +62,56 @@ class Loops:
             wanted.append(g.both(choice, self._closes(k) ^ 1) ^ 1)
         inside = [g.any_of(choices[: k + 1]) for k in range(self.rounds)]
         wanted += self._fair(g, inside)
-        for _ in range(_MOST):
+        looked_at = 0
+        for _ in range(_MOST_MENDED):
             answer = unrolled.asked(g.all_of(wanted), deadline)
             if answer is Answer.UNKNOWN:
                 raise OutOfPatienceError
             if answer is not Answer.SAT:
                 return
-            lasso = self._witnessed(system, choices)
+            lasso, told = self._witnessed(system, choices)
+            changed = self._contradictions(told)
+            if changed:
+                wanted += changed
+                continue
             yield lasso
+            looked_at += 1
+            if looked_at == _MOST:
+                return
             wanted.append(self._runs_as(lasso) ^ 1)
 
-    def _witnessed(self, system: System, choices: list[int]) -> Recording:
+    def _witnessed(self, system: System, choices: list[int]) -> tuple[Recording, list[Told]]:
+        """A lasso, and what it says of opaque values."""
         unrolled = self.unrolled
         run = unrolled.witnessed()
         model = unrolled.clauses.model()
         numbers = [unrolled.clauses.of(choice, TRUE_SIDE) for choice in choices]
         loop = next(k for k, number in enumerate(numbers) if model[number] > 0)
         standing: list[dict[int, str]] = []
-        found = recording(self.watched.circuit, system, run, Phase.END, standing.append)
-        return tied(replace(found, loop=loop), standing)
+        told: list[Told] = []
+        found = recording(
+            self.watched.circuit, system, run, Phase.END, standing.append, told.append
+        )
+        names = closing(loop, standing)
+        lasso = tied(replace(found, loop=loop), names)
+        called = [replace(t, names=tuple(names.get(n, n) for n in t.names)) for t in told]
+        return lasso, called
+
+    def _contradictions(self, told: list[Told]) -> list[int]:
+        """What would have to hold for functions to answer the same of the same values. [EXTERNAL]
+
+        Circuits do not know of all values whether they are equal, and a lasso may take them for
+        different ones that turn out to be one. To require too much costs lassos, and no proof.
+        """
+        copies = [self.unrolled.opening, *self.unrolled.rounds]
+        first: dict[tuple[str, tuple[str, ...]], Told] = {}
+        wanted = []
+        for each in told:
+            before = first.setdefault((each.relation, each.names), each)
+            if before.holds != each.holds:
+                one, other = (copies[t.step].of(t.literal) for t in (before, each))
+                wanted.append(self.unrolled.graph.differ(one, other) ^ 1)
+        return wanted
 
     def _runs_as(self, lasso: Recording) -> int:
         """Whether all robots run what they do in a lasso."""

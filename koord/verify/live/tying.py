@@ -8,16 +8,19 @@ from koord.semantics.traces.recording import Answer, Concrete, Recording
 from koord.semantics.values import Rec, Seq, Table
 
 
-def tied(lasso: Recording, standing: list[dict[int, str]]) -> Recording:
+def closing(loop: int, standing: list[dict[int, str]]) -> dict[str, str]:
+    """What values are called that are new in a loop, by the names that they came up with."""
+    first, last = standing[loop], standing[-1]
+    old = {name for names in standing[: loop + 1] for name in names.values()}
+    return {last[token]: first[token] for token in last if last[token] not in old}
+
+
+def tied(lasso: Recording, names: dict[str, str]) -> Recording:
     """The lasso with opaque values that are new in the loop called what they were at its start.
 
     Of these nothing is known but what bits say, and they say the same at both ends. Whether any
     values are like that, replay finds out.
     """
-    assert lasso.loop is not None
-    first, last = standing[lasso.loop], standing[-1]
-    old = {name for names in standing[: lasso.loop + 1] for name in names.values()}
-    names = {last[token]: first[token] for token in last if last[token] not in old}
 
     def called(value: Concrete) -> Concrete:
         match value:
