@@ -35,6 +35,8 @@ MOST_SHOWN = 12
 #: What is said of a violation where nobody looked at all runs with fewer rounds.
 SOONER = ", perhaps sooner"
 
+_ENGINES = frozenset(engine.value for engine in Engine)
+
 PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKNOWN: Paint.WARNING}
 
 
@@ -84,7 +86,8 @@ def _failed(failure: Failure) -> str:
             "; this is a mistake in koord: please report it with the program, "
             "KOORD_DEBUG=1 shows the traceback"
         )
-    return f"{failure.who}, others were asked instead: {failure.what}{place}{mistake}"
+    instead = ", others were asked instead" if failure.who in _ENGINES else ""
+    return f"{failure.who}{instead}: {failure.what}{place}{mistake}"
 
 
 def _fairly(fairness: tuple[str, ...]) -> str:

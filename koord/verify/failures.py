@@ -10,6 +10,9 @@ from koord.verify.verdicts import Failure
 #: Who looks for what makes verdicts say less than they seem to.
 VACUITY = "the search for what never happens"
 
+#: Who makes the claims about what is between the ends of rounds.
+SHADOWS = "what is asked between rounds"
+
 #: The last place in koord that a traceback names, also where it was in another process.
 _PLACE = re.compile(r'File "[^"]*?(koord/[^"]+\.py)", line (\d+)')
 

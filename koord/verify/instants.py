@@ -20,20 +20,30 @@ from koord.semantics.storage import same_storage
 from koord.semantics.traces.recording import Answer, Recording
 from koord.semantics.turns import environment_turn
 from koord.syntax import core
-from koord.syntax.core import BinaryOp, Direction, Home, PropertyKind, UnaryOp
-from koord.syntax.source import Span
+from koord.syntax.core import BinaryOp, Direction, Home, UnaryOp
+from koord.syntax.source import NOWHERE, Span
 from koord.syntax.types import FLOAT, FloatType, Type, within
 from koord.syntax.walk import last_site, statements, written
 from koord.verify.apart import verify_apart
 from koord.verify.bmc import Unrolling
 from koord.verify.claims import Claim, ClaimKind
+from koord.verify.failures import SHADOWS, failure_of
+from koord.verify.pool import was_interrupted
 from koord.verify.portfolio import Choice
-from koord.verify.shadows import BETWEEN, INSTANT, Shadows, ports_of, with_primed
+from koord.verify.shadows import (
+    BETWEEN,
+    INSTANT,
+    Shadows,
+    between,
+    is_asked_between,
+    ports_of,
+    with_primed,
+)
 from koord.verify.solving import Answer as Solved
 from koord.verify.solving import Deadline, Effort
 from koord.verify.symbols import Symbolic, SymbolicInputs, SymbolicOracle
 from koord.verify.terms import Term
-from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+from koord.verify.verdicts import Bounds, Engine, Failure, Outcome, Report, Verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +60,14 @@ class Shadowed:
     """A system with shadows, and what is to be shown of it.
 
     ``unsaid`` says of claims why nobody knows: they are not among those of the system.
+    ``failures``: what making the shadows ran into.
     """
 
     original: System
     system: System
     names: tuple[str, ...]
     unsaid: tuple[tuple[Claim, Unsaid], ...]
+    failures: tuple[Failure, ...] = ()
 
     def unshadowed(self, recording: Recording) -> Recording:
         """The run of the original that a run of the system with shadows goes along with."""
@@ -130,13 +142,31 @@ def verified(
         if wanted(claim.name)
     )
     # What is empty is so at the ends of rounds as well, and told there.
-    return replace(report, verdicts=report.verdicts + unsaid, vacuities=())
+    verdicts, failures = report.verdicts + unsaid, report.failures + shadows.failures
+    return replace(report, verdicts=verdicts, vacuities=(), failures=failures)
 
 
 def shadowed(system: System, deadline: Deadline, seed: int = 0) -> Shadowed:
-    """The system with shadows of all modules that its invariants read."""
+    """The system with shadows of all modules that its invariants read.
+
+    Where they cannot be made, nobody knows of any of these invariants, and the rest is as it is.
+    """
+    try:
+        return _shadowed(system, deadline, seed)
+    except Exception as error:
+        if was_interrupted():
+            raise KeyboardInterrupt from error
+        failure = failure_of(SHADOWS, error)
+    read = [p for p in system.program.properties if is_asked_between(p)]
+    hidden = Unsaid("", str(failure), NOWHERE)
+    claims = (Claim(between(p.name), ClaimKind.PROPERTY, p) for p in read)
+    unsaid = tuple((claim, hidden) for claim in claims)
+    return Shadowed(system, system, (), unsaid, (failure,))
+
+
+def _shadowed(system: System, deadline: Deadline, seed: int) -> Shadowed:
     program = system.program
-    asked = [p for p in program.properties if p.kind is PropertyKind.INVARIANT]
+    asked = [p for p in program.properties if is_asked_between(p)]
     read = {p: ports_of(p.condition) for p in asked}
     wanted = with_primed(program, {slot for slots in read.values() for slot in slots})
     shadows = Shadows.of(program, wanted)

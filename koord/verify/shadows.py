@@ -28,6 +28,16 @@ def ports_of(part: object) -> frozenset[int]:
     return frozenset(variable.slot for variable in found)
 
 
+def between(name: str) -> str:
+    """What the claim about instants is called that an invariant becomes."""
+    return f"{name} {BETWEEN}"
+
+
+def is_asked_between(stated: core.Property) -> bool:
+    """Whether an invariant says something of instants: it reads a port."""
+    return stated.kind is PropertyKind.INVARIANT and bool(ports_of(stated.condition))
+
+
 def with_primed(program: core.Program, slots: set[int]) -> set[int]:
     """Some ports, with those that contracts of their modules speak of as they are afterwards."""
     found = set(slots)
@@ -93,7 +103,7 @@ class Shadows:
         condition = self._after(stated.condition)
         if condition == stated.condition:
             return None
-        name = f"{stated.name} {BETWEEN}"
+        name = between(stated.name)
         return replace(stated, name=name, kind=PropertyKind.AT_ROUND, condition=condition)
 
     def promises(self, lost: set[int]) -> Iterator[str]:

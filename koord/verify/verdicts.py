@@ -173,7 +173,8 @@ class Unlooked:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """What an engine ran into: it gave no answer, and the others were asked instead of it.
+    """What an engine ran into: it gave no answer, and the others were asked instead of it; or what
+    something beside the engines ran into.
 
     ``where`` is the place in koord that is to blame; there is none where memory is. ``trace`` is
     how it came there.

@@ -11,6 +11,7 @@ import pytest
 from koord.cli import certifying, counterexamples, premises, slices, sweeps, verified
 from koord.cli.exits import Exit
 from koord.cli.main import main
+from koord.verify import instants
 
 PROGRAM = """
 local:
@@ -88,3 +89,22 @@ def test_a_plot_that_fails_costs_no_verdict(
     words = ["verify", "p.krd", "--robots", "1..2", "--rounds", "2", "--plot", "p.svg"]
     assert main([*words, "--jobs", "1", "--engine", "bmc"]) == Exit.VIOLATED
     assert "the plot failed: AssertionError: made to fail" in capsys.readouterr().err
+
+
+def test_shadows_that_fail_leave_what_is_between_rounds_unknown(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (
+        "using Dial:\n  sensors:\n    int level = 0\ninvariant Read: forall i: Dial.level@i >= 0\n"
+    )
+    Path("p.krd").write_text(PROGRAM + text, encoding="utf-8")
+    monkeypatch.setattr(instants, "_shadowed", fail)
+    assert main([*ASKED, "--instants"]) == Exit.VIOLATED
+    assert main([*ASKED, "--instants", "--json"]) == Exit.VIOLATED
+    printed = capsys.readouterr().out
+    assert "failed: what is asked between rounds: AssertionError: made to fail" in printed
+    (report,) = json.loads(printed[printed.index("\n{") :])["reports"]
+    claims = {claim["name"]: claim for claim in report["claims"]}
+    assert claims["Small"]["outcome"] == "violated"
+    assert claims["Read between rounds"]["outcome"] == "unknown"
+    assert [failure["who"] for failure in report["failures"]] == ["what is asked between rounds"]
