@@ -17,6 +17,7 @@ from koord.semantics.execution import RecordedInputs
 from koord.semantics.rounds import run_event, run_skip
 from koord.semantics.turns import Turned, committed, program_turn, skip_turn
 from tests.agreement.triples import Triple, triple
+from tests.sampling import first
 
 BLOCK = 250
 
@@ -55,7 +56,7 @@ def in_turn(t: Triple, order: tuple[int, ...]) -> Configuration[Constant]:
     return configuration
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", first(1, range(4)))
 def test_a_round_at_once_is_a_round_in_turn(block: int) -> None:
     whole = 0
     for seed in range(block * BLOCK, (block + 1) * BLOCK):
@@ -70,7 +71,7 @@ def test_a_round_at_once_is_a_round_in_turn(block: int) -> None:
 def test_every_order_with_the_running_robots_first_is_legal() -> None:
     """[T-ONE-WINNER]: whoever runs, in whatever order, and then whoever skips."""
     races = 0
-    for seed in range(3 * BLOCK):
+    for seed in range(BLOCK):
         t = triple(seed)
         if t.round.cut:
             continue
@@ -82,13 +83,13 @@ def test_every_order_with_the_running_robots_first_is_legal() -> None:
         )
         assert all(end.store.allread == ends[0].store.allread for end in ends), seed
         races += any(end.store != ends[0].store for end in ends)
-    assert races > 10
+    assert races >= 3
 
 
 def test_a_prefix_is_a_round_in_which_the_others_skip() -> None:
     """[T-PREFIX]: in what properties read, for systems without urgent events or ``trystop``."""
     compared = 0
-    for seed in range(3 * BLOCK):
+    for seed in range(BLOCK):
         t = triple(seed)
         urgent = any(e.urgent for a in t.system.program.agents for e in a.events)
         asked = any(robot.status != Status.RUNNING for robot in t.start.robots)
@@ -107,7 +108,7 @@ def test_a_prefix_is_a_round_in_which_the_others_skip() -> None:
                 assert (early.locals, early.ports) == (late.locals, late.ports)
                 assert (early.status, early.ran) == (late.status, late.ran)
             compared += 1
-    assert compared > 50
+    assert compared > 16
 
 
 def test_ran_is_cleared_when_a_round_opens() -> None:

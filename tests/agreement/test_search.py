@@ -23,6 +23,7 @@ from koord.semantics.search.limits import Limits
 from koord.semantics.search.symmetry import Symmetry, symmetry_of
 from koord.semantics.turns import holds_in
 from tests.generators.staged import staged
+from tests.sampling import first
 from tests.semantics.plain_search import PlainSearch, TooMuchError
 
 ROUNDS = 3
@@ -78,7 +79,7 @@ def compare_with_plain(seed: int, of: System) -> str:
     return "violated" if without else "holds"
 
 
-@pytest.mark.parametrize("block", range(6))
+@pytest.mark.parametrize("block", first(2, range(6)))
 def test_as_the_plain_search(block: int) -> None:
     """Verdicts, shortest runs, and how many states there are."""
     seeds = range(block * 60, block * 60 + 60)
@@ -87,11 +88,13 @@ def test_as_the_plain_search(block: int) -> None:
     assert count["holds"] >= 5
 
 
-def test_as_the_plain_search_late() -> None:
+@pytest.mark.parametrize("block", first(1, range(3)))
+def test_as_the_plain_search_late(block: int) -> None:
     """The same of programs in which something happens in each round."""
-    count = Counter(compare_with_plain(seed, staged(Random(seed))) for seed in range(100))
-    assert count["violated"] >= 20
-    assert count["holds"] >= 5
+    seeds = range(block * 40, block * 40 + 40)
+    count = Counter(compare_with_plain(seed, staged(Random(seed))) for seed in seeds)
+    assert count["violated"] >= 8
+    assert count["holds"] >= 2
 
 
 def test_as_the_plain_search_where_what_is_unset_is_read() -> None:
@@ -142,7 +145,7 @@ def compare_reductions(seed: int, of: System) -> str:
     return "symmetric" if is_symmetric else "as it is"
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", first(1, range(4)))
 def test_reductions_change_no_verdict(block: int) -> None:
     seeds = range(1_000 + block * 60, 1_060 + block * 60)
     count = Counter(compare_reductions(seed, system(Random(seed), FINITE)) for seed in seeds)
@@ -150,14 +153,16 @@ def test_reductions_change_no_verdict(block: int) -> None:
     assert count["as it is"] >= 20
 
 
-def test_reductions_change_no_verdict_late() -> None:
+@pytest.mark.parametrize("block", first(1, range(3)))
+def test_reductions_change_no_verdict_late(block: int) -> None:
     """The same of programs in which something happens in each round."""
-    count = Counter(compare_reductions(seed, staged(Random(seed))) for seed in range(100))
-    assert count["symmetric"] >= 10
-    assert count["as it is"] >= 20
+    seeds = range(block * 40, block * 40 + 40)
+    count = Counter(compare_reductions(seed, staged(Random(seed))) for seed in seeds)
+    assert count["symmetric"] >= 4
+    assert count["as it is"] >= 8
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", first(1, range(4)))
 def test_symmetry_changes_no_verdict(block: int) -> None:
     seeds = range(block * 60, block * 60 + 60)
     count = Counter(compare_reductions(seed, system(Random(seed), SYMMETRIC)) for seed in seeds)
