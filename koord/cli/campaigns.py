@@ -239,7 +239,7 @@ def _on_cluster(
         story = f"there is no Dask scheduler at {address}: {error}"
         raise refusal("K935", "--cluster", story, "start one with: dask scheduler") from None
     with client:
-        futures = client.map(_tried, orders, pure=False, retries=0)
+        futures = client.map(_on_worker, orders, pure=False, retries=0)
         for future in engine.as_completed(futures):
             yield future.result()
             if is_enough():
@@ -247,10 +247,28 @@ def _on_cluster(
                 return
 
 
-def _tried(order: Order) -> Row | Refusal | None:
+def _on_worker(order: Order) -> Row | Refusal | None:
+    """As :func:`_tried`, on a Dask worker.
+
+    When who asks has ended, however that was, the scheduler takes the run from the worker; but the
+    worker does not end what goes on in its thread. So the run looks itself.
+    """
+    from distributed import worker
+
+    engine: Any = worker  # it says nothing of its types
+    tasks, key = engine.get_worker().state.tasks, engine.thread_state.key
+
+    def is_unwanted() -> bool:
+        task = tasks.get(key)
+        return task is None or task.state != "executing"
+
+    return _tried(order, is_unwanted)
+
+
+def _tried(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row | Refusal | None:
     """As :func:`row_of`; what is wrong is told as data, which comes back from other processes."""
     try:
-        return row_of(order)
+        return row_of(order, is_enough)
     except KoordError as error:
         return error.diagnostics
 

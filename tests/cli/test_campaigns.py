@@ -7,6 +7,8 @@ import json
 import signal
 import subprocess
 import sys
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -223,3 +225,40 @@ def test_a_line_that_was_cut_off_is_made_again(
     assert main([*words, "--resume"]) == Exit.OK
     assert "1 of 2 runs are there already" in capsys.readouterr().out
     assert without_times(lines(table)) == without_times(whole)
+
+
+def test_no_run_on_a_cluster_outlives_who_asked_for_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    begun, ended_, given_up = threading.Event(), threading.Event(), threading.Event()
+
+    def endless(simulation: object, limit_s: float) -> Iterator[None]:
+        begun.set()
+        try:
+            while not given_up.wait(0.01):
+                yield
+        finally:
+            ended_.set()
+
+    # The worker is a thread of this process.
+    monkeypatch.setattr("koord.cli.campaigns.run", endless)
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp",
+        dashboard_address=None,
+        silence_logs=50,
+    ) as cluster:
+        command = [sys.executable, "-m", "koord", "sim", *PATH, "--runs", "2"]
+        asking = subprocess.Popen([*command, "--cluster", cluster.scheduler_address])
+        try:
+            assert begun.wait(60)
+            asking.kill()
+            assert asking.wait(60) == -signal.SIGKILL
+            assert ended_.wait(30), "the run goes on"
+        finally:
+            given_up.set()
+            asking.kill()
+            asking.wait()

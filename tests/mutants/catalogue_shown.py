@@ -174,6 +174,13 @@ SHOWN = (
         "        pass\n",
         ("tests/cli/test_killed.py",),
     ),
+    Mutant(
+        "a run on a cluster outlives who asked for it",
+        "cli/campaigns.py",
+        "    return _tried(order, is_unwanted)\n",
+        "    return _tried(order)\n",
+        ("tests/cli/test_campaigns.py",),
+    ),
     # time, and what is unknown
     Mutant(
         "what was spent on a claim before does not count",
