@@ -396,6 +396,16 @@ class Robot:
         for buffer in self._buffers.values():
             buffer.state.update(changed)
 
+    @property
+    def has_model(self) -> bool:
+        """Whether a module of the robot has a model, which may fault."""
+        return self._modelled
+
+    def ports(self) -> dict[str, Any]:
+        """What its ports hold."""
+        held = self.__dict__
+        return {name: held[name] for name in self.PORTS}
+
     def evolve(self, readings: Mapping[str, Any]) -> Fault | None:
         """The environment's turn: models first, from the ports before it; then sensors. [ENV-TRANS]
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from koord.runtime.motion.arrays import Bools, Floats, Ints
+from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 from koord.runtime.motion.automaton import State
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.geometry import as_path
@@ -50,6 +50,7 @@ class Sensed(NamedTuple):
     planner: PlannerName
     state: State
     plight: Plight | None = None  #: why it cannot do what it was told last
+    short_m: float = 0.0  #: how far it is from where it would count as there
 
 
 class Fleet:
@@ -149,13 +150,16 @@ class Fleet:
             position, heading = members.fixes(self.now_s)
             automata = members.group.automata
             planner = self.robots[int(numbers[0])].kind.planner
+            group = members.group
+            left = lengths(position - group.routes.end) - group.visit.epsilon_m
             rows = zip(
                 map(tuple, position.tolist()),
                 heading.tolist(),
                 automata.reached.tolist(),
                 repeat(planner),
                 map(_STATES.__getitem__, automata.state.tolist()),
-                map(members.group.plights.get, range(len(numbers))),
+                map(group.plights.get, range(len(numbers))),
+                np.maximum(left, 0.0).tolist(),
             )
             for number, sensed in zip(numbers.tolist(), map(Sensed._make, rows), strict=True):
                 found[number] = sensed

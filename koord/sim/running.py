@@ -189,8 +189,9 @@ class Simulation:
             self.pass_time()
             engine.environment_turn()
             self.gauge.round(self.host.sensed)
-            self._watch_over()
-            self._look(Moment.ROUND)
+            if engine.ended is None:
+                self._watch_over()
+                self._look(Moment.ROUND)
         self._conclude()
         return decision
 
@@ -247,7 +248,8 @@ class Simulation:
         ended_s = self.time_s
         began_s = ended_s - self.scene.delta_s
         robots = self.engine.robots
-        for one in self.watchman.round(began_s, ended_s, self.host.sensed, robots):
+        places = [(x, y, z) for x, y, z in self.fleet.positions().tolist()]
+        for one in self.watchman.round(began_s, ended_s, self.host.sensed, robots, places):
             self._notice(one)
 
     def _notice(self, one: Standing) -> None:

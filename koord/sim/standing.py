@@ -1,18 +1,21 @@
 """Robots that stand still although they are to go somewhere: who, since when, and why.
 
-There are two ways to be stuck. A robot was told to go, and its vehicle cannot: that shows at once.
-Or its program asks for ways again and again, and gets none that it may take: while others move that
-may change, and so it counts once nobody has moved for a while.
+There are three ways to be stuck. A robot was told to go, and its vehicle cannot: that shows at
+once. Or it is on its way and gets no further, because something blocks it: that shows after a
+while. Or its program asks for ways again and again, and gets none that it may take: while others
+move that may change, and so it counts once nobody has moved for a while.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import dist
 from typing import Any
 
 from koord.runtime.motion.automaton import State
-from koord.runtime.motion.bodies import Body
+from koord.runtime.motion.bodies import Body, Car
+from koord.runtime.motion.field import field
 from koord.runtime.motion.planning import Hindrance, Plight, hindrance
 from koord.runtime.motion.world import Point, World
 from koord.runtime.robot import Host, Key, Robot, Status, Turn
@@ -21,6 +24,12 @@ from koord.sim.hosting import WAYS, plain_name
 
 #: A program that has not asked for so long does not ask any more.
 _ASKS_S = 1.0
+
+#: Who is on its way, and for so long has moved no further than that, is blocked.
+_BLOCKED_S, _BLOCKED_M = 5.0, 0.05
+
+#: What is no further away than that stands in the way.
+_NEAR_M = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,29 +51,44 @@ class Watchman:
         self._stuck: dict[int, Standing] = {}
         self._wants: list[dict[Point, tuple[float, float]]] = [{} for _ in bodies]
         self._unclear: list[tuple[float, float] | None] = [None] * len(bodies)
+        #: Where robots that are on their way have been since when, but for a few centimetres.
+        self._lingers: list[tuple[Point, float] | None] = [None] * len(bodies)
 
     def hear(self, host: Host) -> Host:
         """A host that answers as another, and is heard."""
         return _Heard(host, self)
 
     def round(
-        self, began_s: float, ended_s: float, sensed: Sequence[Sensed], robots: Sequence[Robot]
+        self,
+        began_s: float,
+        ended_s: float,
+        sensed: Sequence[Sensed],
+        robots: Sequence[Robot],
+        places: Sequence[Point],
     ) -> Iterator[Standing]:
-        """A round is over: who stands still since then."""
+        """A round is over: who stands still since then. ``places`` are where robots truly are."""
         self.now_s = ended_s
         moves = False
         for pid, (known, robot) in enumerate(zip(sensed, robots, strict=True)):
-            moves = moves or known.state in (State.MOVING, State.PLANNING)
+            stands = None
+            before = self._stuck.get(pid)
             if known.state is State.MOVING:
                 self._wants[pid], self._unclear[pid] = {}, None
-            if known.plight is None or robot.status is Status.STOPPED:
+            if robot.status is Status.STOPPED:
+                self._lingers[pid] = None
+            elif known.plight is not None:
+                since_s = began_s if before is None else before.since_s
+                stands = _standing(pid, since_s, known.plight)
+            elif (since := self._lingers_since(pid, known, places[pid], began_s)) is not None:
+                stands = before or _standing(pid, since, self._blocked(pid, places))
+            else:
+                moves = moves or known.state in (State.MOVING, State.PLANNING)
+            if stands is None:
                 self._stuck.pop(pid, None)
             else:
-                before = self._stuck.get(pid)
-                since_s = began_s if before is None else before.since_s
-                self._stuck[pid] = _standing(pid, since_s, known.plight)
+                self._stuck[pid] = stands
                 if before is None:
-                    yield self._stuck[pid]
+                    yield stands
         self.still_s = 0.0 if moves else self.still_s + (ended_s - began_s)
 
     def standing(self, robots: Sequence[Robot], still_s: float) -> tuple[Standing, ...]:
@@ -86,6 +110,38 @@ class Watchman:
             self._unclear[robot] = (self.now_s if first is None else first[0], self.now_s)
 
     # --- inside ---------------------------------------------------------------------------------
+
+    def _lingers_since(
+        self, pid: int, sensed: Sensed, place: Point, began_s: float
+    ) -> float | None:
+        """Since when a robot that is on its way gets no further; None: it does, or not for long."""
+        known = self._lingers[pid]
+        if sensed.state is not State.MOVING or sensed.short_m < _BLOCKED_M:
+            self._lingers[pid] = None
+        elif known is None or dist(known[0], place) > _BLOCKED_M:
+            self._lingers[pid] = (place, began_s)
+        elif self.now_s - known[1] >= _BLOCKED_S - 1e-9:
+            return known[1]
+        return None
+
+    def _blocked(self, pid: int, places: Sequence[Point]) -> Plight:
+        """What is nearest to a robot that gets no further, by which it is blocked."""
+        here, body = places[pid], self._bodies[pid]
+        near: list[tuple[float, Hindrance, str]] = []
+        for other, there in enumerate(places):
+            if other != pid:
+                apart = dist(here, there) - body.radius_m - self._bodies[other].radius_m
+                near.append((apart, Hindrance.ROBOT, f"robot {other}"))
+        seen = field(self._world, flat=isinstance(body, Car))
+        for k, apart in enumerate(seen.apart(*here)):
+            where = f"obstacle {self._world.obstacles.index(seen.obstacles[k])} of the world"
+            near.append((apart - body.radius_m, Hindrance.OBSTACLE, where))
+        edge = seen.from_edge(*here) - body.radius_m
+        near.append((edge, Hindrance.EDGE, "the edge of the world"))
+        apart, why, what = min(near, key=lambda one: one[0])
+        if apart > _NEAR_M:
+            return Plight(Hindrance.NO_HEADWAY)
+        return Plight(why, by=what)
 
     def _way(self, robot: int, goal: Point, *, is_found: bool) -> None:
         wants = self._wants[robot]

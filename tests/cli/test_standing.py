@@ -107,6 +107,37 @@ def test_who_cannot_go_where_it_was_sent_is_told(
     assert f"robot 0 stands still since 0.0 s: {standing['words']}" in err
 
 
+FULL = "device: {bot_type: CAR, planner: STRAIGHT, simulation: {level: full}}\n"
+TWO = "num_robots: 2\npositions: {0: [0, 0, 0], 1: [1.2, 0, 0]}\nmonitor: {safety: 0}\n"
+AHEAD = "Motion.path = [Motion.psn, pos(3.0, 0.0, 0.0)]"
+
+
+@pytest.mark.parametrize(
+    ("order", "configuration", "why", "what"),
+    [
+        (AHEAD, ONE.replace("HEIGHT", "0") + FULL, "obstacle", "obstacle 0 of the world"),
+        (f"if pid == 0:\n            {AHEAD}", TWO + FULL, "robot", "robot 1"),
+    ],
+)
+def test_who_is_blocked_on_its_way_is_told(
+    order: str,
+    configuration: str,
+    why: str,
+    what: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    wall = "obstacles: [{box: {low: [2, -4, 0], high: [2.2, 4, 3]}}]"
+    text = configuration + ARENA.replace("}}\n", "}, " + wall + "}\n")
+    code, run, err = sim(tmp_path, capsys, SENT.format(order=order), text)
+    assert code == Exit.STUCK, run
+    (standing,) = run["standing"]
+    assert (standing["robot"], standing["why"]) == (0, why)
+    assert 0.5 < standing["since_s"] < 8
+    assert standing["words"] == f"it is on its way, and is blocked by {what}"
+    assert f"stands still since {standing['since_s']:.1f} s: {standing['words']}" in err
+
+
 def test_it_is_told_of_processes_as_well(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -181,6 +181,27 @@ SHOWN = (
         "    return _tried(order)\n",
         ("tests/cli/test_campaigns.py",),
     ),
+    Mutant(
+        "who is blocked on its way is not told",
+        "sim/standing.py",
+        "elif self.now_s - known[1] >= _BLOCKED_S - 1e-9:",
+        "elif self.now_s < known[1]:",
+        ("tests/cli/test_standing.py",),
+    ),
+    Mutant(
+        "what is nearest is not what blocks",
+        "sim/standing.py",
+        "apart, why, what = min(near, key",
+        "apart, why, what = max(near, key",
+        ("tests/cli/test_standing.py",),
+    ),
+    Mutant(
+        "where a model faults other robots have moved",
+        "runtime/engine/fleet.py",
+        "            vars(robot).update(ports)",
+        "            pass",
+        ("tests/refinement/test_faults.py",),
+    ),
     # time, and what is unknown
     Mutant(
         "what was spent on a claim before does not count",

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from koord.refinement.hosting import SeededHost
+from koord.refinement.running import ready
+from koord.runtime.engine.fleet import Fleet
 from koord.runtime.proposals import FaultKind as OfRuntime
-from koord.semantics.configurations import FaultKind
-from tests.refinement.running import agrees, ran
+from koord.semantics.configurations import FaultKind, dealt
+from tests.refinement.running import agrees, program, ran
 
 HEAD = (
     "local:\n  int zero = 0\n  float nought = 0.0\n  int two = 2\n  int none\n  int[] list = [1]\n"
@@ -134,6 +137,28 @@ def test_a_model_of_the_environment_may_fault() -> None:
     agrees(broken)
     assert broken.ran is not None
     assert broken.ran.fault_place == "app.krd:5:11"
+
+
+def test_where_a_model_faults_no_robot_has_moved() -> None:
+    """[FAULT] [ENV-TRANS]: the faulted configuration has the ports of before the turn."""
+    text = (
+        "using Wall:\n  sensors:\n    int gap = 2\n  environment:\n"
+        "    gap = gap + 1 + 0 / (4 - gap - pid)\nGo:\n  eff:\n    stop\n"
+    )
+    system = dealt(program(text), 3)
+    made = ready(system.program)
+    fleet = Fleet(made.classes, system.kinds, 0.1, SeededHost(system, made.names, "0", 0))
+    fleet.begin()
+    held = []
+    while fleet.ended is None:
+        held.append([robot.ports() for robot in fleet.robots])
+        fleet.environment_turn()
+    assert fleet.ended.robot == 2  # 0 and 1 had evolved by then
+    assert fleet.ended.fault.place == "app.krd:5:25"
+    assert [robot.ports() for robot in fleet.robots] == held[-1]
+    assert fleet.round == len(held) - 1
+    outcome = ran(text, rounds=5)
+    agrees(outcome)
 
 
 def test_kinds_of_faults_have_one_name() -> None:

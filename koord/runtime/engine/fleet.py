@@ -98,13 +98,22 @@ class Fleet:
         return decision
 
     def environment_turn(self) -> None:
-        """Sensors and models; a new round begins. [ENV-TRANS]"""
+        """Sensors and models; a new round begins. [ENV-TRANS]
+
+        Where a model faults, no robot's ports change. [FAULT]
+        """
         readings = [self.host.read(robot) for robot in self.robots]
+        may_fault = any(robot.has_model for robot in self.robots)
+        before = [robot.ports() for robot in self.robots] if may_fault else []
         for robot, of_robot in zip(self.robots, readings, strict=True):
             fault = robot.evolve(of_robot)
             if fault is not None and self.ended is None:
                 self.ended = Ended(robot.pid, robot.located(fault))
-        self.round += 1
+        if self.ended is None:
+            self.round += 1
+            return
+        for robot, ports in zip(self.robots, before, strict=True):
+            vars(robot).update(ports)  # values never change, so these are as they were
 
     def _act(self, decision: Decision) -> None:
         """Commit and discard as was decided. [SHARED-ASSIGN] [SKIP]"""

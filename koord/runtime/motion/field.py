@@ -38,16 +38,23 @@ class Field:
 
         The ground is no wall: robots stand on it.
         """
+        return min([self.from_edge(x, y, z), *self.apart(x, y, z)])
+
+    def from_edge(self, x: float, y: float, z: float) -> float:
+        """How far a position is from the nearest wall of the world."""
         low, high = self.world.low, self.world.high
         nearest = min(x - low[0], high[0] - x, y - low[1], high[1] - y)
         if not self.flat:
             nearest = min(nearest, high[2] - z, math.inf if z >= low[2] else z - low[2])
+        return nearest
+
+    def apart(self, x: float, y: float, z: float) -> Iterator[float]:
+        """How far a position is from each obstacle."""
         for obstacle, sideways in zip(self.obstacles, self.distances, strict=True):
             apart = sideways(x, y)
             if not self.flat:
                 apart = max(apart, obstacle.low_z - z, z - obstacle.high_z)
-            nearest = min(nearest, apart)
-        return nearest
+            yield apart
 
     def segments_free(self, starts: Floats, ends: Floats, reach_m: float) -> Bools:
         """Which segments, shape ``(n, 3)``, a body of that radius can move along, exactly."""

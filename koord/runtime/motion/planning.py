@@ -50,6 +50,10 @@ class Hindrance(Enum):
     NO_WAY = "its planner finds no way there"
     NO_POINTS = "the path that it was given has no points"
     NOT_CLEAR = "each path that it finds is in the way of another robot"
+    ROBOT = "another robot stands in its way"
+    OBSTACLE = "an obstacle stands in its way"
+    EDGE = "the edge of the world is in its way"
+    NO_HEADWAY = "its vehicle makes no headway, though nothing is near"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +62,12 @@ class Plight:
 
     hindrance: Hindrance
     goal: Point | None = None
+    by: str = ""  #: what blocks it, where something does
 
     @property
     def words(self) -> str:
+        if self.by:
+            return f"it is on its way, and is blocked by {self.by}"
         if self.goal is None:
             return self.hindrance.value
         place = ", ".join(f"{c:g}" for c in (round(c, 3) for c in self.goal))
