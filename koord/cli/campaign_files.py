@@ -16,7 +16,7 @@ from typing import BinaryIO, get_type_hints
 
 import msgspec
 
-from koord.cli.files import read_bytes, write_atomically
+from koord.cli.files import read_written, write_atomically
 from koord.syntax.diagnostics import refusal
 
 
@@ -111,7 +111,7 @@ class RunFile:
         """The runs that stand in the file; None if it is not of this campaign."""
         if not os.path.isfile(self._path):
             return []
-        text = read_bytes(self._path).decode("utf-8", "replace")
+        text = read_written(self._path).decode("utf-8", "replace")
         whole = text[: text.rfind("\n") + 1]  # the last line may have been cut off
         rows = []
         for cells in csv.DictReader(io.StringIO(whole)):

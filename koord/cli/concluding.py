@@ -35,10 +35,10 @@ def concluded(
     """
     told = None
     if tracing is not None:
-        from koord.cli.traces import write_trace
+        from koord.cli.traces import complete_trace
 
         ran = tracing.ran(simulation)
-        write_trace(arguments.trace, tracing.trace(ran))
+        complete_trace(arguments.trace, tracing.trace(ran))
         remove_part(arguments.trace)
         told = tracing.judged(ran)
     if arguments.json:

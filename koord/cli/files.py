@@ -51,21 +51,36 @@ def name_of(path: str) -> str:
     return STDIN_NAME if path == DASH else visible(path)
 
 
+def read_written(path: str) -> bytes:
+    """As :func:`read_bytes`, of what koord writes itself: a file may be as large as it is.
+
+    Of a pipe, whose end nobody knows, so much is read as of any input. Raises KoordError.
+    """
+    largest = None if path != DASH and os.path.isfile(path) else LARGEST_FILE
+    return _read(path, largest)
+
+
 def read_bytes(path: str) -> bytes:
     """The bytes of a file, ``-`` of standard input. Raises KoordError."""
+    return _read(path, LARGEST_FILE)
+
+
+def _read(path: str, largest: int | None) -> bytes:
+    """The bytes of a file of at most so many. Raises KoordError."""
     name = name_of(path)
+    most = -1 if largest is None else largest + 1
     try:
         if path == DASH:
             if sys.stdin is None:
                 raise refusal("K901", name, "standard input is closed")
-            raw = sys.stdin.buffer.read(LARGEST_FILE + 1)
+            raw = sys.stdin.buffer.read(most)
         else:
             with open(path, "rb") as file:
-                raw = file.read(LARGEST_FILE + 1)
+                raw = file.read(most)
     except (OSError, ValueError) as error:
         raise refusal("K901", name, f"cannot be read: {_reason(error)}") from None
-    if len(raw) > LARGEST_FILE:
-        limit = f"it is larger than {LARGEST_FILE // 2**20} MiB"
+    if largest is not None and len(raw) > largest:
+        limit = f"it is larger than {largest // 2**20} MiB"
         raise refusal("K901", name, f"cannot be read: {limit}")
     return raw
 

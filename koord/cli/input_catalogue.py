@@ -20,7 +20,8 @@ INPUT_CATALOGUE = dict(
             "K901",
             "a file cannot be read",
             "There is no such file, it is a folder, it may not be read, or it is too large to be "
-            "a program (64 MiB). The message says which.\n\n"
+            "a program (64 MiB). The message says which. What koord writes itself, as traces, is "
+            "read from files of any size, and from pipes of that size.\n\n"
             "koord takes files, not folders: name them, as in `koord check specs/*.krd`. A single "
             "`-` is standard input.",
         ),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from koord.cli.arguments import add_json, check_files, seconds
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
-from koord.cli.files import InputFile, name_of, read_bytes, read_program
+from koord.cli.files import InputFile, name_of, read_program, read_written
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.recheck.certificate import REWRITE, Certificate, digest_of, read
@@ -71,7 +71,7 @@ def main(arguments: argparse.Namespace) -> int:
     return _recheck(
         Request(
             name=name_of(arguments.certificate),
-            raw=read_bytes(arguments.certificate),
+            raw=read_written(arguments.certificate),
             program=read_program(given) if given is not None else None,
             timeout_s=arguments.timeout,
             seed=arguments.seed % 2**31,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from fractions import Fraction
 
-from koord.cli.files import read_bytes, read_program
+from koord.cli.files import read_program, read_written
 from koord.cli.fitting import NO_FILE
 from koord.cli.inputs import LoadedProgram, Reading
 from koord.cli.simulating import Job, watching
@@ -24,7 +24,7 @@ from koord.syntax.source import Source
 def rehearsal(arguments: argparse.Namespace) -> tuple[Job, Staged]:
     """The run that a trace of the program holds. Raises KoordError."""
     source = read_program(arguments.file).source
-    trace = read_trace(read_bytes(arguments.schedule), arguments.schedule, source)
+    trace = read_trace(read_written(arguments.schedule), arguments.schedule, source)
     program, kinds = trace.system.program, trace.system.kinds
     made = ready(program)
     heard: list[Rehearsal] = []

@@ -14,7 +14,7 @@ from koord.cli import departures
 from koord.cli.arguments import add_json, check_files, number
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
-from koord.cli.files import InputFile, name_of, read_bytes, read_program
+from koord.cli.files import InputFile, name_of, read_program, read_written
 from koord.cli.tables import Rounds, Table, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import read_trace
@@ -84,7 +84,7 @@ def main(arguments: argparse.Namespace) -> int:
     return _replay(
         Request(
             name=name_of(arguments.trace),
-            raw=read_bytes(arguments.trace),
+            raw=read_written(arguments.trace),
             program=read_program(given) if given is not None else None,
             as_json=arguments.json,
             show=arguments.show,

@@ -32,7 +32,7 @@ from koord.cli.progress import Interruption
 from koord.cli.systems import system_of
 from koord.cli.tables import Rounds, Table
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.cli.traces import sources_of, write_trace
+from koord.cli.traces import complete_trace, sources_of, write_trace
 from koord.semantics.configurations import NO_EVENT, System
 from koord.semantics.patience import OutOfPatienceError, Patience
 from koord.semantics.runs.policies import AtRandom, First, Play
@@ -228,14 +228,17 @@ def _by_hand(loaded: LoadedProgram, request: Request, session: Interactive) -> E
     session.play(keep)
     violation = session.violation
     if request.trace is not None:
-        _keep(trace(), request)
+        _keep(trace(), request, has_grown=False)
     _conclude(loaded, run, violation)
     return _code(run, violation)
 
 
-def _keep(trace: Trace, request: Request) -> None:
+def _keep(trace: Trace, request: Request, *, has_grown: bool = True) -> None:
     if request.trace is not None:
-        write_trace(request.trace, trace)
+        if has_grown:
+            complete_trace(request.trace, trace)
+        else:
+            write_trace(request.trace, trace)
         remove_part(request.trace)
     if request.as_json:
         sys.stdout.write(encode(trace).decode("utf-8"))

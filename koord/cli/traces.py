@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 from koord.cli.files import write_atomically
+from koord.cli.growing import part_of
 from koord.cli.inputs import LoadedProgram, no_program
 from koord.semantics.replay import replay
 from koord.semantics.traces.codec import decode_document, encode, load_embedded
 from koord.semantics.traces.itf import embedded_trace, encode_itf, is_itf
 from koord.semantics.traces.json_reader import parse
-from koord.semantics.traces.parts import mended
+from koord.semantics.traces.parts import completed, mended
 from koord.semantics.traces.trace import Sources, Trace
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
@@ -33,6 +35,15 @@ def sources_of(loaded: LoadedProgram) -> Sources:
 def write_trace(path: str, trace: Trace) -> None:
     """Write a trace, in the form that the file's name asks for. Raises KoordError."""
     write_atomically(path, _encoded(path, trace))
+
+
+def complete_trace(path: str, trace: Trace) -> None:
+    """As :func:`write_trace`, of a run whose trace has grown beside it. Raises KoordError."""
+    part = Path(part_of(path))
+    if path.endswith(ITF_SUFFIX) or not part.is_file():
+        write_trace(path, trace)
+    else:
+        write_atomically(path, completed(part.read_bytes(), trace))
 
 
 class UnreadableTraceError(Exception):

@@ -11,6 +11,15 @@ import pytest
 
 from koord.cli import main as frame
 from koord.cli.exits import Exit
+from koord.cli.main import main
+from koord.cli.traces import read_trace
+from koord.semantics.configurations import Configuration
+from koord.semantics.domain import Constant
+from koord.semantics.traces import encode_runs
+from koord.semantics.traces.codec import encode
+from koord.semantics.traces.names import Names
+
+EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
 PROGRAM = """\
 allwrite:
@@ -143,7 +152,10 @@ def test_the_compiled_program_runs_it_too(trace: Any, capsys: pytest.CaptureFixt
     assert code == Exit.OK
     assert out.endswith("\n  the compiled program does the same, state for state\n")
     code, out, _ = replayed(capsys, trace, "--compiled", "--json")
-    assert (code, json.loads(out)["compiled"]) == (Exit.OK, {"agrees": True, "departs": None})
+    assert (code, json.loads(out)["compiled"]) == (
+        Exit.OK,
+        {"agrees": True, "departs": None, "unjudged": None},
+    )
     trace["run"]["rounds"][2]["after"]["store"]["allwrite"]["total"] = 7
     code, out, _ = replayed(capsys, trace, "--compiled", "--json")
     assert (code, json.loads(out)["compiled"]) == (Exit.VIOLATED, None)  # it is no run at all
@@ -172,7 +184,7 @@ def test_where_the_compiled_program_departs_is_told(
             {"robot": 0, "location": "is_three", "recorded": "true", "compiled": "false"}
         ],
     }
-    assert claim["violated"]["compiled"] == {"agrees": False, "departs": told}
+    assert claim["violated"]["compiled"] == {"agrees": False, "departs": told, "unjudged": None}
     assert frame.main(["replay", "t.json", "--compiled"]) == Exit.VIOLATED
     assert capsys.readouterr().out == (
         "t.json: legal: 6 steps, 3 rounds, exact numbers\n"
@@ -311,3 +323,41 @@ def test_what_is_kept_is_read_whatever_is_in_it(
         said = capsys.readouterr().out
         assert "it breaks Low, as it says" in said
         assert "the compiled program does the same" in said
+
+
+@pytest.mark.parametrize("command", ["run", "sim"])
+def test_each_round_of_a_run_is_encoded_once(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """[TRACE]: what has grown is completed, and is the text that a whole run has."""
+    monkeypatch.setattr("koord.cli.growing.PERIOD_S", 0.0)
+    monkeypatch.setattr("koord.cli.run._PERIOD_S", 0.0)
+    encoded = encode_runs.encode_configuration
+    seen: list[int] = []
+
+    def counted(names: Names, configuration: Configuration[Constant]) -> Any:
+        seen.append(configuration.round)
+        return encoded(names, configuration)
+
+    monkeypatch.setattr(encode_runs, "encode_configuration", counted)
+    path = tmp_path / "t.json"
+    limit = ["--rounds", "9"] if command == "run" else ["--rounds", "9", "--no-html"]
+    program = EXAMPLES / ("hvac.krd" if command == "run" else "follow_path.krd")
+    assert main([command, str(program), *limit, "--trace", str(path)]) == Exit.OK
+    monkeypatch.undo()
+    assert sorted(n for n in seen if n > 0) == list(range(1, 10))
+    raw = path.read_bytes()
+    assert encode(read_trace(raw, "t.json", None)) == raw
+    assert not (tmp_path / "t.part.json").exists()
+
+
+def test_what_koord_writes_may_be_larger_than_what_people_write(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "t.json"
+    program = str(EXAMPLES / "leader_elect.krd")
+    assert main(["run", program, "--rounds", "5", "--trace", str(path)]) == Exit.OK
+    monkeypatch.setattr("koord.cli.files.LARGEST_FILE", 1000)
+    assert path.stat().st_size > 1000
+    assert main(["replay", str(path)]) == Exit.OK
+    assert "legal" in capsys.readouterr().out

@@ -202,6 +202,13 @@ SHOWN = (
         "            pass",
         ("tests/refinement/test_faults.py",),
     ),
+    Mutant(
+        "what koord has written is refused for its size",
+        "cli/files.py",
+        "largest = None if path != DASH and os.path.isfile(path) else LARGEST_FILE",
+        "largest = LARGEST_FILE",
+        ("tests/cli/test_replay.py",),
+    ),
     # time, and what is unknown
     Mutant(
         "what was spent on a claim before does not count",

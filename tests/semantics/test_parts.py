@@ -14,7 +14,7 @@ from koord.semantics.configurations import System
 from koord.semantics.replay import replay
 from koord.semantics.runs.policies import AtRandom
 from koord.semantics.traces.codec import encode, load_embedded
-from koord.semantics.traces.parts import PartTrace, mended
+from koord.semantics.traces.parts import PartTrace, completed, mended
 from koord.semantics.traces.trace import Sources, Trace
 from koord.syntax.source import Source
 from tests.semantics.driving import played
@@ -62,6 +62,9 @@ def test_what_grows_is_the_text_of_the_whole(whole: Trace, steps: tuple[int, ...
         made = mended(file.getvalue())
         assert made is not None
         assert read_trace(made, "t", None) == until(whole, rounds)
+        assert completed(file.getvalue(), whole) == encode(whole)
+        assert completed(file.getvalue(), until(whole, rounds)) == encode(until(whole, rounds))
+    assert completed(b"", whole) == encode(whole)
     assert file.getvalue() + END == encode(whole)
 
 

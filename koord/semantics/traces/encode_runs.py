@@ -35,13 +35,13 @@ from koord.syntax.types import Type, show
 STATUS_NAMES = tuple(status.name.lower() for status in sorted(Status))
 
 
-def encode_run(trace: Trace) -> dict[str, Json]:
-    """The run of a trace."""
+def encode_run(trace: Trace, rounds: list[Json] | None = None) -> dict[str, Json]:
+    """The run of a trace; ``rounds`` are given where they were encoded before."""
     loop = trace.recording.loop
     repeats: dict[str, Json] = {} if loop is None else {"loop": loop}
     return {
         **encode_start_of_run(trace),
-        "rounds": encode_rounds(trace),
+        "rounds": encode_rounds(trace) if rounds is None else rounds,
         **repeats,
         "violation": _encode_violation(trace.violation),
     }

@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 from typing import BinaryIO
 
-from koord.semantics.traces.codec import head_of, render, rendered_round
-from koord.semantics.traces.encode_runs import encode_rounds, encode_start_of_run
+from koord.semantics.traces.codec import encode, head_of, render, rendered_round
+from koord.semantics.traces.encode_runs import encode_rounds, encode_run, encode_start_of_run
 from koord.semantics.traces.trace import Trace
 
 #: Where rounds begin. Strings in JSON have no line breaks: this is nowhere else.
@@ -41,6 +41,19 @@ def _begun(trace: Trace) -> str:
     """A trace up to its first round."""
     whole = render({**head_of(trace), "run": {**encode_start_of_run(trace), "rounds": []}})
     return whole.decode("utf-8").rpartition(_ROUNDS)[0] + _ROUNDS
+
+
+def completed(part: bytes, trace: Trace) -> bytes:
+    """The text of a trace of which a part has grown: its rounds are not encoded again. [TRACE]"""
+    _, found, grown = part.partition(_ROUNDS.encode())
+    lines = [line.rstrip(b",") for line in grown.split(b"\n")[1:]]
+    if not found or len(lines) > len(trace.recording.rounds):
+        return encode(trace)  # no round was over
+    lines += [rendered_round(one).encode() for one in encode_rounds(trace, len(lines))]
+    whole = render({**head_of(trace), "run": encode_run(trace, [])})
+    head, empty, end = whole.rpartition(f"{_ROUNDS}]".encode())
+    rounds = _ROUNDS.encode() + b"\n" + b",\n".join(lines) + b"\n ]" if lines else empty
+    return head + rounds + end
 
 
 def mended(raw: bytes) -> bytes | None:
