@@ -14,6 +14,7 @@ from koord.refinement.rerunning import Departure, Rerun, rerun
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant
 from koord.semantics.execution import execute
+from koord.semantics.lassos import left_behind
 from koord.semantics.traces.names import Names
 from koord.semantics.traces.recording import Recording
 from koord.semantics.traces.trace import (
@@ -90,9 +91,11 @@ def _headline(found: Counterexample) -> str:
 def _rounds(system: System, found: Counterexample, table: Table) -> Iterator[str]:
     """The rounds as ``koord run`` shows them, run by the reference semantics once more."""
     last: Configuration[Constant] | None = None
+    first: Configuration[Constant] | None = None  #: of the rounds that repeat
     steps: list[Shown] = []
     for step in execute(Numbers.EXACT.domain, system, found.recording):
         if last is not None and not steps and step.round == found.recording.loop:
+            first = last
             yield from table.looped(found.recording)
         if last is None:
             yield from table.start(step)
@@ -105,8 +108,8 @@ def _rounds(system: System, found: Counterexample, table: Table) -> Iterator[str
     if steps:
         yield from table.round(steps[0].step.round, steps)
     yield from table.idle()
-    if found.recording.loop is not None:
-        yield table.goes_on(found.recording)
+    if first is not None and last is not None:
+        yield table.goes_on(found.recording, left_behind(system, first, last))
 
 
 def rerun_of(loaded: LoadedProgram, system: System, claim: Claim, found: Counterexample) -> Rerun:

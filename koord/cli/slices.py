@@ -1,4 +1,8 @@
-"""What each claim cannot depend on, in words: what engines were not asked about with it."""
+"""What each claim cannot depend on, in words: what engines were not asked about with it.
+
+Of a claim about whole runs it is told as well what a lasso has to come back to all the same: where
+it does not, more than the slice is asked.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ from collections.abc import Iterator
 
 from koord.semantics.configurations import System
 from koord.syntax.core import Direction, Home
+from koord.verify.claims import ClaimKind
 from koord.verify.cone.influence import Happens, Part, Var
 from koord.verify.cone.slices import Slices
 from koord.verify.subjects import identity
@@ -16,10 +21,25 @@ def lines(system: System, report: Report) -> Iterator[str]:
     """A line for each claim that cannot depend on all of the program."""
     for claim, parts in left_out(system, report).items():
         yield f"{claim} does not depend on {', '.join(parts)}."
+    for claim, parts in returned_to(system, report).items():
+        what = f"a loop that breaks {claim} has to come back to {', '.join(parts)} all the same"
+        yield f"{what}: where one of the slice does not, engines are asked about more than that."
+
+
+def returned_to(system: System, report: Report) -> dict[str, list[str]]:
+    """By claim about whole runs what is outside of its cone, and in what a lasso comes back to."""
+    slices = Slices(system)
+    found = {}
+    for claim in (verdict.claim for verdict in report.verdicts):
+        if claim.kind is ClaimKind.LIVENESS:
+            more = slices.extent(slices.returning([claim])) - slices.extent(slices.cone([claim]))
+            if more:
+                found[claim.name] = sorted({_shown(slices, part) for part in more})
+    return found
 
 
 def left_out(system: System, report: Report) -> dict[str, list[str]]:
-    """By claim about configurations the variables, ports and events outside of its cone."""
+    """By claim the variables, ports and events outside of its cone."""
     slices = Slices(system)
     found = {}
     for verdict in report.verdicts:

@@ -152,10 +152,14 @@ class Table:
         yield from self.idle()
         yield self.style.paint(f"from here on {repeats(recording)}:", Paint.BOLD)
 
-    def goes_on(self, recording: Recording) -> str:
-        """The line behind the rounds that repeat."""
+    def goes_on(self, recording: Recording, changed: Sequence[str]) -> str:
+        """The line behind the rounds that repeat; ``changed`` is what they do not come back to."""
         assert recording.loop is not None
-        return self.style.paint(f"... and again from round {recording.loop + 1} on", Paint.BOLD)
+        line = f"... and again from round {recording.loop + 1} on"
+        if changed:
+            shown = ", ".join(changed[:3]) + (" and others" if len(changed) > 3 else "")
+            line += f", with other values of {shown}, on which nothing depends"
+        return self.style.paint(line, Paint.BOLD)
 
     def rows(self, steps: list[Shown]) -> Iterator[str]:
         """The lines of some steps, without a heading."""

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
+from koord.semantics.auxiliary import auxiliary, with_those_of
 from koord.semantics.configurations import NO_EVENT, Configuration, Status, System
 from koord.semantics.domain import EXACT, Constant, Domain
 from koord.semantics.liveness import LIVENESS, Response, expected, locks_of, responses
@@ -74,14 +75,14 @@ class Lasso:
 
 
 def _flaws(lasso: Lasso, stated: core.Property | None) -> Iterator[Flaw]:
-    yield from _shape(lasso)
+    yield from _shape(lasso, stated)
     if stated is not None:
         yield from _unbroken(lasso, stated)
     yield from _unfair(lasso)
 
 
-def _shape(lasso: Lasso) -> Iterator[Flaw]:
-    """It consists of whole rounds, and ends where its loop begins. [LIVE-RUN]"""
+def _shape(lasso: Lasso, stated: core.Property | None) -> Iterator[Flaw]:
+    """It consists of whole rounds, and ends where its loop begins. [LIVE-RUN] [AUXILIARY]"""
     recording, configurations = lasso.recording, lasso.configurations
     if not 0 <= lasso.begins < len(recording.rounds):
         yield Flaw("LASSO", f"the loop begins in round {lasso.begins + 1}, which there is not")
@@ -97,8 +98,21 @@ def _shape(lasso: Lasso) -> Iterator[Flaw]:
     names = Names(lasso.system)
     found = list(islice(differences(names, _timeless(first), _timeless(last)), 3))
     if found:
+        # It is looked for only now: most loops come back to everything.
+        spared = auxiliary(lasso.system, () if stated is None else (stated,))
+        back = with_those_of(last, first, spared)
+        found = list(islice(differences(names, _timeless(first), _timeless(back)), 3))
+    if found:
         told = ", ".join(f"{change.name}: {change.old} and {change.new}" for change in found)
         yield Flaw("LASSO", f"the run does not end where its loop begins ({told})")
+
+
+def left_behind(
+    system: System, first: Configuration[Constant], last: Configuration[Constant]
+) -> tuple[str, ...]:
+    """The places of auxiliary variables to which a loop does not come back. [AUXILIARY]"""
+    found = differences(Names(system), _timeless(first), _timeless(last))
+    return tuple(dict.fromkeys(change.name for change in found))
 
 
 def _timeless(configuration: Configuration[Constant]) -> Configuration[Constant]:

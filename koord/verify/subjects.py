@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from random import Random
 
 from koord.semantics.configurations import System
@@ -19,7 +19,7 @@ from koord.verify.concretion import Concretion
 from koord.verify.ledger import Subject
 from koord.verify.live.lassos import replayed_lasso
 from koord.verify.verdicts import Counterexample
-from koord.verify.witness import NotReplayedError, replayed, simplified
+from koord.verify.witness import NotReplayedError, OnlyOfSliceError, replayed, simplified
 
 #: So often what a slice left out is made up at random, after it was tried with the plainest values.
 TRIES = 3
@@ -49,12 +49,19 @@ def abstract_subject(system: System, part: System | None = None) -> Subject | No
 
 def _subject(system: System, part: System, concrete: Callable[[Recording], Recording]) -> Subject:
     claims = {identity(c): c for c in (*claims_of(system), *liveness_of(system))}
+    completing = _Completing(system)
 
     def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
         real, meant = concrete(recording), claims[identity(claim)]
         if part is system:
             return _judged(system, real, meant, phase)
-        return _judged_on_whole(system, real, meant, phase)
+        try:
+            return completing.judged(real, meant, phase)
+        except NotReplayedError as error:
+            if meant.kind is not ClaimKind.LIVENESS:
+                raise
+            replayed_lasso(part, real, meant)
+            raise OnlyOfSliceError(str(error)) from error
 
     return Subject(part, judge, part)
 
@@ -67,21 +74,43 @@ def _judged(system: System, recording: Recording, claim: Claim, phase: Phase) ->
     return replayed(system, simplified(system, recording, claim), claim, phase)
 
 
-def _judged_on_whole(
-    system: System, recording: Recording, claim: Claim, phase: Phase
-) -> Counterexample:
-    """The same of a recording of a slice, with what that left out made up. [T-CONE]"""
-    why = NotReplayedError("nothing was found that goes with what a slice does")
-    for sampler in _samplers(system):
-        try:
-            return _judged(system, extended(recording, sampler), claim, phase)
-        except NotReplayedError as error:
-            why = error
-        except (KoordError, IllegalStepError) as error:
-            why = NotReplayedError(f"what a slice does is not made a run: {error}")
-    raise why
+@dataclass(slots=True)
+class _Completing:
+    """Makes runs of a whole system of those of a slice, and judges them. [T-CONE]"""
+
+    system: System
+    never_starts: bool = False  #: as far as that was tried
+
+    def judged(self, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+        """The counterexample of a recording of a slice, with what that left out made up.
+
+        Where no start was found once, none is looked for again: nearly always assumptions
+        contradict each other, and otherwise the whole system is asked all the same.
+        """
+        why = NotReplayedError("no start was found that meets the assumptions")
+        starts = False
+        for sampler in () if self.never_starts else _samplers(self.system):
+            try:
+                return _judged(self.system, extended(recording, sampler), claim, phase)
+            except NotReplayedError as error:
+                why, starts = error, True
+            except (KoordError, IllegalStepError) as error:
+                starts = starts or not _is_no_start(error)
+                why = NotReplayedError(f"what a slice does is not made a run: {error}")
+        self.never_starts = not starts
+        raise why
+
+
+def _is_no_start(error: KoordError | IllegalStepError) -> bool:
+    return isinstance(error, KoordError) and any(d.code == "K920" for d in error.diagnostics)
 
 
 def _samplers(system: System) -> Iterator[Sampler]:
     yield Plain(system, Numbers.EXACT, Random(0))
-    yield from (Sampler(system, Numbers.EXACT, Random(seed)) for seed in range(TRIES))
+    yield from (_Hasty(system, Numbers.EXACT, Random(seed)) for seed in range(TRIES))
+
+
+class _Hasty(Sampler):
+    """Tries few starts: where assumptions contradict each other, none of any number will do."""
+
+    start_tries = 100

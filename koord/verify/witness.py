@@ -197,6 +197,10 @@ class NotReplayedError(Exception):
     """What a solver found is no run of the program, or does not break the claim."""
 
 
+class OnlyOfSliceError(NotReplayedError):
+    """A lasso of a slice was found that is none of the whole program."""
+
+
 def replayed(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
     """The recording as a counterexample, after it ran on the exact domain and broke the claim.
 

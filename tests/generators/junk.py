@@ -16,7 +16,7 @@ _ZERO = core.Const(0, INT)
 _PLACE = Span("generated", 0, 1, 0, 2)
 
 
-def with_junk(of: System, random: Random) -> System:
+def with_junk(of: System, random: Random, *, events: bool = True) -> System:
     """The system with ports, variables, a lock and events of which nothing else in it knows.
 
     Nothing that was there before is numbered anew. In programs with urgent events any event meets
@@ -28,7 +28,8 @@ def with_junk(of: System, random: Random) -> System:
     total = core.Variable(Home.ALLWRITE, len(program.allwrite), "junk_total", INT)
     lock = core.LockClass(len(program.lock_classes), ("junk_total",))
     is_urgent = any(event.urgent for agent in program.agents for event in agent.events)
-    agents = tuple(_agent(a, seen, total, lock, random, is_urgent) for a in program.agents)
+    more = events and not is_urgent
+    agents = tuple(_agent(a, seen, total, lock, random, more) for a in program.agents)
     made = replace(
         program,
         agents=agents,
@@ -45,7 +46,7 @@ def _agent(
     total: core.Variable,
     lock: core.LockClass,
     random: Random,
-    is_urgent: bool,
+    more_events: bool,
 ) -> core.Agent:
     """The agent with a sensor of real numbers, a counter that nothing bounds, and junk events."""
     count = core.Variable(Home.LOCAL, len(agent.locals), "junk_count", INT)
@@ -77,7 +78,7 @@ def _agent(
         locals=(*agent.locals, *declared),
         ports=(*agent.ports, port),
         modules=(*agent.modules, module),
-        events=tuple(events if is_urgent else [*events, event]),
+        events=tuple([*events, event] if more_events else events),
     )
 
 

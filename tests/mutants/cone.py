@@ -7,6 +7,8 @@ from tests.mutants.mutant import Mutant
 SLICES = "tests/verify/cone/test_slices.py"
 ASKING = "tests/verify/cone/test_asking.py"
 ENGINES = "tests/agreement/test_slices.py"
+LIVE = "tests/agreement/test_live_slices.py"
+AUXILIARY = "tests/semantics/test_auxiliary.py"
 INFLUENCE = "verify/cone/influence.py"
 
 CONE = (
@@ -79,5 +81,33 @@ CONE = (
         "                self._add(Matter.WHOLE_RUNS, (Happens(kind, position),))\n",
         "                pass\n",
         (SLICES,),
+    ),
+    Mutant(
+        "cone: lassos of slices come back to everything",
+        "semantics/lassos.py",
+        "        back = with_those_of(last, first, spared)\n",
+        "        back = last\n",
+        (LIVE,),
+    ),
+    Mutant(
+        "cone: a variable is auxiliary though branches read it",
+        "semantics/auxiliary.py",
+        "                self.use(condition, kind)\n",
+        "                pass\n",
+        (AUXILIARY,),
+    ),
+    Mutant(
+        "cone: a variable is auxiliary though what it flows to is not",
+        "semantics/auxiliary.py",
+        "            grows = bool(new)\n",
+        "            break\n",
+        (AUXILIARY,),
+    ),
+    Mutant(
+        "cone: a lasso that is only one of a slice leaves it at that",
+        "verify/live/settling.py",
+        "            if doubted := asking.doubted():\n",
+        "            if doubted := []:\n",
+        (ASKING,),
     ),
 )

@@ -13,12 +13,12 @@ from typing import TypeAlias
 
 from koord.semantics.configurations import System
 from koord.semantics.places import slot_in
+from koord.semantics.search.risks import Risks
 from koord.semantics.search.sureness import Sure
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.walk import nodes, reached, statements, written
 from koord.verify.claims import Claim, ClaimKind
-from koord.verify.cone.risks import Risks
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +110,12 @@ class Influence:
 
     def cone(self, claims: Iterable[Claim]) -> Cone:
         """All that can have an influence on some claims."""
-        waiting = [part for claim in claims for part in self.read_by(claim)]
-        found = set(waiting)
+        return self.closed(part for claim in claims for part in self.read_by(claim))
+
+    def closed(self, parts: Iterable[Part]) -> Cone:
+        """Some parts, with all that can have an influence on them."""
+        found = set(parts)
+        waiting = list(found)
         while waiting:
             new = self.edges.get(waiting.pop(), set()) - found
             found |= new

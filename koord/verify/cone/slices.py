@@ -6,9 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from koord.semantics.auxiliary import auxiliary
 from koord.semantics.configurations import System
 from koord.syntax.core import Home
-from koord.verify.claims import Claim, claims_of
+from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.cone.influence import Cone, Happens, Influence, Part, Var
 from koord.verify.cone.slicing import sliced
 from koord.verify.subjects import Identity, identity
@@ -39,12 +40,23 @@ class Slices:
 
     @cached_property
     def claims(self) -> dict[Identity, Claim]:
-        """The claims about configurations of the system, by what they have in each slice."""
-        return {identity(claim): claim for claim in claims_of(self.system)}
+        """The claims about the system, by what they have in each slice."""
+        claims = (*claims_of(self.system), *liveness_of(self.system))
+        return {identity(claim): claim for claim in claims}
 
     def cone(self, claims: Iterable[Claim]) -> Cone:
         """The cone of influence of some claims, all together."""
         return self.influence.cone(claims)
+
+    def returning(self, claims: Iterable[Claim]) -> Cone:
+        """What a lasso that breaks claims about whole runs has to come back to. [AUXILIARY]"""
+        stated = [claim.stated for claim in claims if claim.stated is not None]
+        spared = {Var(v.home, v.kind, v.slot) for v in auxiliary(self.system, stated)}
+        return self.influence.closed({*self.cone(claims), *(self.everything - spared)})
+
+    def whole(self, claims: Iterable[Claim]) -> Cone:
+        """All that any claim can depend on, and all else."""
+        return self.influence.closed({*self.cone(claims), *self.everything})
 
     def extent(self, cone: Cone) -> frozenset[Part]:
         """The variables and events in a cone: what else is in it hangs on them."""
@@ -75,7 +87,8 @@ class Slices:
 
     def common(self) -> System:
         """The system without what no claim about configurations can depend on."""
-        part = self.slice_of(self.cone(self.claims.values()))
+        claims = claims_of(self.system)
+        part = self.slice_of(self.cone(claims))
         # A claim that the slice's own text does not make is asked of the whole.
-        same = [identity(claim) for claim in claims_of(part)] == list(self.claims)
+        same = [identity(claim) for claim in claims_of(part)] == [identity(c) for c in claims]
         return part if same else self.system

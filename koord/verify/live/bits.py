@@ -32,7 +32,7 @@ from koord.verify.obstacles import Beyond, Lengths, Obstacle, Unreplayed, Values
 from koord.verify.pool import Pool
 from koord.verify.singly import singly
 from koord.verify.verdicts import Engine, Outcome, Vacuity, Verdict
-from koord.verify.witness import NotReplayedError
+from koord.verify.witness import NotReplayedError, OnlyOfSliceError
 
 #: Lassos with so many rounds are looked for before a proof is tried.
 FIRST_ROUNDS = 4
@@ -146,6 +146,7 @@ class _Run:
     lemmas: tuple[Claim, ...]
     started: float
     astray: str = ""
+    only_of_slice: bool = False  #: whether what went astray is a lasso of the slice all the same
     used: dict[str, None] = field(default_factory=dict)
 
     def work(self, most: int, more: tuple[_Try, ...]) -> None:
@@ -172,7 +173,7 @@ class _Run:
         limits = self.watching.circuit.limits
         obstacle: Obstacle = gave_up(Engine.BITS, self.ledger.deadline)
         reason = f"no lasso of up to {rounds} rounds breaks it, and no proof was found"
-        if limits:
+        if limits and not self.only_of_slice:
             reason = f"not covered: {'; '.join(limits)}"
             obstacle = Lengths(Engine.BITS, tuple(limits))
         elif self.astray:
@@ -183,7 +184,7 @@ class _Run:
         loose = loose_variables(self.watching.circuit)
         if loose:
             reason += f"; infinitely many values: {', '.join(loose)}"
-            if not limits:
+            if not limits and not self.only_of_slice:
                 obstacle = Values(Engine.BITS, tuple(loose))
         _leave(self.ledger, [self.claim], reason, self.started, obstacle)
 
@@ -234,12 +235,13 @@ class _Run:
         return not ledger.deadline.passed()
 
     def _is_violated_by(self, lasso: Recording) -> bool:
-        """Settle the claim if the lasso replays."""
+        """Settle the claim if the lasso replays; whether its slice needs no more lassos."""
         try:
             shown = self.ledger.subject.judge(lasso, self.claim, Phase.END)
         except NotReplayedError as error:
             self.astray = f"a candidate violation did not replay: {error}"
-            return False
+            self.only_of_slice = isinstance(error, OnlyOfSliceError)
+            return self.only_of_slice
         verdict = Verdict(
             self.claim, Outcome.VIOLATED, Engine.BITS, self._seconds(), counterexample=shown
         )

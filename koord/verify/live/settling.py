@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import partial
 
 from koord.semantics.configurations import System
 from koord.semantics.search.limits import FEW_STATES, Limits
-from koord.semantics.traces.recording import Recording
-from koord.verify.abstraction import abstracted
-from koord.verify.claims import Claim, Phase, claims_of, liveness_of
-from koord.verify.concretion import Concretion
+from koord.verify.claims import Claim, claims_of, liveness_of
+from koord.verify.cone.asking import Doubts
+from koord.verify.cone.influence import Cone, Part
+from koord.verify.cone.slices import Slices
 from koord.verify.failures import VACUITY
-from koord.verify.ledger import Ledger, Reach, Said, Subject
+from koord.verify.ledger import Ledger, Reach, Said
 from koord.verify.live.bits import LiveByBits
 from koord.verify.live.hollow import hollow
-from koord.verify.live.lassos import replayed_lasso
 from koord.verify.live.search import FEW_EDGES, LiveBySearch
-from koord.verify.obstacles import WholeRuns, what
+from koord.verify.obstacles import Unreplayed, WholeRuns, what
 from koord.verify.pool import Pool, Progress
 from koord.verify.resuming import Steps
 from koord.verify.solving import Deadline
+from koord.verify.subjects import abstract_subject, identity, plain_subject
 from koord.verify.verdicts import (
     Bounds,
-    Counterexample,
     Engine,
     Failure,
     Outcome,
@@ -74,55 +73,146 @@ def settled(
     claims = tuple(c for c in liveness_of(system) if not names or c.name in names)
     if not claims:
         return Settled(())
-    search = LiveBySearch(Limits())
-    if ways is Ways.ALL:
-        search = LiveBySearch(Limits(states=FEW_STATES), FEW_EDGES)
     pool = pool or Pool()
-    bits = LiveByBits(pool, sparing=ways is Ways.ALL)
-    ledger = Ledger(_plainly(system), bounds, deadline, claims, seed, pool.progress)
+    ledger = Ledger(plain_subject(system), bounds, deadline, claims, seed, pool.progress)
     steps = steps or Steps()
     steps.follow(ledger)
     ledger.before = {c: before.get(c.name, 0.0) for c in claims} if before else {}
     if ways is Ways.NONE:
         ledger.in_the_way = (WholeRuns(),)
         ledger.stopped = what(WholeRuns())
+    asking = _Asking(ledger, ways, proved, pool, steps)
+    slices = Slices(system)
+    parts = _parts(slices, {claim: slices.cone([claim]) for claim in claims})
     with ledger.stopping():
-        if ways in (Ways.ALL, Ways.SEARCH) and steps.begin("whole runs", 0, search.name):
-            with ledger.enduring(search.name):
-                search.work(ledger)
-        by_bits = ways in (Ways.ALL, Ways.BITS) and ledger.open()
-        if by_bits and steps.begin("whole runs", 1, bits.name):
-            with ledger.enduring(bits.name):
-                _by_bits(ledger, bits, proved)
+        asking.about(parts)
+        # What is a lasso of a slice may be none of the program: more of it is asked then, first
+        # all that such a lasso has to come back to.
+        for cone in (slices.returning, slices.whole):
+            if doubted := asking.doubted():
+                asking.about(_parts(slices, {claim: cone([claim]) for claim in doubted}))
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
-    empty = [*search.empty, *bits.empty]
+    empty = asking.empty
     if not empty and steps.begin("whole runs", 2, VACUITY):
         with ledger.stopping(), ledger.enduring(VACUITY):
-            empty += hollow(system, verdicts, deadline, seed)
+            for part in parts:
+                of = [verdict for verdict in verdicts if verdict.claim in part.claims]
+                empty += hollow(part.system, of, deadline, seed)
     unique = tuple(dict.fromkeys(empty))
     return Settled(verdicts, unique, ledger.interrupted, tuple(ledger.failures))
 
 
-def _by_bits(ledger: Ledger, bits: LiveByBits, proved: Sequence[Claim]) -> None:
-    """Ask the circuit of the system, with opaque values where there are any."""
-    system = ledger.system
-    subject = abstractly(system) or ledger.subject
-    originals = dict(zip(liveness_of(subject.system), liveness_of(system), strict=True))
-    pairs = zip(claims_of(subject.system), claims_of(system), strict=True)
-    known = {claim for claim in proved if claim.is_state_property}
-    lemmas = tuple(lemma for lemma, claim in pairs if claim in known)
-    asked = tuple(c for c, claim in originals.items() if claim in ledger.open())
-    inner = Ledger(subject, ledger.bounds, ledger.deadline, asked, ledger.seed, ledger.progress)
-    inner.noted = lambda verdict: _put_down(ledger, verdict, originals[verdict.claim], inner)
-    bits.lemmas = lemmas
-    with ledger.waiting():
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A slice, and the claims that have just this cone of influence. [T-CONE]"""
+
+    system: System
+    claims: tuple[Claim, ...]
+    stage: str
+
+
+def _parts(slices: Slices, cones: Mapping[Claim, Cone]) -> list[_Part]:
+    """The slices of some claims by their cones, smaller ones first."""
+    found: dict[Cone, list[Claim]] = {}
+    for claim, cone in cones.items():
+        found.setdefault(slices.extent(cone), []).append(claim)
+    parts = []
+    for extent, of in sorted(found.items(), key=lambda each: len(each[0])):
+        part = slices.slice_of(frozenset[Part]().union(*(cones[claim] for claim in of)))
+        names = " ".join(sorted(map(slices.name, extent)))
+        stage = "whole runs" if part is slices.system else f"whole runs of {names}"
+        parts.append(_Part(part, tuple(of), stage))
+    return parts
+
+
+@dataclass(slots=True)
+class _Asking:
+    """Engines that are asked about slices; what they find counts as a run of the whole system."""
+
+    ledger: Ledger
+    ways: Ways
+    proved: Sequence[Claim]
+    pool: Pool
+    steps: Steps
+    doubts: Doubts = field(default_factory=Doubts)
+    empty: list[Vacuity] = field(default_factory=list)  #: what was found out besides
+
+    def doubted(self) -> list[Claim]:
+        """The open claims that a lasso of a slice breaks which is none of the whole system.
+
+        What another process ran into is told by what stood in its way.
+        """
+        return [
+            claim
+            for claim in self.ledger.open()
+            if identity(claim) in self.doubts.rounds
+            or any(isinstance(x, Unreplayed) for x in self.ledger.verdict(claim).obstacles)
+        ]
+
+    def about(self, parts: Sequence[_Part]) -> None:
+        """Each engine is asked of all of the slices before the next one."""
+        self.doubts = Doubts()
+        limits, edges = Limits(), None
+        if self.ways is Ways.ALL:
+            limits, edges = Limits(states=FEW_STATES), FEW_EDGES
+        search = LiveBySearch(limits, edges, self.empty)
+        bits = LiveByBits(self.pool, sparing=self.ways is Ways.ALL, empty=self.empty)
+        for part in parts:
+            if self.ways in (Ways.ALL, Ways.SEARCH):
+                self._ask(part, 0, search.name, search.work)
+        for part in parts:
+            if self.ways in (Ways.ALL, Ways.BITS):
+                self._ask(part, 1, bits.name, partial(self._by_bits, part, bits))
+
+    def _ask(self, part: _Part, turn: int, name: str, work: Callable[[Ledger], None]) -> None:
+        is_whole = part.system is self.ledger.system
+        asked = [claim for claim in self.ledger.open() if claim in part.claims]
+        if not is_whole:
+            asked = [claim for claim in asked if identity(claim) not in self.doubts.rounds]
+        if not asked or not self.steps.begin(part.stage, turn, name):
+            return
+        inner = self.ledger
+        if len(asked) < len(inner.claims) or not is_whole:
+            inner = inner.of(asked, inner.report)
+        if not is_whole:
+            subject = plain_subject(self.ledger.system, part.system)
+            inner.subject = self.doubts.watching(subject)
+        if inner is self.ledger:
+            with inner.enduring(name):
+                work(inner)
+            return
         try:
-            _without_lemmas_first(inner, bits)
+            with self.ledger.waiting(), inner.enduring(name):
+                work(inner)
         finally:
-            for claim in inner.open():
-                inner.noted(inner.verdict(claim))
-            for failure in inner.failures:
-                ledger.fail(failure)
+            self.ledger.take(inner.said(asked))
+
+    def _by_bits(self, part: _Part, bits: LiveByBits, ledger: Ledger) -> None:
+        """Ask the circuit of a slice, with opaque values where there are any."""
+        whole = self.ledger.system
+        subject = abstract_subject(whole, part.system)
+        if subject is None:
+            subject = ledger.subject
+        elif part.system is not whole:
+            subject = self.doubts.watching(subject)
+        outer = {identity(claim): claim for claim in ledger.open()}
+        originals = {
+            claim: outer[identity(claim)]
+            for claim in liveness_of(subject.system)
+            if identity(claim) in outer
+        }
+        known = {identity(claim) for claim in self.proved if claim.is_state_property}
+        bits.lemmas = tuple(c for c in claims_of(subject.system) if identity(c) in known)
+        inner = replace(ledger.about(subject, tuple(originals)), report=ledger.progress)
+        inner.noted = lambda verdict: _put_down(ledger, verdict, originals[verdict.claim], inner)
+        with ledger.waiting():
+            try:
+                _without_lemmas_first(inner, bits)
+            finally:
+                for claim in inner.open():
+                    inner.noted(inner.verdict(claim))
+                for failure in inner.failures:
+                    ledger.fail(failure)
 
 
 def _put_down(ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger) -> None:
@@ -172,25 +262,3 @@ def _asked(ledger: Ledger, bits: LiveByBits, tell: Progress) -> tuple[Said, list
     with own.stopping(), own.enduring(bits.name):
         alone.work(own)
     return own.said(ledger.open()), alone.empty
-
-
-def _plainly(system: System) -> Subject:
-    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
-        return replayed_lasso(system, recording, claim)
-
-    return Subject(system, judge, system)
-
-
-def abstractly(system: System) -> Subject | None:
-    """The system with values that merely flow made opaque, if there are any."""
-    abstraction = abstracted(system.program)
-    if abstraction is None:
-        return None
-    abstract = replace(system, program=abstraction.program)
-    originals = dict(zip(liveness_of(abstract), liveness_of(system), strict=True))
-
-    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
-        real = Concretion(abstraction, system).recording(recording)
-        return replayed_lasso(system, real, originals[claim])
-
-    return Subject(abstract, judge, system)

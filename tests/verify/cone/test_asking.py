@@ -7,6 +7,10 @@ from pathlib import Path
 import pytest
 
 from koord.cli.main import main
+from koord.semantics.runs.extending import extended
+from koord.semantics.runs.sampling import Sampler
+from koord.semantics.traces.recording import Recording
+from koord.verify import subjects
 from koord.verify.portfolio import Choice
 from koord.verify.verdicts import Engine, Outcome
 from tests.verify.asking import ask, of_text
@@ -130,6 +134,55 @@ def test_invariants_about_more_than_a_slice_help_with_its_claims() -> None:
     for name in ("Even", "Twice"):
         verdict = ask(of_text(HISTORY), choice=Choice.INDUCTION)[name]
         assert (verdict.outcome, verdict.rounds) == (Outcome.HOLDS, None)
+
+
+LOOPS = """
+local:
+    int x = 0
+    int n = 0
+    int[] log = []
+E:
+    pre: x < 3
+    eff:
+        x = 0
+        %s
+eventually Done: forall i: x@i == 3
+"""
+
+
+@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.SEARCH, Choice.BITS])
+def test_a_loop_need_not_come_back_to_what_nothing_depends_on(choice: Choice) -> None:
+    plain = told(LOOPS % "x = 0", choice, 4)
+    assert plain["Done"] == (Outcome.VIOLATED, 1)
+    assert told(JUNK + LOOPS % "n = n + 1", choice, 4) == plain
+
+
+@pytest.mark.parametrize("choice", [Choice.SEARCH, Choice.BITS])
+def test_a_lasso_of_a_slice_that_is_none_of_the_program_is_not_shown(choice: Choice) -> None:
+    """The branch makes the program remember n: the loop is one round later."""
+    text = LOOPS % "if n == 0: log = [n]\n        n = 1"
+    assert told(text, choice, 4)["Done"] == (Outcome.VIOLATED, 2)
+    # A fault ends each run, so there is none without end.
+    assert told(LOOPS % "n = 1 / n", choice, 4)["Done"][0] is Outcome.HOLDS
+
+
+@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BMC])
+def test_starts_that_contradictory_assumptions_want_are_looked_for_once(
+    choice: Choice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[Sampler] = []
+
+    def counted(recording: Recording, sampler: Sampler) -> Recording:
+        tried.append(sampler)
+        return extended(recording, sampler)
+
+    monkeypatch.setattr(subjects, "extended", counted)
+    text = COUNTS.replace("local:", "local:\n    int a\n    int b")
+    text += "assume: forall i: a@i > 5 and b@i > a@i\nassume: forall i: b@i < a@i\n"
+    assert told(text, choice)["Sum"][0] is Outcome.HOLDS
+    slices = {id(sampler.system) for sampler in tried}
+    assert 0 < len(tried) <= 4 * 2 * max(1, len(slices))
+    assert all((sampler.start_tries or 10_000) <= 100 for sampler in tried)
 
 
 def test_what_a_claim_does_not_depend_on_is_told(

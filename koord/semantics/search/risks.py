@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from koord.semantics.search.sureness import Sure
 from koord.syntax import core
@@ -61,4 +61,11 @@ class Risks:
             and isinstance(place.steps[0], core.IndexStep)
             and isinstance(place.steps[0].index, core.Pid)
         )
-        return bool(place.steps) and not own_entry and self.expression(core.Read(place))
+        if not place.steps or own_entry:
+            return False
+        match place.steps[-1]:
+            case core.KeyStep(key=key):  # an entry that is not there is made
+                before = replace(place, steps=place.steps[:-1])
+                return self._any((key, core.Read(before)))
+            case _:
+                return self.expression(core.Read(place))

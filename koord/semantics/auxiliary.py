@@ -1,0 +1,169 @@
+"""Variables that nothing depends on but variables of their kind: they are written, and no more.
+
+A run that repeats itself need not come back to what they hold. [AUXILIARY] This is read off the
+text on the safe side: whatever is not plainly so counts as depended on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import chain
+
+from koord.semantics.configurations import Configuration, Robot, Store, System
+from koord.semantics.domain import Constant
+from koord.semantics.places import slot_in
+from koord.semantics.search.risks import Risks
+from koord.semantics.search.sureness import Sure
+from koord.semantics.storage import Storage
+from koord.syntax import core
+from koord.syntax.core import Home
+from koord.syntax.walk import reached, statements, written
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A variable of a program: ``kind`` is that of the robots whose local or port it is."""
+
+    home: Home
+    kind: int | None
+    slot: int
+
+
+def auxiliary(system: System, stated: Iterable[core.Property]) -> frozenset[Variable]:
+    """The variables that no round depends on, nor any of some statements about whole runs."""
+    program = system.program
+    reading = _Reading(system)
+    for kind, agent in enumerate(program.agents):
+        for event in agent.events:
+            reading.use(event.guard, kind)
+            for statement in statements(event.effect):
+                reading.statement(statement, kind)
+        for module in agent.modules:
+            reading.use((module.environment, module.contracts), kind)
+    for each in (*stated, *program.expectations):
+        reading.use((each.trigger, each.condition), None)
+    return frozenset(_variables(program)) - reading.depended_on()
+
+
+def _variables(program: core.Program) -> Iterator[Variable]:
+    for kind, agent in enumerate(program.agents):
+        yield from (Variable(Home.LOCAL, kind, slot) for slot in range(len(agent.locals)))
+        yield from (Variable(Home.PORT, kind, slot) for slot in range(len(agent.ports)))
+    yield from (Variable(Home.ALLREAD, None, slot) for slot in range(len(program.allread)))
+    yield from (Variable(Home.ALLWRITE, None, slot) for slot in range(len(program.allwrite)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """What is depended on by something other than the value of a variable, and what flows where."""
+
+    system: System
+    used: set[Variable] = field(default_factory=set)
+    flows: list[tuple[frozenset[Variable], frozenset[Variable]]] = field(default_factory=list)
+
+    def use(self, part: object, kind: int | None) -> None:
+        self.used.update(self._reads(part, kind))
+
+    def statement(self, s: core.Stmt, kind: int) -> None:
+        """What a statement itself depends on, apart from those in it."""
+        match s:
+            case core.Assign(value=value) | core.Append(value=value) | core.Remove(value=value):
+                self._written(s, value, kind)
+            case core.If(condition=condition):
+                self.use(condition, kind)
+            case core.ForRange(low=low, high=high):
+                self.use((low, high), kind)
+            case core.ForEach(sequence=sequence):
+                self.use(sequence, kind)
+            case core.Output(values=values):
+                if self._matters(s, values, kind):
+                    self.use(values, kind)
+            case core.Pop(place=place, into=into):
+                self.use((place, into), kind)
+            case core.Atomic() | core.Break() | core.Return() | core.Stop() | core.TryStop():
+                pass
+
+    def _written(self, s: core.Stmt, value: core.Expr, kind: int) -> None:
+        """A value that a variable gets, which depends on it alone if nothing else can happen."""
+        (place,) = written(s)
+        if place.variable.home is Home.BOUND or self._matters(s, value, kind):
+            self.use((place, value), kind)
+            return
+        self.use(place.steps, kind)
+        target = frozenset(self._of(place.variable, kind))
+        self.flows.append((target, self._reads(value, kind)))
+
+    def _matters(self, s: core.Stmt, evaluated: object, kind: int) -> bool:
+        """Whether a statement may fault, or an answer may be wanted that there is not."""
+        asked = (core.Choose, core.ExternalCall)
+        below = reached(self.system.program, evaluated)
+        return Risks(Sure(self.system, kind)).statement(s) or any(
+            isinstance(node, asked) for node in below
+        )
+
+    def depended_on(self) -> set[Variable]:
+        """The variables that matter, with those that these get their values from."""
+        found = set(self.used)
+        grows = True
+        while grows:
+            new = {x for targets, reads in self.flows if targets & found for x in reads - found}
+            grows = bool(new)
+            found |= new
+        return found
+
+    def _reads(self, part: object, kind: int | None) -> frozenset[Variable]:
+        nodes = reached(self.system.program, part)
+        variables = (node for node in nodes if isinstance(node, core.Variable))
+        return frozenset(chain.from_iterable(self._of(v, kind) for v in variables))
+
+    def _of(self, variable: core.Variable, kind: int | None) -> Iterator[Variable]:
+        agents = self.system.program.agents
+        match variable.home:
+            case Home.BOUND:
+                pass
+            case Home.ALLREAD | Home.ALLWRITE:
+                yield Variable(variable.home, None, variable.slot)
+            case Home.LOCAL | Home.PORT:
+                for k in range(len(agents)) if kind is None else (kind,):
+                    slot = slot_in(agents[k], variable)
+                    if slot is not None:
+                        yield Variable(variable.home, k, slot)
+
+
+def with_those_of(
+    configuration: Configuration[Constant],
+    other: Configuration[Constant],
+    variables: frozenset[Variable],
+) -> Configuration[Constant]:
+    """A configuration in which some variables hold what they hold in another one."""
+
+    def of(
+        home: Home,
+        kind: int | None,
+        mine: tuple[Storage[Constant], ...],
+        its: tuple[Storage[Constant], ...],
+    ) -> tuple[Storage[Constant], ...]:
+        pairs = enumerate(zip(mine, its, strict=True))
+        return tuple(b if Variable(home, kind, slot) in variables else a for slot, (a, b) in pairs)
+
+    def store(mine: Store[Constant], its: Store[Constant]) -> Store[Constant]:
+        return Store(
+            of(Home.ALLREAD, None, mine.allread, its.allread),
+            of(Home.ALLWRITE, None, mine.allwrite, its.allwrite),
+        )
+
+    def robot(mine: Robot[Constant], its: Robot[Constant]) -> Robot[Constant]:
+        return replace(
+            mine,
+            locals=of(Home.LOCAL, mine.kind, mine.locals, its.locals),
+            ports=of(Home.PORT, mine.kind, mine.ports, its.ports),
+            copy=store(mine.copy, its.copy),
+        )
+
+    pairs = zip(configuration.robots, other.robots, strict=True)
+    return replace(
+        configuration,
+        robots=tuple(robot(mine, its) for mine, its in pairs),
+        store=store(configuration.store, other.store),
+    )

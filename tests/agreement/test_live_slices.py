@@ -1,0 +1,70 @@
+"""Claims about whole runs on slices, on whole programs, and on programs with junk. [T-CONE]
+
+What is said of slices is what a search says of the whole program; a lasso has as many rounds, and
+is judged as a run of the whole program. With junk no run may come back to where it was: then it
+comes back to all but auxiliary variables. [AUXILIARY]
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from random import Random
+
+import pytest
+
+from koord.refinement.generating.programs import system
+from koord.refinement.rerunning import rerun
+from koord.semantics.search.findings import Exhausted
+from koord.semantics.traces.trace import Numbers, traced
+from koord.verify.live.settling import Ways, settled
+from koord.verify.solving import Deadline
+from koord.verify.verdicts import Bounds, Outcome
+from tests.agreement.test_lassos import LIVELY, searched, with_liveness
+from tests.generators.junk import with_junk
+from tests.semantics.driving import NO_TEXT
+
+
+def compare(seed: int, ways: Ways, most: int) -> Counter[str]:
+    """What engines say of slices, with and without junk, is what the search says of all.
+
+    It is of programs with so many configurations at most.
+    """
+    random = Random(seed)
+    of = with_liveness(system(random, LIVELY), random)
+    found = searched(of)
+    if found is None or not isinstance(found.end, Exhausted) or found.end.states > most:
+        return Counter(["too large, or not finite"])
+    count: Counter[str] = Counter()
+    for asked in (of, with_junk(of, random, events=False)):
+        for verdict in settled(asked, Bounds(8), ways, Deadline.after(None)).verdicts:
+            where = (seed, verdict.claim.name, asked is of)
+            count[verdict.outcome.value] += 1
+            if ways is Ways.SEARCH:
+                assert verdict.outcome is not Outcome.UNKNOWN, where
+            if verdict.outcome is Outcome.UNKNOWN:
+                continue
+            lasso = found.violated.get(verdict.claim.name)
+            assert (verdict.outcome is Outcome.VIOLATED) == (lasso is not None), where
+            if verdict.counterexample is not None:
+                assert lasso is not None
+                recording = verdict.counterexample.recording
+                if ways is Ways.SEARCH:
+                    assert len(recording.rounds) <= len(lasso.rounds), where
+                count["with junk"] += asked is not of
+                assert rerun(traced(NO_TEXT, asked, Numbers.EXACT, recording)) is None, where
+    return count
+
+
+def test_slices_and_junk_change_nothing_that_is_said_of_whole_runs() -> None:
+    count = sum((compare(seed, Ways.SEARCH, 60) for seed in range(18)), Counter[str]())
+    assert count["with junk"] > 5, count
+    assert count["holds"] > 10, count
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ways", [Ways.SEARCH, Ways.BITS, Ways.ALL])
+@pytest.mark.parametrize("block", range(4))
+def test_slices_and_junk_change_nothing_of_many(ways: Ways, block: int) -> None:
+    seeds = range(100 + block * 40, 140 + block * 40)
+    count = sum((compare(seed, ways, 400) for seed in seeds), Counter[str]())
+    assert count["with junk"] > 10, count
