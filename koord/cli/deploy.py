@@ -12,6 +12,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
 
@@ -35,7 +36,7 @@ from koord.runtime.configuration.model import Configuration
 from koord.runtime.deploy.ideal import unanswered
 from koord.runtime.deploy.local import Launch, launched
 from koord.runtime.deploy.networks import local_plan, transport_of
-from koord.runtime.deploy.recording import NoLibraryError, Record
+from koord.runtime.deploy.recording import Record
 from koord.runtime.deploy.running import Job, Runner
 from koord.runtime.deploy.status import Status
 from koord.runtime.robot import Robot
@@ -267,13 +268,10 @@ def _all(arguments: argparse.Namespace, job: Job, problem: Problem) -> int:
 def _recording(arguments: argparse.Namespace, stack: ExitStack, problem: Problem) -> Record | None:
     if arguments.record is None:
         return None
+    if find_spec("mcap") is None:  # before there is a file
+        raise ArgumentTypeError("--record needs the MCAP library: pip install 'koord[record]'")
     file = stack.enter_context(Path(arguments.record).open("wb"))  # noqa: SIM115
-    try:
-        record = Record(file)
-    except NoLibraryError:
-        raise ArgumentTypeError(
-            "--record needs the MCAP library: pip install 'koord[record]'"
-        ) from None
+    record = Record(file)
     stack.callback(record.close)
     record.describe(problem)
     return record

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from typing import cast
 
 from koord.syntax import ast
@@ -21,6 +22,9 @@ _SECTIONS = words(
     USING"""
 )
 _ELIF = frozenset(["elseif", "elsif"])
+#: Words that begin a block of statements, and how much of one a misspelt one shares.
+_BLOCKS = ("if", "elif", "else", "for", "atomic")
+_ALIKE = 0.65
 _OTHER_BLOCKS = words("while loop repeat do switch case match try with until when")
 
 
@@ -164,6 +168,7 @@ def _misplaced(reader: Reader, part: Part) -> ast.Block:
         reader.lose(part, body=True)
         return ()
     elif part.colon:
-        message = "no block can begin here"
-        reader.complain(part, "K115", part.colon.span, message, "leave `:` out, or indent less")
+        message, near = "no block can begin here", get_close_matches(word, _BLOCKS, 1, _ALIKE)
+        hint = f"did you mean `{near[0]}`?" if near else "leave `:` out, or indent less"
+        reader.complain(part, "K115", part.colon.span, message, hint)
     return block(reader, part.body)

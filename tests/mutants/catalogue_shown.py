@@ -209,6 +209,13 @@ SHOWN = (
         "largest = LARGEST_FILE",
         ("tests/cli/test_replay.py",),
     ),
+    Mutant(
+        "misspelt names of other languages suggest nothing",
+        "syntax/elaborate/suggest.py",
+        "closest(name, known) or _misspelt(name, known)",
+        "closest(name, known)",
+        ("tests/syntax/test_cures.py",),
+    ),
     # time, and what is unknown
     Mutant(
         "what was spent on a claim before does not count",

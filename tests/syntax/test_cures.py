@@ -230,3 +230,21 @@ def test_what_is_displaced_is_read_all_the_same() -> None:
     """So that nothing more is told of what it declares."""
     text = "allwrite:\n  int y = 0\n  local:\n    int x = 0\nGo:\n  eff: x = y\n"
     assert [d.code for d in load(Source("a.krd", text)).diagnostics] == ["K141"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [
+        ("list.psuh(list[0])", "append"),
+        ("list.appned(list[0])", "append"),
+        ("list.enqeue(list[0])", "append"),
+        ("total = list.lenght()", "length"),
+        ("total = list.szie()", "length"),
+        ("if total < 1:\n            pass\n        elfi total < 2:\n            pass", "elif"),
+        ("fro i = 0, 3:\n            pass", "for"),
+        ("atomci:\n            total = 1", "atomic"),
+    ],
+)
+def test_misspelt_operations_and_keywords_are_suggested(wrong: str, right: str) -> None:
+    found = [one.hint for one in diagnostics(ABOVE + EVENT + wrong + "\n")]
+    assert f"did you mean `{right}`?" in found, found

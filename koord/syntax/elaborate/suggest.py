@@ -132,8 +132,15 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
     """A hint that names the closest known name."""
     known = list(known)
     elsewhere = _ELSEWHERE.get(name.lower())
-    found = elsewhere if elsewhere in known else closest(name, known)
+    found = elsewhere if elsewhere in known else closest(name, known) or _misspelt(name, known)
     return f"did you mean `{found}`?" if found else None
+
+
+def _misspelt(name: str, known: Iterable[str]) -> str | None:
+    """The known name for what is a misspelt one of other languages, as `append` for `psuh`."""
+    others = {other: here for other, here in _ELSEWHERE.items() if here in known}
+    near = closest(name, others)
+    return others[near] if near is not None else None
 
 
 def otherwise(name: str) -> str | None:
