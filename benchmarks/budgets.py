@@ -1,8 +1,9 @@
 """How well budgets are kept: each engine on programs that are hard for it, with limits of time.
 
 Shown is what a command took on the clock beyond its start-up, beside what it was given: `--timeout`
-is for all of it, `--property-timeout` for each property that is left. 10 % is the promise; on a
-busy machine the clock runs on while others work, so nothing fails because of it.
+is for all of it. `--property-timeout` is for each property: there the longest time that a row says
+counts. 10 % and a few tenths of a second are the promise; on a busy machine the clock runs on while
+others work, so nothing fails because of it, and a line tells how many are over.
 """
 
 from __future__ import annotations
@@ -12,6 +13,9 @@ import tempfile
 from pathlib import Path
 
 from harness import EXAMPLES, Column, Report, best, koord, main, note
+
+#: What is over the budget and no breach of the promise: so many percent, and so many seconds.
+PERCENT, SECONDS = 10.0, 0.3
 
 ENGINES = ("auto", "bits", "bmc", "spacer", "search", "induction")
 
@@ -73,6 +77,7 @@ def budgets(report: Report) -> None:
         sats = str(EXAMPLES / "broken" / "sats_report_for_ever.krd")
         programs.append(("sats_report_for_ever", (sats,)))
         start = best(3, lambda: koord("verify", str(EXAMPLES / "hvac.krd"), "--rounds", "0"))
+        late = 0
         table = report.table(
             f"Limits of {seconds:g} s",
             Column("program", "program"),
@@ -80,19 +85,25 @@ def budgets(report: Report) -> None:
             Column("limit", "limit"),
             Column("wall_s", "wall s", 2),
             Column("cpu_s", "CPU s", 2),
+            Column("took_s", "of the budget s", 2),
             Column("over_percent", "over %", 1),
             Column("exit", "exit"),
         )
         for name, words in programs:
             for engine in ENGINES:
                 for limit in ("--timeout", "--property-timeout"):
-                    if limit == "--property-timeout" and engine != "auto":
+                    is_of_each = limit == "--property-timeout"
+                    if is_of_each and engine not in ("auto", "bits"):
                         continue
                     note(f"{name} {engine} {limit}")
-                    flags = ("--engine", engine, limit, str(seconds), "--jobs", "1")
+                    flags = ("--engine", engine, limit, str(seconds), "--jobs", "1", "--json")
                     done = koord("verify", *words, *flags, timeout_s=20 * seconds)
                     report.expect(done.code in (0, 1, 3, 4), f"{name}, {engine}: {done.code}")
-                    over = max(0.0, done.wall_s - start.wall_s - seconds) / seconds * 100
+                    found = done.report()
+                    claims = [claim["seconds"] for claim in found["claims"]] if found else []
+                    took = max(claims, default=0.0) if is_of_each else done.wall_s - start.wall_s
+                    over = max(0.0, took - seconds)
+                    late += over > PERCENT / 100 * seconds + SECONDS
                     table.rows.append(
                         {
                             "program": name,
@@ -100,10 +111,18 @@ def budgets(report: Report) -> None:
                             "limit": limit,
                             "wall_s": round(done.wall_s, 3),
                             "cpu_s": round(done.cpu_s, 3),
-                            "over_percent": round(over, 1) if limit == "--timeout" else None,
+                            "took_s": round(took, 3),
+                            "over_percent": round(over / seconds * 100, 1),
                             "exit": done.code,
                         }
                     )
+        told = report.table(
+            "Over by more than promised",
+            Column("over", "over"),
+            Column("commands", "of"),
+            Column("start_s", "start-up s", 2),
+        )
+        told.rows.append({"over": late, "commands": len(table.rows), "start_s": start.wall_s})
 
 
 if __name__ == "__main__":

@@ -131,10 +131,14 @@ def _named(system: System, request: Request) -> str:
 def _unanswered(system: System, request: Request, end: str) -> Asked:
     """What is known if the process of a system died."""
     from koord.verify.claims import claims_of, liveness_of
+    from koord.verify.obstacles import Failed
     from koord.verify.verdicts import Engine, Outcome, Report, Verdict
 
     claims = (*claims_of(system), *liveness_of(system))
-    verdicts = (Verdict(c, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=end) for c in claims)
+    failed = (Failed(Engine.NONE, end),)
+    verdicts = (
+        Verdict(c, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=end, obstacles=failed) for c in claims
+    )
     return Asked(system, _bounds(request), Report(tuple(verdicts), (), 0.0))
 
 

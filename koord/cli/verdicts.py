@@ -109,14 +109,19 @@ def _ways(count: int, ways: Ways) -> str:
 
 def _in_the_way(report: Report) -> Iterator[str]:
     """What stands in the way of claims that are unknown, those together that have the same."""
-    stopped: dict[tuple[str, ...], list[str]] = {}
+    stopped: dict[tuple[bool, tuple[str, ...]], list[str]] = {}
     for verdict in report.verdicts:
         said = obstacles.lines(verdict.obstacles, verdict.claim.name)
         if said:
-            stopped.setdefault(tuple(said), []).append(verdict.claim.name)
-    for said_, claims in stopped.items():
+            key = verdict.outcome is Outcome.HOLDS, tuple(said)
+            stopped.setdefault(key, []).append(verdict.claim.name)
+    for (is_answered, said_), claims in stopped.items():
         yield ""
-        yield f"  what stands in the way of {', '.join(claims)}:"
+        named = ", ".join(claims)
+        if is_answered:
+            yield f"  a proof for all rounds was looked for besides, and given up, of {named}:"
+        else:
+            yield f"  what stands in the way of {named}:"
         yield from (f"    {line}" for line in said_)
 
 
@@ -308,7 +313,7 @@ def _verdict_json(verdict: Verdict, departed: Departed, fair: Fairly) -> dict[st
             {
                 "engine": each.engine.value,
                 "kind": type(each).__name__,
-                "names": list(each.names) if isinstance(each, obstacles.Values) else [],
+                "names": list(obstacles.names(each)),
                 "what": obstacles.what(each),
                 "cure": obstacles.cure(each, verdict.claim.name),
             }

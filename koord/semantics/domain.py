@@ -25,13 +25,22 @@ LONGEST_NUMBER_BITS = 100_000
 
 
 class NumberTooLongError(KoordError):
-    """Exact numbers may grow without end: work on them stops before the machine does."""
+    """Exact numbers may grow without end: work on them stops before the machine does.
 
-    def __init__(self) -> None:
-        message = f"an exact number has grown to more than {LONGEST_NUMBER_BITS} bits"
+    ``names`` are the variables in question, as far as they are known.
+    """
+
+    def __init__(self, names: tuple[str, ...] = (), place: Span | None = None) -> None:
+        self.names = names
+        whose = f"an exact number in {', '.join(names)}" if names else "an exact number"
+        message = f"{whose} has grown to more than {LONGEST_NUMBER_BITS} bits"
         hint = "take fewer rounds; a run can use --numbers double"
-        place = Span("koord", 0, 0, 0, 0)
+        place = place or Span("koord", 0, 0, 0, 0)
         super().__init__((Diagnostic("K923", Severity.ERROR, place, message, hint),))
+
+    def about(self, names: tuple[str, ...], place: Span) -> NumberTooLongError:
+        """The same with the variables and the place, unless these are known."""
+        return self if self.names else NumberTooLongError(names, place)
 
 
 class Domain(Protocol[V]):

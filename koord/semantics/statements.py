@@ -7,6 +7,7 @@ from functools import partial
 from typing import TypeVar, assert_never
 
 from koord.semantics.configurations import FaultKind, Written
+from koord.semantics.domain import NumberTooLongError
 from koord.semantics.expressions import condition, evaluate
 from koord.semantics.machine import Machine
 from koord.semantics.masks import marked
@@ -87,7 +88,10 @@ def execute(m: Machine[V], s: core.Stmt) -> None:
     m.system.patience.spend()
     match s:
         case core.Assign():
-            assign(m, s.place, evaluate(m, s.value))
+            try:
+                assign(m, s.place, evaluate(m, s.value))
+            except NumberTooLongError as error:
+                raise error.about((s.place.variable.name,), s.span) from None
         case core.If():
             # [S-IF]
             m.branch(

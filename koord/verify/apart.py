@@ -19,7 +19,7 @@ from functools import partial
 
 from koord.semantics.configurations import System
 from koord.verify.claims import claims_of, liveness_of
-from koord.verify.obstacles import TimeUp
+from koord.verify.obstacles import Interrupted, Obstacle, TimeUp, failed_at
 from koord.verify.pool import Pool, Teller
 from koord.verify.portfolio import Choice, verify
 from koord.verify.resuming import Past
@@ -201,7 +201,11 @@ class _Asking:
             if verdict is None:
                 verdict = Verdict(claim, Outcome.UNKNOWN, Engine.NONE, spent)
             if verdict.outcome is Outcome.UNKNOWN:
-                more = (TimeUp(Engine.NONE),) if late else ()
+                more: list[Obstacle] = [failed_at(failure) for failure in past.failures]
+                if late:
+                    more.append(TimeUp(Engine.NONE))
+                elif not more:
+                    more.append(Interrupted())
                 obstacles = tuple(dict.fromkeys((*verdict.obstacles, *more)))
                 verdict = replace(verdict, seconds=spent, reason=reason, obstacles=obstacles)
             found.append(verdict)

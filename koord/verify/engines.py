@@ -266,6 +266,9 @@ class BySearch:
         ledger.settle(found.verdicts)
         enough = found.depth is not None and found.depth >= ledger.bounds.rounds
         reason = "" if enough else found.reason
+        if failed and reason:
+            through = "the start" if found.depth is None else f"round {found.depth}"
+            reason = f"search: it came no further than {through}"
         obstacle = None if enough else found.obstacle
         if found.reason and obstacle is None and not enough and not failed:
             obstacle = gave_up(Engine.SEARCH, ledger.deadline)

@@ -28,6 +28,7 @@ from koord.verify.apart import verify_apart
 from koord.verify.bmc import Unrolling
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.failures import SHADOWS, failure_of
+from koord.verify.obstacles import Unshown
 from koord.verify.pool import was_interrupted
 from koord.verify.portfolio import Choice
 from koord.verify.shadows import (
@@ -137,7 +138,14 @@ def verified(
             interrupted=interrupted,
         )
     unsaid = tuple(
-        Verdict(claim, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=hidden.reason)
+        Verdict(
+            claim,
+            Outcome.UNKNOWN,
+            Engine.NONE,
+            0.0,
+            reason=hidden.reason,
+            obstacles=(Unshown(hidden.reason),),
+        )
         for claim, hidden in shadows.unsaid
         if wanted(claim.name)
     )

@@ -19,7 +19,15 @@ from koord.semantics.traces.recording import Recording
 from koord.syntax.diagnostics import KoordError
 from koord.verify.claims import Claim, Phase
 from koord.verify.failures import failure_of
-from koord.verify.obstacles import Beyond, Obstacle, TimeUp
+from koord.verify.obstacles import (
+    Beyond,
+    Interrupted,
+    Obstacle,
+    TimeUp,
+    TooLong,
+    failed_at,
+    gave_up,
+)
 from koord.verify.pool import was_interrupted
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import (
@@ -144,7 +152,7 @@ class Ledger:
             self.in_the_way = (Beyond(Engine.NONE, self.stopped),)
         except NumberTooLongError as error:
             self.stopped = error.diagnostics[0].message
-            self.in_the_way = (Beyond(Engine.NONE, self.stopped),)
+            self.in_the_way = (TooLong(Engine.NONE, error.names),)
         except OutOfPatienceError:
             self.stopped = "timeout"
         except KeyboardInterrupt:
@@ -160,7 +168,7 @@ class Ledger:
         try:
             yield
         except NumberTooLongError as error:
-            self.fail(Failure(who, error.diagnostics[0].message))
+            self.fail(Failure(who, error.diagnostics[0].message, names=error.names))
         except (KoordError, NotFiniteError, OutOfPatienceError):
             raise  # nobody's mistake
         except Exception as error:
@@ -337,7 +345,9 @@ class Ledger:
             farthest.rounds,
             reason=reason,
             step=next(steps, None),
-            obstacles=() if outcome is Outcome.HOLDS else self._obstacles(claim, reaches[::-1]),
+            obstacles=_found(reaches[::-1])
+            if outcome is Outcome.HOLDS
+            else self._obstacles(claim, reaches[::-1]),
         )
 
     def _why(self, claim: Claim, reasons: Sequence[str]) -> str:
@@ -348,13 +358,20 @@ class Ledger:
         return "; ".join(filter(None, [first, *told])) or "not decided"
 
     def _obstacles(self, claim: Claim, reaches: Sequence[Reach]) -> tuple[Obstacle, ...]:
-        """What stood in the way of the engines that were asked, in turn."""
-        found = [reach.obstacle for reach in reaches if reach.obstacle is not None]
+        """What stood in the way of the engines that were asked, in turn; something always did."""
+        found = [*_found(reaches)]
         if self.deadline.passed() and not any(isinstance(each, TimeUp) for each in found):
             found.append(TimeUp(Engine.NONE))
         failed = (f for f, of in self.failures.items() if claim in of)
-        found += [Beyond(Engine.NONE, str(failure)) for failure in failed]
-        return tuple(dict.fromkeys((*found, *self.in_the_way)))
+        found += [failed_at(failure) for failure in failed]
+        found += self.in_the_way
+        if self.interrupted:
+            found.append(Interrupted())
+        return tuple(dict.fromkeys(found)) or (gave_up(Engine.NONE, self.deadline),)
+
+
+def _found(reaches: Iterable[Reach]) -> tuple[Obstacle, ...]:
+    return tuple(dict.fromkeys(r.obstacle for r in reaches if r.obstacle is not None))
 
 
 def _named(claims: Sequence[Claim]) -> str:

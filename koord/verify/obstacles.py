@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TypeAlias, assert_never
 
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Engine
+from koord.verify.verdicts import Engine, Failure
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +58,37 @@ class Beyond:
 
 
 @dataclass(frozen=True, slots=True)
+class TooLong:
+    """Exact numbers of some variables grow without end."""
+
+    engine: Engine
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """An engine ran into something, and gave no answer."""
+
+    engine: Engine
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Interrupted:
+    """Somebody pressed Ctrl-C."""
+
+    engine: Engine = Engine.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class Unshown:
+    """Nobody knows what is sensed between the ends of rounds."""
+
+    what: str
+    engine: Engine = Engine.NONE
+
+
+@dataclass(frozen=True, slots=True)
 class Unreplayed:
     """What an engine took for a violation is none: it knows too little of some values."""
 
@@ -79,13 +110,38 @@ class WholeRuns:
 
 
 Obstacle: TypeAlias = (
-    TimeUp | GaveUp | NotInductive | Values | Lengths | Beyond | Unreplayed | Elsewhere | WholeRuns
+    TimeUp
+    | GaveUp
+    | NotInductive
+    | Values
+    | Lengths
+    | Beyond
+    | TooLong
+    | Failed
+    | Interrupted
+    | Unshown
+    | Unreplayed
+    | Elsewhere
+    | WholeRuns
 )
 
 
 def gave_up(engine: Engine, deadline: Deadline) -> TimeUp | GaveUp:
     """Why an engine stopped that was not done."""
     return TimeUp(engine) if deadline.is_near() else GaveUp(engine)
+
+
+def failed_at(failure: Failure) -> TooLong | Failed:
+    """What stands in the way where somebody failed."""
+    engine = next((e for e in Engine if e.value == failure.who), Engine.NONE)
+    if failure.names:
+        return TooLong(engine, failure.names)
+    return Failed(engine, str(failure))
+
+
+def names(obstacle: Obstacle) -> tuple[str, ...]:
+    """The variables, sensors and functions that an obstacle is about."""
+    return obstacle.names if isinstance(obstacle, Values | TooLong) else ()
 
 
 def what(obstacle: Obstacle) -> str:
@@ -97,12 +153,17 @@ def what(obstacle: Obstacle) -> str:
             return "it has done all the work that it may"
         case NotInductive():
             return "some step breaks it, perhaps from where no run gets"
-        case Values(names=names):
-            return f"{', '.join(names)} may have more values than it can follow"
+        case Values(names=found):
+            return f"{', '.join(found)} may have more values than it can follow"
         case Lengths(what=said):
             return f"not covered: {'; '.join(said)}"
-        case Beyond(what=said):
+        case Beyond(what=said) | Failed(what=said) | Unshown(what=said):
             return said
+        case TooLong(names=found):
+            said = ", ".join(found) or "some value"
+            return f"exact numbers in {said} grow beyond what can be reckoned with"
+        case Interrupted():
+            return "it was interrupted"
         case Unreplayed():
             return "what seemed to break it is no run of the program"
         case Elsewhere():
@@ -127,8 +188,14 @@ def cure(obstacle: Obstacle, claim: str) -> str:
             return "bounds: of what starts in any way by `assume`, of sensors by contracts"
         case Lengths():
             return "a bound of the length: `assume len(…) <= …`"
-        case Beyond() | Unreplayed():
+        case Beyond() | Unreplayed() | Failed():
             return "another engine"
+        case TooLong():
+            return "fewer rounds, or bounds of these numbers"
+        case Interrupted():
+            return "to let it go on"
+        case Unshown():
+            return "a model that says what is sensed at each instant, or leave --instants out"
         case Elsewhere():
             return f"mend the other claim, or ask of this one alone (--property {claim!r})"
         case WholeRuns():

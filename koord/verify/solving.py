@@ -80,6 +80,10 @@ PER_SECOND = 10_000_000
 #: keep a solver busy for minutes that it counts as a second of work.
 AT_MOST_TIMES = 10
 
+#: How long a single question may take where there are others to ask, and where nobody said how long
+#: all may take: then nobody would hear of anything else.
+LONGEST_S, LONGEST_UNLIMITED_S = 10.0, 60.0
+
 
 @dataclass(slots=True)
 class Effort:
@@ -155,7 +159,12 @@ class Solver:
         limit = 0 if effort is None else effort.limit(at_most)
         if deadline.passed() or (effort is not None and limit <= 0):
             return Answer.UNKNOWN
-        meant = deadline if effort is None else deadline.sooner(_longest_s(limit))
+        if effort is not None:
+            meant = deadline.sooner(_longest_s(limit))
+        elif deadline.left_s() is None:
+            meant = deadline.sooner(LONGEST_UNLIMITED_S)
+        else:
+            meant = deadline
         given = Deadline.after(meant.left_s())  # Z3 has a clock of its own
         left = given.left_s()
         self._solver.set("timeout", _FOR_EVER if left is None else max(1, int(left * 1000)))
@@ -177,7 +186,9 @@ class Solver:
             self._core = frozenset(k for k, literal in pairs if literal.get_id() in core)
         exhausted = bool(limit) and (spent >= limit or (result == z3.unknown and given.is_near()))
         if effort is not None:
-            effort.left -= max(spent, limit) if exhausted else spent
+            # One that was cut short by the clock leaves something for others.
+            cost = min(limit, int(LONGEST_S * PER_SECOND))
+            effort.left -= max(spent, cost) if exhausted else spent
         self._model = self._solver.model() if result == z3.sat else None
         # Asked for now: the next assertion makes Z3 forget why it stopped.
         reason = self._solver.reason_unknown() if result == z3.unknown else ""
@@ -239,7 +250,7 @@ class Solver:
 
 def _longest_s(limit: int) -> float:
     """How long a question may take at most that is to cost so much."""
-    return max(1.0, AT_MOST_TIMES * limit / PER_SECOND)
+    return min(LONGEST_S, max(1.0, AT_MOST_TIMES * limit / PER_SECOND))
 
 
 def spent_by(solver: z3.Solver | z3.Fixedpoint) -> int:

@@ -184,6 +184,7 @@ class Failure:
     what: str
     where: str = ""
     trace: str = field(default="", compare=False, repr=False)
+    names: tuple[str, ...] = ()  #: of variables whose numbers have grown too long for it
 
     def __str__(self) -> str:
         place = f" ({self.where})" if self.where else ""

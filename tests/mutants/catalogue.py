@@ -668,8 +668,15 @@ VERIFY = (
     Mutant(
         "a question that was limited may take any time",
         "verify/solving.py",
-        "meant = deadline if effort is None else deadline.sooner(_longest_s(limit))",
-        "meant = deadline",
+        "            meant = deadline.sooner(_longest_s(limit))",
+        "            meant = deadline",
+        ("tests/verify/test_solving.py",),
+    ),
+    Mutant(
+        "a question that nobody limited may take any time",
+        "verify/solving.py",
+        "            meant = deadline.sooner(LONGEST_UNLIMITED_S)",
+        "            meant = deadline",
         ("tests/verify/test_solving.py",),
     ),
     Mutant(

@@ -253,4 +253,18 @@ LIVENESS = (
         "wanted += [some(condition.met) | 1 for condition in watched.conditions]",
         (BITS, ENGINES),
     ),
+    Mutant(
+        "a path of one point may be one of none",
+        "verify/bits/axioms.py",
+        "                self._required[part].append(same ^ 1)\n",
+        "                pass\n",
+        (BITS,),
+    ),
+    Mutant(
+        "lassos in which a function contradicts itself are shown to the judge",
+        "verify/live/loops.py",
+        "            if changed:\n",
+        "            if not told:\n",
+        (BITS,),
+    ),
 )

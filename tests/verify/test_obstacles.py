@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from itertools import product
+from pathlib import Path
+from random import Random
 
 import pytest
 
+from koord.cli import verdicts
+from koord.cli.terminal import Style
 from koord.semantics.configurations import System, dealt
+from koord.syntax import core
 from koord.syntax.load import load
+from koord.syntax.problem import Problem
 from koord.syntax.source import Source
 from koord.verify import obstacles
-from koord.verify.obstacles import Values, WholeRuns
+from koord.verify.obstacles import NotInductive, TimeUp, TooLong, Values, WholeRuns
 from koord.verify.portfolio import Choice, verify
-from koord.verify.verdicts import Bounds, Outcome, Verdict
+from koord.verify.verdicts import Bounds, Engine, Outcome, Verdict
+from tests.generators.large import large
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "specs" / "examples"
 
 #: A sensor and a variable that no search can follow, a list that may be long, and a whole run.
 OPEN = """
@@ -47,10 +56,14 @@ invariant Low: level * level * level < 1000000
 CHOICES = [c for c in Choice if c is not Choice.ABC]
 
 
-def asked(text: str, choice: Choice, timeout_s: float | None = None) -> tuple[Verdict, ...]:
+def program_of(text: str) -> core.Program:
     program = load(Source("open.krd", text)).program
     assert program is not None
-    system: System = dealt(program, 2)
+    return program
+
+
+def asked(text: str, choice: Choice, timeout_s: float | None = None) -> tuple[Verdict, ...]:
+    system: System = dealt(program_of(text), 2)
     return verify(system, Bounds(2, timeout_s), choice).verdicts
 
 
@@ -64,6 +77,95 @@ def test_whatever_is_unknown_says_what_stands_in_the_way(text: str, choice: Choi
         said = obstacles.lines(verdict.obstacles, verdict.claim.name)
         assert bool(said) is (verdict.outcome is Outcome.UNKNOWN), (choice, verdict)
         assert all("what would help: " in line for line in said)
+
+
+#: Numbers that double their length in each round.
+SQUARES = """
+local:
+    int x = 2
+Step:
+    eff: x = x * x
+invariant Odd: forall i: x@i != 7
+"""
+
+
+def test_a_number_that_grows_too_long_is_named() -> None:
+    system = dealt(program_of(SQUARES), 1)
+    (odd, *_) = verify(system, Bounds(30), Choice.SEARCH).verdicts
+    assert odd.outcome is Outcome.UNKNOWN
+    assert TooLong(Engine.SEARCH, ("x",)) in odd.obstacles
+    lines = obstacles.lines(odd.obstacles, "Odd")
+    assert any(line.startswith("search: exact numbers in x grow") for line in lines)
+
+
+def test_a_proof_that_was_given_up_after_the_answers_is_told() -> None:
+    text = """
+local:
+    int x = 0
+Step:
+    eff: x = x + 2
+invariant Odd: forall i: x@i != 91
+"""
+    system = dealt(program_of(text), 1)
+    report = verify(system, Bounds(2), Choice.INDUCTION)
+    odd = report.verdicts[0]
+    assert (odd.outcome, odd.rounds) == (Outcome.HOLDS, 2)
+    assert [type(each) for each in odd.obstacles] == [NotInductive]
+    problem = Problem(("odd.krd",), system.program, system.kinds, system.delta_s)
+    shown = "\n".join(verdicts.lines(problem, report, Style()))
+    assert "a proof for all rounds was looked for besides, and given up, of Odd:" in shown
+    document = verdicts.as_json(problem, Bounds(2), report, lambda verdict, found: None)
+    assert "'kind': 'NotInductive'" in str(document["claims"])
+    (alone, *_) = verify(system, Bounds(2), Choice.BMC).verdicts
+    assert alone.outcome is Outcome.HOLDS
+    assert not alone.obstacles  # nobody looked for one
+
+
+def assert_said(system: System, choice: Choice, where: object) -> int:
+    """How many claims are unknown; each names engine, variable or claim, and cure."""
+    count = 0
+    for verdict in verify(system, Bounds(2, 1.0), choice).verdicts:
+        lines = obstacles.lines(verdict.obstacles, verdict.claim.name)
+        if verdict.outcome is Outcome.UNKNOWN:
+            count += 1
+            assert lines, (where, choice, verdict)
+            assert all("; what would help: " in line for line in lines), lines
+            named = [e for e in verdict.obstacles if e.engine is not Engine.NONE]
+            assert named or is_of_none(verdict), (where, choice, verdict)
+        elif verdict.outcome is Outcome.VIOLATED:
+            assert not lines, (where, choice, verdict)
+    return count
+
+
+def is_of_none(verdict: Verdict) -> bool:
+    """Whether what stands in the way is no engine's: the time, or that no engine can tell."""
+    return all(isinstance(each, TimeUp | WholeRuns) for each in verdict.obstacles)
+
+
+#: Engines that leave much open.
+LEAVING = (Choice.SEARCH, Choice.INDUCTION, Choice.BITS)
+
+
+@pytest.mark.parametrize("name", ["lineform", "hvac"])
+def test_every_unknown_of_an_example_says_why(name: str) -> None:
+    text = (EXAMPLES / f"{name}.krd").read_text(encoding="utf-8")
+    assert assert_said(dealt(program_of(text), 2), Choice.SEARCH, name) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("**/*.krd")), ids=lambda path: path.stem)
+def test_every_unknown_of_all_examples_says_why(path: Path) -> None:
+    program = program_of(path.read_text(encoding="utf-8"))
+    if len(program.agents) == 1:
+        for choice in (*LEAVING, Choice.SPACER, Choice.BMC):
+            assert_said(dealt(program, 2), choice, path.stem)
+
+
+@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(100, 200), marks=pytest.mark.slow)])
+def test_every_unknown_of_generated_programs_says_why(seeds: range) -> None:
+    for seed in seeds:
+        for choice in LEAVING:
+            assert_said(large(Random(seed)), choice, seed)
 
 
 def test_the_search_names_what_it_cannot_follow() -> None:

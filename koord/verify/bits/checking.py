@@ -7,27 +7,32 @@ from collections.abc import Sequence
 from koord.verify.bits.clauses import OTHER, Clauses
 from koord.verify.bits.graph import Graph
 from koord.verify.bits.pdr import Cube, Question
+from koord.verify.solving import Deadline
 
 
-def holds_always(g: Graph, question: Question, cubes: Sequence[Cube]) -> bool:
+def holds_always(
+    g: Graph, question: Question, cubes: Sequence[Cube], deadline: Deadline | None = None
+) -> bool:
     """Whether no run ever is in one of the cubes or bad."""
-    return keeps(g, question, [_left_out(g, question, cube) for cube in cubes])
+    return keeps(
+        g, question, [_left_out(g, question, cube) for cube in cubes], deadline or Deadline()
+    )
 
 
-def keeps(g: Graph, question: Question, statements: Sequence[int]) -> bool:
+def keeps(g: Graph, question: Question, statements: Sequence[int], deadline: Deadline) -> bool:
     """Whether statements about latches hold in every run, and nothing bad happens.
 
     That is: they hold of INIT, a round leads from where all of them hold to where all of them do,
-    and there nothing is bad.
+    and there nothing is bad. Raises OutOfPatienceError where the deadline passes first.
     """
     init = {latch.literal >> 1: latch.init for latch in question.latches}
     next_ = {latch.literal >> 1: latch.next for latch in question.latches}
-    start = Clauses(g, OTHER)
+    start = Clauses(g, OTHER, deadline)
     start.require(question.opens)
     first = g.all_of(g.substituted(x, init) for x in statements)
     initiated = not start.solve([start.of(first ^ 1)])
     start.close()
-    step = Clauses(g, OTHER)
+    step = Clauses(g, OTHER, deadline)
     for literal in (*question.given, *statements):
         step.require(literal)
     safe = not step.solve([step.of(question.bad)])

@@ -11,6 +11,7 @@ from typing import Any, cast
 import pysolvers
 from pysat.solvers import Solver
 
+from koord.semantics.patience import OutOfPatienceError
 from koord.verify.bits.graph import Graph
 from koord.verify.solving import Answer, Deadline
 
@@ -19,11 +20,17 @@ TRUE_SIDE = 1
 FALSE_SIDE = 2
 BOTH_SIDES = 3
 
-#: Which is quick where questions come by the thousand, but cannot be interrupted.
+#: Which is quick where questions come by the thousand, but cannot be interrupted: it is asked for
+#: so many conflicts at once, some tenths of a second, and goes on with what it learnt.
 QUICK = "cadical153"
+AT_ONCE = 2_000
 
 #: Which can be interrupted. It shares nothing with the other: what that found is asked again here.
 OTHER = "glucose4"
+
+
+class NoAnswerError(OutOfPatienceError):
+    """A solver came to no answer within its limits."""
 
 
 @dataclass(slots=True)
@@ -36,6 +43,8 @@ class Clauses:
 
     graph: Graph
     engine: str = QUICK
+    deadline: Deadline = field(default_factory=Deadline)
+    left: int | None = None  #: so often questions may go on after ``AT_ONCE`` conflicts
     _solver: Any = field(init=False)
     _numbers: dict[int, int] = field(default_factory=dict)
     _sides: dict[int, int] = field(default_factory=dict)
@@ -72,32 +81,59 @@ class Clauses:
             self._solver.add_clause([self.of(part, TRUE_SIDE)])
 
     def solve(self, assumptions: Sequence[int]) -> bool:
-        """Whether everything required can be, with the assumptions."""
-        try:
-            return bool(self._solver.solve(assumptions=assumptions))
-        except pysolvers.error as error:
-            # It listens to Ctrl-C by itself, and says so in a way of its own.
-            raise KeyboardInterrupt from error
+        """Whether everything required can be, with the assumptions.
+
+        Raises NoAnswerError where the deadline passes first, or too many questions were hard.
+        """
+        answer = self.solve_in_time(assumptions, self.deadline)
+        if answer is Answer.UNKNOWN:
+            raise NoAnswerError
+        return answer is Answer.SAT
 
     def solve_in_time(self, assumptions: Sequence[int], deadline: Deadline) -> Answer:
         """The same, or nothing where the deadline passes first."""
-        left = deadline.left_s()
-        if left is None:
-            return Answer.SAT if self.solve(assumptions) else Answer.UNSAT
-        if left <= 0:
-            return Answer.UNKNOWN
-        if self.engine == QUICK:
-            return Answer.SAT if self.solve(assumptions) else Answer.UNSAT
-        timer = Timer(left, self._solver.interrupt)
-        timer.start()
         try:
-            found = self._solver.solve_limited(assumptions=assumptions, expect_interrupt=True)
-        finally:
-            timer.cancel()
-            self._solver.clear_interrupt()
+            if self.engine == QUICK:
+                found = self._solved_by_and_by(assumptions, deadline)
+            else:
+                found = self._solved_unless_interrupted(assumptions, deadline)
+        except pysolvers.error as error:
+            # It listens to Ctrl-C by itself, and says so in a way of its own.
+            raise KeyboardInterrupt from error
         if found is None:
             return Answer.UNKNOWN
         return Answer.SAT if found else Answer.UNSAT
+
+    def _solved_by_and_by(self, assumptions: Sequence[int], deadline: Deadline) -> bool | None:
+        while not deadline.passed():
+            self._solver.conf_budget(AT_ONCE)
+            found: bool | None = self._solver.solve_limited(assumptions=assumptions)
+            if found is not None:
+                return found
+            if self.left is not None:
+                self.left -= 1
+                if self.left <= 0:
+                    return None
+        return None
+
+    def _solved_unless_interrupted(
+        self, assumptions: Sequence[int], deadline: Deadline
+    ) -> bool | None:
+        left = deadline.left_s()
+        if left is None:
+            return bool(self._solver.solve(assumptions=assumptions))
+        if left <= 0:
+            return None
+        timer = Timer(left, self._solver.interrupt)
+        timer.start()
+        try:
+            found: bool | None = self._solver.solve_limited(
+                assumptions=assumptions, expect_interrupt=True
+            )
+        finally:
+            timer.cancel()
+            self._solver.clear_interrupt()
+        return found
 
     def core(self) -> list[int]:
         """The assumptions that the last answer, no, hangs on."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from koord.semantics.machine import NotFiniteError
@@ -12,7 +13,7 @@ from koord.syntax.types import FloatType
 from koord.syntax.walk import nodes
 from koord.verify.bits import abc, pdr
 from koord.verify.bits.checking import holds_always
-from koord.verify.bits.clauses import QUICK, TRUE_SIDE, Clauses
+from koord.verify.bits.clauses import QUICK, TRUE_SIDE, Clauses, NoAnswerError
 from koord.verify.bits.graph import FALSE
 from koord.verify.bits.lemmas import lemmas
 from koord.verify.bits.narrowing import everything, narrowed
@@ -32,6 +33,9 @@ FIRST_ROUNDS = 2
 
 #: How many questions IC3 may ask where other engines wait for their turn.
 FEW_QUESTIONS = 30_000
+
+#: How often one of these may go on that is hard: for some seconds in all.
+FEW_HARD = 40
 
 
 @dataclass(slots=True)
@@ -130,8 +134,9 @@ class _Run:
         ledger = self.ledger
         self._unroll(min(FIRST_ROUNDS, ledger.bounds.rounds))
         if self.completed is not None and self.open() and not self.circuit.limits:
-            self._induct()
-            self._search()
+            with suppress(NoAnswerError):
+                self._induct()
+                self._search()
         if self.open() and not self.sparing:
             self._unroll(ledger.bounds.rounds)
         reason, through = "", self.completed
@@ -219,7 +224,7 @@ class _Run:
     def _induct(self) -> None:
         """The largest set of claims that proves itself from one round to the next."""
         circuit = self.circuit
-        clauses = Clauses(circuit.d.graph, QUICK)
+        clauses = self._clauses()
         given = [circuit.held[c] for c in self.ledger.proved() if c in circuit.held]
         for literal in given:
             clauses.require(literal)
@@ -238,6 +243,10 @@ class _Run:
         clauses.close()
         if claims:
             self._holds(claims, everything(circuit, claims, given), ())
+
+    def _clauses(self) -> Clauses:
+        left = FEW_HARD if self.sparing else None
+        return Clauses(self.circuit.d.graph, QUICK, self.ledger.deadline, left)
 
     def _lost(self) -> int:
         g, circuit = self.circuit.d.graph, self.circuit
@@ -274,7 +283,7 @@ class _Run:
                     # Asked with all constraints, whatever the question left out.
                     whole = everything(circuit, claims, given)
                     asked = replace(question, steps=whole.steps, bad=whole.bad)
-                    if holds_always(g, asked, found.cubes):
+                    if holds_always(g, asked, found.cubes, self.ledger.deadline):
                         self._holds(claims, asked, found.cubes)
                         return
                     if self.abc:
@@ -301,7 +310,7 @@ class _Run:
             ledger.progress("abc, PDR")
             return abc.searched(g, question, ledger.deadline)
         properties = tuple(c.stated for c in claims if c.stated is not None)
-        clauses = Clauses(g, QUICK)
+        clauses = self._clauses()
         search = pdr.Search(
             clauses,
             question,

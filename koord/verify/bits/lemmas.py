@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from koord.semantics.configurations import System
 from koord.semantics.search.symmetry import Symmetry, symmetry_of
+from koord.verify.bits.clauses import NoAnswerError
 from koord.verify.bits.minimal import needed
 from koord.verify.bits.pdr import Cube, Question
 from koord.verify.bits.places import places_of
@@ -57,4 +58,6 @@ def lemmas(
             return Lemmas(tuple(map(_text, said(system, table, found))))
         except UnsaidError as error:
             reason = primes.unsaid or str(error)
+        except NoAnswerError:
+            return Lemmas((), "there was no time to say it in Koord")
     return Lemmas((), reason)

@@ -54,7 +54,7 @@ def needed(
     question = replace(everything(circuit, claims, held), latches=circuit.latches)
     statements = [table.left_out(orbit) for orbit in chosen]
     statements += [circuit.held[claim] for claim in claims if claim in circuit.held]
-    if not keeps(circuit.d.graph, question, [*statements, *facts(table)]):
+    if not keeps(circuit.d.graph, question, [*statements, *facts(table)], deadline):
         raise UnsaidError("robots are not alike in it")
     return Needed(tuple(chosen), tuple(core.ranged([circuit.d.graph.all_of(statements)])))
 
@@ -75,7 +75,7 @@ class _Core:
     def of(self, claims: Sequence[Claim], deadline: Deadline) -> set[int]:
         """The positions of orbits that the claims need: few, if not as few as can be."""
         g, circuit = self.circuit.d.graph, self.circuit
-        self.clauses = Clauses(g, QUICK)
+        self.clauses = Clauses(g, QUICK, deadline)
         self._then = {latch.literal >> 1: latch.next for latch in circuit.latches}
         for claim in self.known:
             if claim in circuit.held:

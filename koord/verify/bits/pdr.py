@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 
-from koord.verify.bits.clauses import BOTH_SIDES, QUICK, TRUE_SIDE, Clauses
+from koord.verify.bits.clauses import BOTH_SIDES, QUICK, TRUE_SIDE, Clauses, NoAnswerError
 from koord.verify.bits.graph import FALSE
 from koord.verify.bits.transition import Latch
 from koord.verify.solving import Deadline
@@ -93,6 +93,12 @@ class Search:
 
     def run(self) -> Invariant | Reached | Unfinished:
         """Find an invariant, or how many rounds it takes to be bad."""
+        try:
+            return self._found()
+        except NoAnswerError:
+            return Unfinished(max(0, len(self.frames) - 1))
+
+    def _found(self) -> Invariant | Reached | Unfinished:
         self._prepare()
         frame = 0
         while True:

@@ -156,7 +156,7 @@ class Primes:
     def orbits(self) -> list[Orbit]:
         """Orbits that cover the cubes of an invariant. Raises UnsaidError if there are none."""
         graph, latches = self.table.d.graph, self.question.latches
-        self._inside, self._outside = Clauses(graph, QUICK), Clauses(graph, QUICK)
+        self._inside, self._outside = (Clauses(graph, QUICK, self.deadline) for _ in range(2))
         for k, place in enumerate(self.table.places):
             for node in graph.cone([place.inside, *place.latches]):
                 self._of_latch.setdefault(node, []).append(k)
@@ -187,7 +187,7 @@ class Primes:
 
     def _independent(self, orbits: Sequence[Orbit]) -> list[Orbit]:
         """Orbits none of which the others make superfluous; the simplest are kept."""
-        table, clauses = self.table, Clauses(self.table.d.graph, QUICK)
+        table, clauses = self.table, Clauses(self.table.d.graph, QUICK, self.deadline)
         for fact in facts(table):
             clauses.require(fact)
         parts = {o: clauses.of(table.left_out(o), TRUE_SIDE) for o in orbits}

@@ -18,7 +18,7 @@ from koord.syntax import core
 from koord.syntax.core import QuantifierKind
 from koord.verify.bits import pdr
 from koord.verify.bits.checking import holds_always
-from koord.verify.bits.clauses import QUICK, Clauses
+from koord.verify.bits.clauses import QUICK, Clauses, NoAnswerError
 from koord.verify.bits.engine import loose_variables
 from koord.verify.bits.renaming import images, speaking_last
 from koord.verify.bits.transition import LEVELS
@@ -256,6 +256,14 @@ class _Run:
         settled = self.claim in self.ledger.verdicts and not anew
         if self.watching.circuit.limits or settled:
             return False
+        try:
+            return self._tried(response, watched, tries, anew=anew)
+        except NoAnswerError:
+            return False
+
+    def _tried(
+        self, response: Response, watched: Watched, tries: Sequence[_Try], *, anew: bool
+    ) -> bool:
         for each in tries:
             given = self._given() if each.lemmas else []
             if each.lemmas and not given:
@@ -285,7 +293,7 @@ class _Run:
         """Whether fairness is never met so many times; None if nobody knows."""
         for exchange in (True, False):
             question = counted(of, times)
-            clauses = Clauses(of.graph, QUICK)
+            clauses = Clauses(of.graph, QUICK, self.ledger.deadline)
             alike = self._symmetric(response) if exchange else None
             search = pdr.Search(
                 clauses,
@@ -305,11 +313,16 @@ class _Run:
                 case pdr.Invariant():
                     # Asked with all constraints, whatever was left out.
                     asked = replace(question, steps=of.whole)
-                    if holds_always(of.graph, asked, found.cubes) and settles(of):
+                    if self._is_kept(of, asked, found):
                         return True
                     # Robots were exchanged that are not alike in every bit.
                     assert exchange, "an invariant that is none"
         return None
+
+    def _is_kept(self, of: Counting, asked: pdr.Question, found: pdr.Invariant) -> bool:
+        """Whether an invariant is one, by another solver."""
+        deadline = self.ledger.deadline
+        return holds_always(of.graph, asked, found.cubes, deadline) and settles(of, deadline)
 
     def _tell(self, text: str) -> None:
         self.ledger.progress(f"bits, {text}")

@@ -14,6 +14,7 @@ from koord.verify.bits.narrowing import related
 from koord.verify.bits.pdr import Question, reduced
 from koord.verify.bits.transition import Latch
 from koord.verify.live.monitors import Watched
+from koord.verify.solving import Deadline
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +97,9 @@ def settling(g: Graph, latches: Sequence[Latch], required: Sequence[int]) -> lis
             return found
 
 
-def settles(of: Counting) -> bool:
+def settles(of: Counting, deadline: Deadline) -> bool:
     """Whether all that counts as settling does: asked of another solver, with all constraints."""
-    clauses = Clauses(of.graph, OTHER)
+    clauses = Clauses(of.graph, OTHER, deadline)
     for literal in (of.whole, of.pending, *of.given):
         clauses.require(literal)
     for latch in of.settled:

@@ -14,6 +14,7 @@ from koord.verify.bits.checking import holds_always
 from koord.verify.bits.graph import Graph
 from koord.verify.bits.pdr import Cube, Invariant, Question
 from koord.verify.portfolio import Choice, verify
+from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
 from tests.verify.bits.asking import on_bits
 
@@ -328,9 +329,9 @@ def test_an_invariant_is_found_where_robots_change_places(
     """Exclusive is not inductive by itself, and nothing else is claimed here."""
     found: list[Invariant] = []
 
-    def noting(g: Graph, question: Question, cubes: tuple[Cube, ...]) -> bool:
+    def noting(g: Graph, question: Question, cubes: tuple[Cube, ...], deadline: Deadline) -> bool:
         found.append(Invariant(cubes, 0))
-        return holds_always(g, question, cubes)
+        return holds_always(g, question, cubes, deadline)
 
     monkeypatch.setattr("koord.verify.bits.engine.holds_always", noting)
     with open("specs/examples/task.krd", encoding="utf-8") as file:

@@ -215,7 +215,10 @@ def test_ctrl_c_that_the_solver_hears_is_ctrl_c() -> None:
     """It has an error of its own for that."""
 
     class Interrupted:
-        def solve(self, assumptions: list[int]) -> bool:
+        def conf_budget(self, conflicts: int) -> None:
+            pass
+
+        def solve_limited(self, assumptions: list[int]) -> bool:
             raise pysolvers.error("Caught keyboard interrupt")
 
     clauses = Clauses(Graph())
