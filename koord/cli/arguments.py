@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from koord.cli.files import DASH
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_ROBOTS
+from koord.syntax.literals import NumberOutOfRangeError, read_number, shown
 
 if TYPE_CHECKING:
     from koord.syntax.elaborate.settings import ParamValue
@@ -36,13 +37,6 @@ _DECIMAL = re.compile(
     r"[+-]?([0-9]{1,100}(\.[0-9]{0,100})?|\.[0-9]{1,100})([eE][+-]?[0-9]{1,3})?\Z"
 )
 _RATIO = re.compile(r"([+-]?[0-9]{1,100})/([0-9]{1,100})\Z")
-_LONG_NUMBER = re.compile(r"[+-]?[0-9.]+([eE][+-]?[0-9]+)?\Z")
-
-#: So many characters of a word are shown in a message.
-_SHOWN = 60
-
-#: As for the numbers of programs.
-_SMALLEST, _LARGEST = Fraction(1, 10**400), Fraction(10**400)
 
 _LIST_TOKEN = re.compile(r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*")
 
@@ -221,28 +215,18 @@ def _scalar(token: str) -> ParamValue:
         return token in ("true", "True")
     if token.startswith('"'):
         return token[1:-1]
-    if _INT.match(token):
-        return int(token)
-    if _DECIMAL.match(token):
-        number = Fraction(token)
-        if number and not _SMALLEST <= abs(number) <= _LARGEST:
-            raise ArgumentTypeError(f"{_short(token)} does not lie between 1e-400 and 1e400")
+    try:
+        number = read_number(token)
+    except NumberOutOfRangeError as error:
+        raise ArgumentTypeError(str(error)) from None
+    if number is not None:
         return number
     if _NAME.match(token):
         return token
-    if _LONG_NUMBER.match(token):
-        raise ArgumentTypeError(
-            f"{_short(token)} is too long a number: write at most 100 digits, or 1e400 at most"
-        )
     raise ArgumentTypeError(
-        f"{_short(token)} is not a value: "
+        f"{shown(token)} is not a value: "
         'write an int, a float, true, false, a word, "text", [1, 2]'
     )
-
-
-def _short(text: str) -> str:
-    """A word as it may stand in a message."""
-    return repr(text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…")
 
 
 def sweep(text: str) -> tuple[str, tuple[ParamValue, ...]]:

@@ -14,6 +14,7 @@ from hashlib import sha256
 from koord.recheck.claims import Kind
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.literals import MOST_PLACES
 from koord.syntax.source import Source, visible
 
 FORMAT = "koord certificate"
@@ -26,6 +27,9 @@ REWRITE = "write the certificate anew with `koord verify --certificate`"
 MOST_ROBOTS = 1000
 
 _MOST_DEPTH = 10
+
+#: Numbers that are written have so many digits on both sides of the line at most.
+_LONGEST_FRACTION = 4 * MOST_PLACES
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +124,7 @@ class _Reader:
     def fraction(self) -> Fraction:
         text = self.text()
         try:
-            if len(text) > 200 or "e" in text.lower():
+            if len(text) > _LONGEST_FRACTION or "e" in text.lower():
                 raise ValueError
             return Fraction(text)
         except (ValueError, ZeroDivisionError):

@@ -12,9 +12,64 @@ ParamValue = int | Fraction | bool | str | tuple["ParamValue", ...]
 
 _WORD = re.compile(r"[^\W\d]\w*\Z")
 
+#: A number that is written has so many digits at most, and so many decimal places around the point.
+MOST_DIGITS, MOST_PLACES = 100, 400
+
+_INT = re.compile(rf"[+-]?[0-9]{{1,{MOST_DIGITS}}}\Z")
+_DECIMAL = re.compile(
+    rf"[+-]?([0-9]{{1,{MOST_DIGITS}}}(\.[0-9]{{0,{MOST_DIGITS}}})?|\.[0-9]{{1,{MOST_DIGITS}}})"
+    r"([eE][+-]?[0-9]{1,3})?\Z"
+)
+_NUMBER = re.compile(r"[+-]?(?=\.?[0-9])[0-9]*(\.[0-9]*)?([eE][+-]?[0-9]+)?\Z")
+
+#: So many characters of a word are shown in a message.
+_SHOWN = 60
+
 #: Decimals with so many digits are written in full; Python writes no integer beyond some thousands.
 _LONGEST = 30
 _MOST_BITS = 10_000
+
+
+class NumberOutOfRangeError(ValueError):
+    """A number that is written has too many digits, or is too large or too small."""
+
+
+def is_number(text: str) -> bool:
+    """Whether somebody who writes this means a number."""
+    return _NUMBER.match(text) is not None
+
+
+def read_number(text: str) -> int | Fraction | None:
+    """The number that is written, exactly; None if it is none.
+
+    Raises NumberOutOfRangeError.
+    """
+    if _INT.match(text):
+        return int(text)
+    if _DECIMAL.match(text):
+        value = Fraction(text)
+        if not is_moderate(value):
+            raise NumberOutOfRangeError(
+                f"{shown(text)} does not lie between 1e-{MOST_PLACES} and 1e{MOST_PLACES}"
+            )
+        return value
+    if is_number(text):
+        raise NumberOutOfRangeError(
+            f"{shown(text)} is too long a number: "
+            f"write at most {MOST_DIGITS} digits, or 1e{MOST_PLACES} at most"
+        )
+    return None
+
+
+def is_moderate(value: int | Fraction) -> bool:
+    """Whether a number is neither too large nor too close to 0."""
+    limit = 10**MOST_PLACES
+    return value == 0 or Fraction(1, limit) <= abs(value) <= limit
+
+
+def shown(text: str) -> str:
+    """A word as it may stand in a message."""
+    return repr(text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…")
 
 
 def literal(value: ParamValue) -> str:

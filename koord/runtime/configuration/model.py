@@ -88,3 +88,7 @@ class Configuration:
     def place(self, *path: str | int) -> Span:
         """Where something stands in the file."""
         return self.document.place(path)
+
+    def word(self, *path: str | int) -> str | None:
+        """What is written there; None if it is in quotes."""
+        return self.document.words.get(path)

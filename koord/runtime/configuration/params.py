@@ -1,15 +1,14 @@
-"""The values that a configuration gives params."""
+"""The values that a configuration gives params: numbers are read as ``--set`` reads them."""
 
 from __future__ import annotations
 
-import math
-from fractions import Fraction
 from typing import Any
 
 from koord.runtime.configuration.model import Configuration
 from koord.runtime.configuration.reading import problem
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.elaborate.settings import ParamValue
+from koord.syntax.literals import NumberOutOfRangeError, is_number, read_number
 
 
 def params(configuration: Configuration) -> dict[str, ParamValue]:
@@ -21,14 +20,18 @@ def params(configuration: Configuration) -> dict[str, ParamValue]:
 
 
 def _value(configuration: Configuration, value: Any, path: tuple[str | int, ...]) -> ParamValue:
-    match value:
-        case bool() | int() | str():
-            return value
-        case float() if math.isfinite(value):
-            return Fraction(repr(value))
-        case list():
-            return tuple(_value(configuration, v, (*path, k)) for k, v in enumerate(value))
-        case _:
-            hint = "a param is a number, a truth value, a text or a list of them"
-            span = configuration.place(*path)
-            raise KoordError((problem(span, "this is no value of a param", hint),))
+    word = configuration.word(*path)
+    if isinstance(value, list):
+        return tuple(_value(configuration, v, (*path, k)) for k, v in enumerate(value))
+    if isinstance(value, bool) or (isinstance(value, str) and not is_number(word or "")):
+        return value
+    # YAML would round it to a double, to 0 for one, and does not see that 1e300 is a number.
+    number, story = None, "this is no value of a param"
+    try:
+        number = None if word is None else read_number(word)
+    except NumberOutOfRangeError as error:
+        story = str(error)
+    if number is None:
+        hint = "a param is a number, a truth value, a text or a list of them"
+        raise KoordError((problem(configuration.place(*path), story, hint),))
+    return number

@@ -28,6 +28,7 @@ class Document:
     value: Any
     spans: dict[Path, Span] = field(default_factory=dict)
     names: dict[Path, Span] = field(default_factory=dict)  #: of fields: where the name stands
+    words: dict[Path, str] = field(default_factory=dict)  #: what stands there without quotes
 
     def place(self, path: Path) -> Span:
         """The place of a value, or of the nearest one around it that has one."""
@@ -84,6 +85,8 @@ class _Reader:
         if self._values > MOST_VALUES:
             raise KoordError((problem(span, "the file has too many values", code="K930"),))
         if isinstance(node, yaml.ScalarNode):
+            if node.style is None:
+                self.document.words[path] = node.value
             return self._scalar(node, span)
         if id(node) in self._open:
             story, hint = (

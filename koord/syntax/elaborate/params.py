@@ -12,7 +12,7 @@ from koord.syntax.elaborate.folding import folded
 from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.resolve_types import resolve
 from koord.syntax.elaborate.session import Session
-from koord.syntax.literals import ParamValue, literal
+from koord.syntax.literals import ParamValue, is_moderate, literal
 from koord.syntax.types import (
     BOOL,
     FLOAT,
@@ -151,9 +151,9 @@ def from_setting(given: ParamValue, type_: Type) -> core.Expr | None:
             return core.Const(members.index(given), type_) if given in members else None
         case str(), _:
             return core.Const(given, STRING) if type_ == STRING else None
-        case int(), _ if type_ == INT:
+        case int(), _ if type_ == INT and is_moderate(given):
             return core.Const(given, INT)
-        case ((int() | Fraction()), _) if type_ == FLOAT:
+        case ((int() | Fraction()), _) if type_ == FLOAT and is_moderate(given):
             return core.Const(Fraction(given), FLOAT)
         case _:
             return None
