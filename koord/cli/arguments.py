@@ -224,8 +224,7 @@ def _scalar(token: str) -> ParamValue:
     if _NAME.match(token):
         return token
     raise ArgumentTypeError(
-        f"{shown(token)} is not a value: "
-        'write an int, a float, true, false, a word, "text", [1, 2]'
+        f'{shown(token)} is not a value: write an int, a float, true, false, a word, "text", [1, 2]'
     )
 
 

@@ -64,7 +64,8 @@ def read_number(text: str) -> int | Fraction | None:
 def is_moderate(value: int | Fraction) -> bool:
     """Whether a number is neither too large nor too close to 0."""
     limit = 10**MOST_PLACES
-    return value == 0 or Fraction(1, limit) <= abs(value) <= limit
+    size = abs(Fraction(value))
+    return size == 0 or Fraction(1, limit) <= size <= limit
 
 
 def shown(text: str) -> str:

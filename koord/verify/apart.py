@@ -23,11 +23,8 @@ from koord.verify.obstacles import Interrupted, Obstacle, TimeUp, failed_at
 from koord.verify.pool import Pool, Teller
 from koord.verify.portfolio import Choice, verify
 from koord.verify.resuming import Past
-from koord.verify.solving import Deadline
+from koord.verify.solving import GRACE, GRACE_S, Deadline
 from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
-
-#: What part of its time a process may take longer to end in good order, and in seconds at least.
-GRACE, GRACE_S = 0.05, 0.1
 
 
 def verify_apart(
@@ -185,6 +182,7 @@ class _Asking:
             progress=tell,
             interrupted=self.interrupted,
             noted=tell.note,
+            lasting=tell.lasting,
             past=past,
         )
 

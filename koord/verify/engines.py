@@ -54,6 +54,7 @@ class ByUnrolling:
 
     bounded: Bounded | None = None
     relying: bool = True  #: takes for granted what is proved
+    late: bool = False  #: it was stopped by the clock, and not by what there is to be done
     afterwards: Effort = field(default_factory=lambda: Effort.of_seconds(AFTERWARDS_S))
 
     @property
@@ -65,6 +66,8 @@ class ByUnrolling:
             self.through(ledger, ledger.bounds.rounds)
 
     def of(self, ledger: Ledger) -> Bounded:
+        if self.late and not ledger.deadline.is_near():  # there is time again
+            self.bounded, self.late = None, False
         if self.bounded is None:
             self.bounded = Bounded(ledger.system, ledger.subject.judge, ledger.seed)
         return self.bounded
@@ -88,6 +91,7 @@ class ByUnrolling:
             self.bounded = None  # it may be half done: nobody relies on it any more
             raise
         finally:
+            self.late = bool(bounded.reason) and ledger.deadline.is_near()
             self._leave(bounded, ledger)
 
     def _through(

@@ -40,6 +40,9 @@ class Teller(Protocol):
 
     def note(self, value: object) -> None: ...
 
+    def lasting(self, until: float | None) -> None:
+        """From now on it is ended at this moment, unless it says another one by then."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Here:
@@ -50,6 +53,9 @@ class _Here:
 
     def __call__(self, text: str) -> None:
         self.progress(text)
+
+    def lasting(self, until: float | None) -> None:
+        """There is nobody to end it."""
 
 
 #: How long answers are waited for at a time.
@@ -96,6 +102,7 @@ class Job(Generic[T]):
     ``lasts_s`` is for how long its process may go on, and ``until`` when it is ended if it is not
     done (as :func:`time.monotonic` counts): then it ``is_late``. ``noted`` is what it told of
     before it was done, which stays known however it ends; ``told`` is what it was at last.
+    ``share_until`` is when it is ended if it says nothing else by then: then it ``is_overdue``.
     ``lasted_s`` is for how long its process went on.
     """
 
@@ -107,6 +114,8 @@ class Job(Generic[T]):
     line: Connection | None = None
     is_done: bool = False
     is_late: bool = False
+    share_until: float | None = None
+    is_overdue: bool = False
     found: T | None = None
     failure: Exception | None = None
     noted: list[object] = field(default_factory=list)
@@ -118,6 +127,8 @@ class Job(Generic[T]):
     @property
     def end(self) -> str:
         """What became of its process, where that did not do its work."""
+        if self.is_late or self.is_overdue:
+            return "it did not end when its share of the time was over"
         if self.exit_code is None or self.exit_code >= 0:
             return "its process ended before it was done"
         ended_by = signal.Signals(-self.exit_code).name
@@ -256,6 +267,8 @@ class Pool:
                     self._tell(job, said)
                 case _Noted(value=value):
                     job.noted.append(value)
+                case _Lasting(until=until):
+                    job.share_until = until
                 case _Found():
                     job.found, job.failure = said.answer, said.failure
                     self._put_away(job)
@@ -270,13 +283,13 @@ class Pool:
 
     def _end_late(self) -> None:
         """End the processes whose time is over: what they told of counts."""
-        now = time.monotonic()
-        for job in [job for job in self._running if job.until is not None and job.until <= now]:
-            self._listen(0)  # it may have been done just now
-            if not job.is_done:
+        for job in [job for job in self._running if _is_over(job)]:
+            self._listen(0)  # it may have been done just now, or be at something else
+            if not job.is_done and _is_over(job):
                 assert job.process is not None
                 job.process.kill()
-                job.is_late = True
+                job.is_late = _is_past(job.until)
+                job.is_overdue = not job.is_late
                 self._put_away(job)
 
     def _tell(self, job: Job[object], text: str) -> None:
@@ -307,6 +320,14 @@ class Pool:
         if self._stopped_at is None:
             self._stopped_at = time.monotonic()
             self._waiting.clear()
+
+
+def _is_over(job: Job[object]) -> bool:
+    return _is_past(job.until) or _is_past(job.share_until)
+
+
+def _is_past(moment: float | None) -> bool:
+    return moment is not None and moment <= time.monotonic()
 
 
 def _interrupt(job: Job[object]) -> None:
@@ -398,6 +419,13 @@ class _Noted:
     value: object
 
 
+@dataclass(frozen=True, slots=True)
+class _Lasting:
+    """When a process is to be ended unless it says something else."""
+
+    until: float | None
+
+
 @dataclass(slots=True)
 class _Line:
     """The teller of a process. What is being done is told not too often, nor if nobody listens."""
@@ -407,6 +435,9 @@ class _Line:
 
     def note(self, value: object) -> None:
         self._send(_Noted(value))
+
+    def lasting(self, until: float | None) -> None:
+        self._send(_Lasting(until))
 
     def _send(self, message: object) -> None:
         """Ctrl-C waits until all of it is sent."""

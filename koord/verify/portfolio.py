@@ -70,6 +70,7 @@ def verify(
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
     noted: Callable[[object], None] = lambda value: None,
+    lasting: Callable[[float | None], None] = lambda until: None,
     past: Past | None = None,
 ) -> Report:
     """Verdicts on all claims about a system, or on the named ones.
@@ -78,7 +79,8 @@ def verify(
     what they leave open the named ones alone are asked. KeyboardInterrupt ends it with what is
     known so far, and so does ``interrupted``, which is asked now and then. Of what takes long so
     many ``jobs`` are done at a time, which has no influence on the verdicts. ``noted`` is told of
-    verdicts, steps and failures as they come; with those of a process that died as its ``past``,
+    verdicts, steps and failures as they come, and ``lasting`` of when each step is to be
+    over. With those of a process that died as its ``past``,
     another one goes on behind it.
     """
 
@@ -90,7 +92,7 @@ def verify(
     started = time.monotonic()
     deadline = Deadline.after(bounds.timeout_s)
     system = replace(system, patience=Patience(is_over))
-    steps = Steps(past or Past(), noted)
+    steps = Steps(past or Past(), noted, lasting)
     failures: list[Failure] = []
     with Pool(jobs, progress, interrupted) as pool:
         own = frozenset(names) if _are_all_of_states(system, names) else frozenset()
@@ -326,9 +328,13 @@ def _ask(
             turn, engine = following
             if not isinstance(engine, _QUICK):
                 beside.begin(ledger)
-            if isinstance(engine, BySlices) or steps.begin(stage, turn, engine.name):
+            if isinstance(engine, BySlices):  # it asks others
                 with ledger.enduring(engine.name):
                     engine.work(ledger)
+            else:
+                alone = isinstance(engine, ByRounds) and not liveness_of(beside.whole.original)
+                is_last = choice is not Choice.AUTO or alone
+                steps.take(stage, turn, engine.name, engine.work, ledger, is_last=is_last)
         _find_others(ledger, asked, pool)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
     return _Known(verdicts, unrolling.suspected, left), ledger
@@ -392,9 +398,11 @@ def engines(
     Each is loaded when its turn comes: most questions are answered before. With ``slices`` those of
     single claims are asked first, but for what is quick with all claims together.
     """
-    begin = (steps or Steps()).begin
+    steps = steps or Steps()
     if slices is not None and choice not in (Choice.AUTO, Choice.EVERY_N):
-        yield BySlices(slices, partial(_on_slices, choice, pool, names), _nobody, begin, names)
+        yield BySlices(
+            slices, partial(_on_slices, choice, pool, names), _nobody, steps, names, alone=True
+        )
     match choice:
         case Choice.AUTO:
             # A proof for every number of robots is one for this number.
@@ -404,7 +412,7 @@ def engines(
             yield ByInference(SPARING, FEW)
             if slices is not None:
                 thorough = partial(_after_quick_ones, pool)
-                yield BySlices(slices, thorough, _sparing_ones, begin, names)
+                yield BySlices(slices, thorough, _sparing_ones, steps, names)
             yield from _after_quick_ones(pool, induction)
         case Choice.EVERY_N:
             yield ByEveryN()

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
-from koord.verify.ledger import Ledger, reach_of
-from koord.verify.verdicts import Failure, Outcome, Verdict
+from koord.semantics.patience import OutOfPatienceError
+from koord.verify.ledger import Ledger, Reach, reach_of
+from koord.verify.obstacles import TimeUp
+from koord.verify.verdicts import Engine, Failure, Outcome, Verdict
+
+_ENGINES = {engine.value: engine for engine in Engine}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +65,20 @@ class Past:
         return next((v for v in self.verdicts if v.claim.name == name), None)
 
 
+#: Who is asked while others wait behind it has this part of the time that is left.
+SHARE = 0.5
+
+
 @dataclass(slots=True)
 class Steps:
-    """The steps of a verification, each taken once, whatever its process does not survive."""
+    """The steps of a verification, each taken once, whatever its process does not survive.
+
+    Whoever looks on is told with ``lasting`` when a step is over, be it that it does not end.
+    """
 
     past: Past = field(default_factory=Past)
     noted: Callable[[object], None] = lambda value: None
+    lasting: Callable[[float | None], None] = lambda until: None
 
     def begin(self, stage: str, turn: int, who: str) -> bool:
         """Whether a step is to be taken; if so, whoever looks on knows of it."""
@@ -75,6 +87,35 @@ class Steps:
             return False
         self.noted(step)
         return True
+
+    def take(
+        self,
+        stage: str,
+        turn: int,
+        who: str,
+        work: Callable[[Ledger], None],
+        ledger: Ledger,
+        *,
+        is_last: bool = False,
+    ) -> None:
+        """Ask an engine, if it was not asked, which has its share of the time if others wait."""
+        if not self.begin(stage, turn, who):
+            return
+        late = False
+        with ledger.deadline.sharing(1.0 if is_last else SHARE) as ended:
+            self.lasting(None if is_last else ended)
+            try:
+                with ledger.enduring(who):
+                    work(ledger)
+            except OutOfPatienceError:
+                late = True
+        self.lasting(None)
+        if late and ledger.deadline.passed():
+            raise OutOfPatienceError
+        if late:
+            engine = _ENGINES.get(who, Engine.NONE)
+            over = Reach(engine, None, "timeout", 0.0, obstacle=TimeUp(engine))
+            ledger.leave(ledger.open(), over)
 
     def follow(self, ledger: Ledger, original: Callable[[Verdict], Verdict] | None = None) -> None:
         """Put down what is known, and be told of what becomes known.

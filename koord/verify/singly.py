@@ -133,7 +133,8 @@ class ByRounds:
             bounded = unrolling.of(own)
             return _Looked(own.said([claim]), bounded.unreplayed.get(claim), bounded.tired)
 
-        return {c: self.pool.hand_in(c.name, partial(look, c)) for c in claims}
+        until = ledger.deadline.at_last()
+        return {c: self.pool.hand_in(c.name, partial(look, c), until=until) for c in claims}
 
     def _taken(self, ledger: Ledger, jobs: Mapping[Claim, Job[_Looked]]) -> list[Claim]:
         """Put down what was found out; the claims of which there is more to be found."""
@@ -212,10 +213,14 @@ def asked(
     """
     own = ledger.of(claims, tell)
     own.noted = tell.note
+    proofs = list(engines)
     with own.stopping():
-        for turn, engine in engines:
+        for n, (turn, engine) in enumerate(proofs):
             if own.open():
                 tell.note(turn)
-                with own.enduring(engine.name):
-                    engine.work(own)
+                # The rounds wait, too.
+                with own.deadline.sharing(1 / (1 + len(proofs) - n)) as ended:
+                    tell.lasting(ended)
+                    with own.enduring(engine.name):
+                        engine.work(own)
     return own.said(claims)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
@@ -20,6 +21,13 @@ _INTERRUPTED = frozenset({"interrupted from keyboard", "interrupted", "canceled"
 
 #: What Z3 takes for no limit of time, in its milliseconds.
 _FOR_EVER = 2**32 - 1
+
+
+#: What part of its time somebody may take longer to end in good order, and in seconds at least.
+GRACE, GRACE_S = 0.05, 0.1
+
+#: The same of somebody's share of the time, while others wait.
+OVERTIME = 0.2
 
 
 class Answer(Enum):
@@ -61,6 +69,30 @@ class Deadline:
     def passed(self) -> bool:
         left = self.left_s()
         return left is not None and left <= 0
+
+    @contextmanager
+    def sharing(self, part: float) -> Iterator[float | None]:
+        """While this lasts, for all who know of it, a part of what is left is all that is left.
+
+        It yields the moment when somebody is to be ended who does not look at the clock.
+        """
+        whole = self.at
+        ended = None
+        if whole is not None:
+            now = time.monotonic()
+            share = part * max(0.0, whole - now)
+            self.at, ended = now + share, now + (1 + OVERTIME) * share
+        try:
+            yield ended
+        finally:
+            self.at = whole
+
+    def at_last(self) -> float | None:
+        """When somebody is ended who does not look at the clock, so that others can still tell."""
+        left = self.left_s()
+        if self.at is None or left is None:
+            return None
+        return self.at + max(GRACE_S, GRACE * left) / 2
 
     def sooner(self, seconds: float) -> Deadline:
         """The one of two moments that comes first: this one, or so many seconds from now."""

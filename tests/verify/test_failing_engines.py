@@ -11,6 +11,7 @@ from functools import partial
 import pytest
 import z3
 
+from koord.verify import resuming
 from koord.verify.apart import verify_apart
 from koord.verify.bits.engine import ByBits
 from koord.verify.claims import claims_of
@@ -105,6 +106,17 @@ FAULTS: dict[str, tuple[Callable[[object, Ledger], None], str]] = {
     "recurses": (deep, "RecursionError"),
 }
 
+#: What is so of the program, whoever fails.
+OUTCOMES = {
+    "Easy": (Outcome.HOLDS, None),
+    "Broken": (Outcome.VIOLATED, None),
+    "Open": (Outcome.HOLDS, 3),
+    "no fault": (Outcome.HOLDS, None),
+    "Done": (Outcome.HOLDS, None),
+}
+
+OVERDUE = "it did not end when its share of the time was over"
+
 #: Those that end the process that an engine works in.
 ENDING = {"is killed", "crashes"}
 
@@ -138,7 +150,7 @@ def failing(monkeypatch: pytest.MonkeyPatch, engine: type, fault: str) -> None:
     """Let an engine fail, and those that are neither it nor needed to settle things say nothing."""
     for other in ENGINES:
         if other is engine:
-            monkeypatch.setattr(other, "work", FAULTS[fault][0])
+            monkeypatch.setattr(other, "work", hanging if fault == "hangs" else FAULTS[fault][0])
         elif other not in DECIDING:
             monkeypatch.setattr(other, "work", idle)
 
@@ -149,13 +161,7 @@ def test_the_others_verdicts_stay(
 ) -> None:
     failing(monkeypatch, engine, fault)
     report = asked(apart=fault in ENDING)
-    assert outcomes(report) == {
-        "Easy": (Outcome.HOLDS, None),
-        "Broken": (Outcome.VIOLATED, None),
-        "Open": (Outcome.HOLDS, 3),
-        "no fault": (Outcome.HOLDS, None),
-        "Done": (Outcome.HOLDS, None),
-    }
+    assert outcomes(report) == OUTCOMES
     if engine is LiveByBits:  # the search was quicker
         assert report.failures == ()
         return
@@ -176,14 +182,36 @@ def test_what_is_open_names_the_engine_that_failed(
         assert f"bits failed: {FAULTS[fault][1]}" in verdict.reason
 
 
-def test_an_engine_that_hangs_is_ended_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+#: What the others need together is a small part of it, and what a hanging one has of it another.
+BUDGET_S, SMALL_SHARE = 30.0, 0.06
+
+
+@pytest.mark.parametrize(
+    "engine",
+    [
+        pytest.param(e, marks=[] if e in (ByEveryN, BySpacer) else [pytest.mark.slow])
+        for e in ENGINES
+    ],
+)
+def test_an_engine_that_hangs_costs_its_share_of_the_time(
+    engine: type, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing(monkeypatch, engine, "hangs")
+    monkeypatch.setattr(resuming, "SHARE", SMALL_SHARE)
+    report = asked(seconds=BUDGET_S)
+    assert outcomes(report) == OUTCOMES
+    assert report.seconds <= 1.05 * BUDGET_S
+    named = () if engine is LiveByBits else ((ENGINES[engine], OVERDUE),)  # the search was quicker
+    assert tuple((f.who, f.what) for f in report.failures) == named
+
+
+def test_an_engine_that_hangs_alone_is_ended_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(BySearch, "work", hanging)
-    report = asked(seconds=2.0)
+    report = asked(Choice.SEARCH, seconds=1.0)
     found = {v.claim.name: v for v in report.verdicts}
-    assert found["Easy"].outcome is Outcome.HOLDS
     assert found["Broken"].outcome is Outcome.UNKNOWN
     assert found["Broken"].reason == "timeout; search was being asked"
-    assert report.seconds < 3.0
+    assert report.seconds < 2.0
 
 
 def disguised(self: object, ledger: Ledger) -> None:

@@ -46,7 +46,12 @@ MAX_SIZE = 1_000_000
 def resolve(body: Body, written: ast.TypeExpr, depth: int = 0) -> Type | None:
     """The type meant, or None if it is wrong (told by then). ``body`` evaluates sizes."""
     if depth > MAX_TYPE_DEPTH:
-        body.error("K231", written.span, f"this type is nested more than {MAX_TYPE_DEPTH} deep")
+        body.error(
+            "K231",
+            written.span,
+            f"this type is nested more than {MAX_TYPE_DEPTH} deep",
+            "make records of its parts",
+        )
         return None
     match written:
         case ast.ArrayTypeExpr(element=element, size=None):
@@ -128,7 +133,12 @@ def _size(body: Body, size: ast.Expr) -> int | Robots | None:
     if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= MAX_SIZE:
         return value
     if isinstance(value, int) and not isinstance(value, bool):
-        body.error("K227", size.span, f"an array cannot have {value} elements")
+        body.error(
+            "K227",
+            size.span,
+            f"an array cannot have {value:,} elements: it has from 0 to {MAX_SIZE:,}",
+            "make it smaller, or use an array without size, `T[]`, which grows as it is needed",
+        )
     else:
         body.error(
             "K227",

@@ -24,7 +24,12 @@ _OWN_VARIABLES = frozenset({Where.FUNCTION, Where.ENVIRONMENT})
 def block(body: Body, statements: ast.Block) -> core.Block:
     """The statements in order; wrong ones are left out, and told."""
     if body.depth >= MAX_DEPTH:
-        body.error("K231", statements[0].span, f"this is nested more than {MAX_DEPTH} deep")
+        body.error(
+            "K231",
+            statements[0].span,
+            f"this is nested more than {MAX_DEPTH} deep",
+            "make a function of the inner ones",
+        )
         return ()
     body.depth += 1
     result: list[core.Stmt] = []

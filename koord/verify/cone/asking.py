@@ -7,10 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from koord.semantics.traces.recording import Recording
-from koord.verify.claims import Claim, Phase, claims_of
+from koord.verify.claims import Claim, Phase, claims_of, liveness_of
 from koord.verify.cone.influence import Cone, Part, Var
 from koord.verify.cone.slices import Slices
 from koord.verify.ledger import Ledger, Subject, Works
+from koord.verify.resuming import Steps
+from koord.verify.singly import ByRounds
 from koord.verify.subjects import Identity, abstract_subject, identity, plain_subject
 from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
@@ -56,7 +58,9 @@ class _Asking:
     inner: Ledger  #: of the slice
     doubts: Doubts
     engines: Iterator[tuple[int, Works]]
-    begin: Callable[[str, int, str], bool]
+    steps: Steps
+    alone: bool  #: one engine is asked, which has all the time
+    followed: bool  #: claims about whole runs are asked behind all of these
 
     def goes_on(self, ledger: Ledger) -> bool:
         """Ask one more engine; whether there may be others."""
@@ -66,15 +70,18 @@ class _Asking:
         if following is None:
             return False
         turn, engine = following
-        if not self.begin(self.part.name, turn, engine.name):
-            return True
         # A new one: the time until now was spent on others. Where something is violated, nobody
         # waits long to see the rest.
         known = self.inner.verdicts | _violated(ledger)
         self.inner = replace(self.inner, verdicts=known)
         try:
-            with ledger.waiting(), self.inner.enduring(engine.name):
-                engine.work(self.inner)
+            with ledger.waiting():
+                others = any(claim not in self.part.claims.values() for claim in ledger.open())
+                last = isinstance(engine, ByRounds) and not others and not self.followed
+                is_last = self.alone or last
+                self.steps.take(
+                    self.part.name, turn, engine.name, engine.work, self.inner, is_last=is_last
+                )
         finally:
             self._tell(ledger)
         return True
@@ -128,8 +135,9 @@ class BySlices:
     slices: Slices
     engines: Callable[[], Iterator[Works]]
     sparing: Callable[[], Iterator[Works]]
-    begin: Callable[[str, int, str], bool]  #: whether an engine is to be asked of a slice
+    steps: Steps
     names: Collection[str] = ()
+    alone: bool = False  #: these are all one engine, which has all the time
 
     @property
     def name(self) -> str:
@@ -174,7 +182,8 @@ class BySlices:
         subject = abstract_subject(system, smaller) or plain_subject(system, smaller)
         inner = _inner(ledger, doubts.watching(subject), part)
         engines = self.engines() if part.is_alone else self.sparing()
-        return _Asking(part, inner, doubts, enumerate(engines), self.begin)
+        followed = bool(liveness_of(system))
+        return _Asking(part, inner, doubts, enumerate(engines), self.steps, self.alone, followed)
 
 
 def _inner(ledger: Ledger, subject: Subject, part: _Part) -> Ledger:

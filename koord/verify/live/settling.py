@@ -169,7 +169,7 @@ class _Asking:
         asked = [claim for claim in self.ledger.open() if claim in part.claims]
         if not is_whole:
             asked = [claim for claim in asked if identity(claim) not in self.doubts.rounds]
-        if not asked or not self.steps.begin(part.stage, turn, name):
+        if not asked:
             return
         inner = self.ledger
         if len(asked) < len(inner.claims) or not is_whole:
@@ -177,13 +177,13 @@ class _Asking:
         if not is_whole:
             subject = plain_subject(self.ledger.system, part.system)
             inner.subject = self.doubts.watching(subject)
+        is_last = turn == 1 or self.ways is not Ways.ALL
         if inner is self.ledger:
-            with inner.enduring(name):
-                work(inner)
+            self.steps.take(part.stage, turn, name, work, inner, is_last=is_last)
             return
         try:
-            with self.ledger.waiting(), inner.enduring(name):
-                work(inner)
+            with self.ledger.waiting():
+                self.steps.take(part.stage, turn, name, work, inner, is_last=is_last)
         finally:
             self.ledger.take(inner.said(asked))
 
