@@ -242,6 +242,7 @@ def test_the_documentation_tells_the_limits() -> None:
         *(f"{limit:,}" for limit in counts),
         "from 1e-9 to 1e5",
         "100",
+        "from 1e-400 to 1e400",
         "doubles, to 1.8e308",
         *(f"{limit:,}" for limit in (LONGEST_NUMBER_BITS, MOST_LISTED, MOST_ROOM)),
     ]
