@@ -58,6 +58,8 @@ class Sure:
                 return all(map(self.of, parts))
             case core.Select(base=base, step=core.FieldStep()):
                 return self.of(base)
+            case core.MakeMap(entries=entries):
+                return all(self.of(key) and self.of(value) for key, value in entries)
             case core.Quantified():
                 return self._quantified(e)
             case core.Ran(robot=robot) | core.Stopped(robot=robot):

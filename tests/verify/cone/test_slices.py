@@ -211,6 +211,13 @@ def test_what_may_fault_belongs_to_no_fault() -> None:
     assert left(text + events.replace("1 / y", "y") + A, "no fault") == set()
 
 
+def test_maps_may_fault_where_they_are_read_and_not_where_they_get_entries() -> None:
+    text = "local:\n    int x = 0\n    Map<int, int> m = {}\n"
+    events = "E:\n    pre: true\n    eff: m[x] = 1\n"
+    assert left(text + events + A, "no fault") == set()
+    assert left(text + events.replace("m[x] = 1", "x = m[1]") + A, "no fault") == {"x", "m", "E"}
+
+
 def test_a_loop_that_only_leaves_itself_may_fault() -> None:
     text = "local:\n    int x = 0\n    int y = 1\n"
     events = "E:\n    pre: true\n    eff:\n        for k = 0, 3:\n            if 1 / y > 0: break\n"
