@@ -77,14 +77,14 @@ def agreed(first: int, last: int) -> Counter[str]:
 
 
 def test_what_is_proved_for_every_number_is_refuted_for_none() -> None:
-    count = agreed(0, 200)
-    assert count["systems"] == 200
-    assert count["proved"] >= 60
-    assert count["compared"] >= 120
-    assert count["all runs seen"] >= 100
+    count = agreed(0, 70)
+    assert count["systems"] == 70
+    assert count["proved"] >= 20
+    assert count["compared"] >= 40
+    assert count["all runs seen"] >= 33
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("block", range(10))
 def test_many_generated_programs(block: int) -> None:
-    agreed(200 + 100 * block, 300 + 100 * block)
+    agreed(70 + 113 * block, 183 + 113 * block)
