@@ -17,6 +17,9 @@ from koord.runtime.motion.world import Box, Disc, Point, Polygon, World
 #: Up to so many robots all pairs are looked at.
 _FEW = 64
 
+#: A world with obstacles has so many cells at most: of each it is worked out what stands in it.
+MOST_CELLS = 1_000_000
+
 
 class Part(Enum):
     """What a complaint is about."""
@@ -42,6 +45,13 @@ def world_complaints(world: World) -> Iterator[Complaint]:
     for name, low, high in zip(names, world.low, world.high, strict=True):
         if not low < high:
             yield Complaint(Part.BOUNDS, 0, f"the world has no extent along {name}")
+    if world.obstacles and world.grid.cells > MOST_CELLS:
+        yield Complaint(
+            Part.BOUNDS,
+            0,
+            f"a world with obstacles has at most {MOST_CELLS} cells, and this one has "
+            f"{world.grid.cells:.3g} of {world.cell_m:g} m: make it smaller, or its cells larger",
+        )
     for k, obstacle in enumerate(world.obstacles):
         match obstacle:
             case Box() if any(a >= b for a, b in zip(obstacle.low, obstacle.high, strict=True)):

@@ -63,3 +63,12 @@ def test_programs_may_ask_for_more_distance() -> None:
     robots: list[tuple[Body, Point]] = [(Drone(), (0, -3, 1)), (Drone(), (1, -3, 1))]
     assert list(start_complaints(World(), robots)) == []
     assert len(list(start_complaints(World(), robots, apart_m=1.5))) == 1
+
+
+def test_a_world_of_too_many_cells_with_something_in_it_is_refused() -> None:
+    most = World((0, 0, 0), (500, 500, 3), (GOOD,), cell_m=0.5)
+    assert list(world_complaints(most)) == []
+    (said,) = world_complaints(World((0, 0, 0), (501, 500, 3), (GOOD,), cell_m=0.5))
+    assert said.part is Part.BOUNDS
+    assert "at most 1000000 cells" in said.message
+    assert list(world_complaints(World((0, 0, 0), (1e9, 4, 3)))) == []
