@@ -12,6 +12,7 @@ from fractions import Fraction
 from hashlib import sha256
 
 from koord.recheck.claims import Kind
+from koord.syntax.core import MOST_ROBOTS
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.literals import MOST_PLACES
@@ -22,9 +23,6 @@ VERSION = 3
 
 #: The cure for all that is wrong with a certificate.
 REWRITE = "write the certificate anew with `koord verify --certificate`"
-
-#: More robots than this no certificate is about: obligations grow with their number.
-MOST_ROBOTS = 1000
 
 _MOST_DEPTH = 10
 

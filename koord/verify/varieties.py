@@ -5,8 +5,7 @@ The same events later, in one round or in several, or by other robots of the kin
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice, permutations, product
 
 from koord.semantics.configurations import System
@@ -67,7 +66,6 @@ def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Cou
     solver, effort = unrolling.solver, Effort.of_seconds(_SECONDS)
     known, open_ = [first.recording], list[str]()
     groups = _namesakes(ledger.system)
-    is_variant = partial(_is_variant, ledger.system)
     for moment in unrolling.moments():
         asked = violations(ledger.system, unrolling.encoder.d, moment, [claim])
         for violated, needed in asked.values():
@@ -88,7 +86,11 @@ def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Cou
                 run = found.recording
                 # One has all that the other needs: as where there are too many robots to try
                 # everybody in everybody's place, or an event of the other was in vain.
-                same = any(is_variant(run, k) or is_variant(k, run) for k in known)
+                kinds, events = ledger.system.kinds, ran(run)
+                same = any(
+                    is_variant(kinds, events, ran(k)) or is_variant(kinds, ran(k), events)
+                    for k in known
+                )
                 known.append(run)
                 if not same:
                     yield found
@@ -171,14 +173,18 @@ def ran(recording: Recording) -> dict[int, list[int]]:
     return found
 
 
-def _is_variant(system: System, one: Recording, other: Recording) -> bool:
-    """Whether a run has every event of another one, whichever robots and whenever it is."""
-    having, wanted = ran(one), ran(other)
+def is_variant(
+    kinds: Sequence[int], having: Mapping[int, Sequence[int]], wanted: Mapping[int, Sequence[int]]
+) -> bool:
+    """Whether one run has every event of another, whichever robots of a kind and whenever it is.
+
+    Of both runs there are the events of each robot, in order.
+    """
     standing: dict[int, int] = {}  #: who of the one run stands for whom of the other
 
     def placed(robot: int, tried: set[int]) -> bool:
         for i, events in having.items():
-            if i in tried or system.kinds[i] != system.kinds[robot]:
+            if i in tried or kinds[i] != kinds[robot]:
                 continue
             if _within(wanted[robot], events):
                 tried.add(i)

@@ -8,30 +8,20 @@ from textwrap import dedent
 
 import pytest
 
-from koord.cli.arguments import MOST_ROUNDS
 from koord.semantics.configurations import System
-from koord.semantics.domain import EXACT, LONGEST_NUMBER_BITS
+from koord.semantics.domain import EXACT
 from koord.semantics.patience import ENDLESS, Patience
 from koord.semantics.runs.answering import SampledInputs
-from koord.semantics.runs.lengths import MOST_LISTED
 from koord.semantics.turns import program_turn
-from koord.semantics.values import MOST_ROOM
 from koord.syntax import core
-from koord.syntax.core import MOST_ROBOTS
-from koord.syntax.costs import MOST_DEEP, MOST_PARTS, MOST_STEPS, excesses
-from koord.syntax.costs.limits import DEEPEST_TYPE, count
+from koord.syntax.costs import MOST_DEEP, excesses
+from koord.syntax.costs.limits import count
 from koord.syntax.costs.ranges import starting_lengths
 from koord.syntax.costs.sizes import Sizes
 from koord.syntax.costs.work import Ledger
 from koord.syntax.diagnostics import Severity
 from koord.syntax.elaborate import ParamValue, Settings
-from koord.syntax.elaborate.body import MAX_DEPTH
-from koord.syntax.elaborate.resolve_types import MAX_SIZE
-from koord.syntax.layout import MAX_BLOCKS
-from koord.syntax.lines import MAX_BRACKETS
 from koord.syntax.load import load
-from koord.syntax.parser import MAX_CHARACTERS
-from koord.syntax.parser_lines import MAX_DEPTH as MAX_OPERATORS
 from koord.syntax.source import Source
 from tests.semantics.driving import drive
 from tests.syntax.elaborating import program
@@ -218,34 +208,6 @@ def test_numbers_are_shown_so_that_one_can_read_them() -> None:
     assert count(12_345) == "12,345"
     assert count(2**60) == "about 10^18"
     assert count(10 ** (10**5)) == "over 10^3000"
-
-
-def test_the_documentation_tells_the_limits() -> None:
-    told = (ROOT / "specs" / "limits.md").read_text(encoding="utf-8")
-    rows = [row.strip("| ").split(" | ") for row in told.splitlines() if row.startswith("| ")]
-    limits = [row[1] for row in rows if row[1] != "limit"]
-    counts = (
-        MAX_CHARACTERS,
-        MAX_BRACKETS,
-        MAX_BLOCKS,
-        MAX_OPERATORS,
-        MAX_DEPTH,
-        MAX_SIZE,
-        MOST_STEPS,
-        MOST_PARTS,
-        MOST_DEEP,
-        DEEPEST_TYPE,
-        MOST_ROBOTS,
-        MOST_ROUNDS,
-    )
-    assert limits == [
-        *(f"{limit:,}" for limit in counts),
-        "from 1e-9 to 1e5",
-        "100",
-        "from 1e-400 to 1e400",
-        "doubles, to 1.8e308",
-        *(f"{limit:,}" for limit in (LONGEST_NUMBER_BITS, MOST_LISTED, MOST_ROOM)),
-    ]
 
 
 # --- what is counted ----------------------------------------------------------------------------

@@ -27,7 +27,8 @@ def instance(session: Session, sections: Sections) -> core.Instance:
     _check_kinds(session, sections, stated)
     if not 0 < sum(counts) <= MOST_ROBOTS:
         story = f"there must be 1 to {MOST_ROBOTS} robots together, not {sum(counts)}"
-        _wrong(session, _of_robots(stated[0])[0].span, story)
+        cure = "change how many there are of a kind"
+        _wrong(session, _of_robots(stated[0])[0].span, story, cure)
     kinds_of = (at for at, count in enumerate(counts) for _ in range(count))
     return core.Instance(tuple(islice(kinds_of, MOST_ROBOTS)), delta_s)
 
@@ -73,6 +74,7 @@ def _robots(session: Session, kind: Kind) -> int | None:
             session,
             decl.span,
             f"`{decl.name.name}` must be from {least} to {MOST_ROBOTS}, not {value}",
+            f"write such a number, or leave the line out and use `{FLAGS[decl.name.name]}`",
         )
         return None
     return int(value)
@@ -121,5 +123,5 @@ def _value(session: Session, decl: ast.VarDecl) -> Fraction | None:
     return Fraction(found.value)
 
 
-def _wrong(session: Session, span: Span, message: str, hint: str | None = None) -> None:
+def _wrong(session: Session, span: Span, message: str, hint: str) -> None:
     session.findings.error("K250", span, message, hint)
