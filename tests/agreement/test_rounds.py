@@ -83,7 +83,7 @@ def test_every_order_with_the_running_robots_first_is_legal() -> None:
         )
         assert all(end.store.allread == ends[0].store.allread for end in ends), seed
         races += any(end.store != ends[0].store for end in ends)
-    assert races >= 3
+    assert races >= 2
 
 
 def test_a_prefix_is_a_round_in_which_the_others_skip() -> None:
