@@ -131,14 +131,9 @@ def upward_imports(file: File) -> Iterator[str]:
 
 def guarded_imports(files: Iterable[File]) -> Iterator[str]:
     """Imports of libraries outside of the few files that may know them."""
-    files = tuple(files)
+    imported = [(file.path, found) for file in files for found in imports(file)]
     for library, prefixes, most in GUARDED:
-        users = {
-            file.path: found.line
-            for file in files
-            for found in imports(file)
-            if within(found.module, (library,))
-        }
+        users = {path: found.line for path, found in imported if within(found.module, (library,))}
         for path, line in users.items():
             if not path.startswith(prefixes):
                 yield f"{path}:{line}: {library} must be imported in {' or '.join(prefixes)} only"

@@ -12,7 +12,7 @@ from tests.sampling import first
 BLOCK = 250
 
 
-@pytest.mark.parametrize("block", first(2, range(8)))
+@pytest.mark.parametrize("block", first(1, range(8)))
 def test_the_sequential_rules_agree(block: int) -> None:
     faults = 0
     for seed in range(block * BLOCK, (block + 1) * BLOCK):

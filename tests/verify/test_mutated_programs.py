@@ -71,7 +71,7 @@ SEARCHED = [
     Example("fischer", 2, Fraction(1), 28, 12),
     Example("follow_points", 2, TENTH, 29, 30),
     Example("leader_elect", 3, TENTH, 12, 9),
-    Example("shortest_path", 3, TENTH, 35, 20),
+    Example("shortest_path", 3, TENTH, 35, 60),
     Example("sum_of_ids", 3, TENTH, 37, 20),
 ]
 
@@ -174,7 +174,7 @@ def test_what_a_search_finds_in_some_mutated_programs_is_reported() -> None:
     count: Counter[str] = Counter()
     for example in SEARCHED:
         count += compare(example, every_so_many(example), by_search=True)
-    assert count["broken"] >= 10, count
+    assert count["broken"] >= 8, count
 
 
 def test_what_runs_find_in_some_mutated_programs_is_reported() -> None:

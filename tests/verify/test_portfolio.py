@@ -16,7 +16,7 @@ from koord.syntax.types import BOOL, FLOAT, INT, ListType
 from koord.verify import portfolio, varieties
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
 from koord.verify.ledger import Ledger, Reach, Subject, reach_of
-from koord.verify.obstacles import WholeRuns
+from koord.verify.obstacles import GaveUp, WholeRuns
 from koord.verify.portfolio import Choice, verify
 from koord.verify.solving import Deadline
 from koord.verify.unknowns import LIST_CAPACITY
@@ -399,7 +399,15 @@ def test_how_far_an_engine_came_is_not_forgotten() -> None:
         before={first: 0.5},
         clock=lambda: 0.0,
     )
-    known = Verdict(first, Outcome.UNKNOWN, Engine.SEARCH, 0.5, rounds=7, reason="too many states")
+    known = Verdict(
+        first,
+        Outcome.UNKNOWN,
+        Engine.SEARCH,
+        0.5,
+        rounds=7,
+        reason="too many states",
+        obstacles=(GaveUp(Engine.SEARCH),),
+    )
     ledger.leave([first], reach_of(known))
     ledger.leave([first], Reach(Engine.SEARCH, 2, "timeout", 0.1))
     ledger.leave([first], Reach(Engine.BMC, 0, "timeout", 0.0))
