@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from koord.cli.terminal import visible
-from koord.refinement.rounding import Unjudged
 from koord.semantics.traces.changes import Change
 from koord.semantics.traces.json_reader import shortened
 from koord.semantics.traces.trace import BEFORE_ROUNDS
@@ -19,6 +18,8 @@ _WIDEST = 40
 
 def lines(departure: Rerun) -> Iterator[str]:
     """Whether the compiled program does the same, and where it does not."""
+    from koord.refinement.rounding import Unjudged  # what it loads only violations need
+
     if departure is None:
         yield "  the compiled program does the same, state for state"
         return
@@ -50,6 +51,8 @@ def _location(change: Change) -> str:
 
 def as_json(departure: Rerun, first: int) -> dict[str, object]:
     """The same as an object; rounds count from ``first``, and the one before is the start."""
+    from koord.refinement.rounding import Unjudged
+
     departs = unjudged = None
     if isinstance(departure, Unjudged):
         unjudged = departure.reason

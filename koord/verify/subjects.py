@@ -17,7 +17,6 @@ from koord.verify.abstraction import abstracted
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
 from koord.verify.concretion import Concretion
 from koord.verify.ledger import Subject
-from koord.verify.live.lassos import replayed_lasso
 from koord.verify.verdicts import Counterexample
 from koord.verify.witness import NotReplayedError, OnlyOfSliceError, replayed, simplified
 
@@ -60,7 +59,7 @@ def _subject(system: System, part: System, concrete: Callable[[Recording], Recor
         except NotReplayedError as error:
             if meant.kind is not ClaimKind.LIVENESS:
                 raise
-            replayed_lasso(part, real, meant)
+            _lasso(part, real, meant)
             raise OnlyOfSliceError(str(error)) from error
 
     return Subject(part, judge, part)
@@ -69,9 +68,16 @@ def _subject(system: System, part: System, concrete: Callable[[Recording], Recor
 def _judged(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
     """The counterexample of a recording that breaks a claim, as simple as can be."""
     if claim.kind is ClaimKind.LIVENESS:
-        return replayed_lasso(system, recording, claim)
+        return _lasso(system, recording, claim)
     replayed(system, recording, claim, phase)
     return replayed(system, simplified(system, recording, claim), claim, phase)
+
+
+def _lasso(system: System, recording: Recording, claim: Claim) -> Counterexample:
+    # Of runs without end few programs claim something, and it takes a while to load.
+    from koord.verify.live.lassos import replayed_lasso
+
+    return replayed_lasso(system, recording, claim)
 
 
 @dataclass(slots=True)
