@@ -165,9 +165,9 @@ def test_the_others_verdicts_stay(
     if engine is LiveByBits:  # the search was quicker
         assert report.failures == ()
         return
-    assert [(f.who, f.what[: len(FAULTS[fault][1])]) for f in report.failures] == [
-        (ENGINES[engine], FAULTS[fault][1])
-    ]
+    # Where it is asked twice, the words of Python may differ behind the kind of its mistake.
+    said = {(failure.who, failure.what[: len(FAULTS[fault][1])]) for failure in report.failures}
+    assert said == {(ENGINES[engine], FAULTS[fault][1])}
 
 
 @pytest.mark.parametrize("fault", ["raises", "is killed"])
