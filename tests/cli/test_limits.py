@@ -181,8 +181,8 @@ def rounds(n: int) -> bool:
 
 
 def round_length(n: int) -> bool:
-    """So many nanoseconds, by a flag, by a program, and by a configuration."""
-    text = f"{n // NANO}.{n % NANO:09}"
+    """So many tenths of nanoseconds, by a flag, by a program, and by a configuration."""
+    text = f"{n // TENTHS}.{n % TENTHS:010}"
     source = Source("c.yaml", f"num_robots: 1\npositions: {{0: [0, 0]}}\ndelta: {text}\n")
     refused = {
         refused_by(lambda: arguments.delta(text), ArgumentTypeError),
@@ -262,8 +262,8 @@ def memory(n: int) -> bool:
         return bool(Meter(Limits()).reached(1))
 
 
-#: Nanoseconds of a second.
-NANO = 10**9
+#: Tenths of nanoseconds of a second.
+TENTHS = 10**10
 
 CASES = (
     counted("characters of a file", MAX_CHARACTERS, coded("K106", characters)),
@@ -293,13 +293,13 @@ CASES = (
     Case(
         "δ (`--delta`, `delta` of a program or a configuration), in seconds",
         "from 1e-9 to 1e5",
-        int(MOST_DELTA_S * NANO),
+        int(MOST_DELTA_S * TENTHS),
         round_length,
     ),
     Case(
         "δ (`--delta`, `delta` of a program or a configuration), in seconds",
         "from 1e-9 to 1e5",
-        int(LEAST_DELTA_S * NANO),
+        int(LEAST_DELTA_S * TENTHS),
         round_length,
         is_least=True,
     ),
