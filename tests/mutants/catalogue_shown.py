@@ -172,7 +172,7 @@ SHOWN = (
         "sim/files/rosbag.py",
         "        self._storage.conn.commit()\n",
         "        pass\n",
-        ("tests/cli/test_killed.py",),
+        ("tests/sim/test_files.py",),
     ),
     Mutant(
         "a run on a cluster outlives who asked for it",

@@ -59,6 +59,24 @@ def cluttered() -> Recording:
 # --- rosbag2 --------------------------------------------------------------------------------------
 
 
+def test_a_rosbag_is_whole_each_time_that_it_has_grown(
+    recording: Recording, tmp_path: Path
+) -> None:
+    """As somebody finds it who looks at it then, or after a kill."""
+    pytest.importorskip("rosbags")
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    bag = rosbag.PartBag(recording, tmp_path / "run.part.rosbag2")
+    bag.grow()
+    shutil.copytree(tmp_path / "run.part.rosbag2", tmp_path / "found")
+    bag.close()
+    with AnyReader(
+        [tmp_path / "found"], default_typestore=get_typestore(Stores.ROS2_HUMBLE)
+    ) as reader:
+        assert reader.message_count == sum(1 for _ in reader.messages()) > len(recording.times_s)
+
+
 def test_a_rosbag_has_poses_events_and_violations(recording: Recording, tmp_path: Path) -> None:
     pytest.importorskip("rosbags")
     from rosbags.highlevel import AnyReader
