@@ -36,6 +36,7 @@ from tests.agreement.flattening import (
 )
 from tests.agreement.symbols import Symbols
 from tests.generators.configurations import Concrete, storage, value
+from tests.sampling import first
 
 ROBOTS = 2
 BLOCK = 500
@@ -80,7 +81,9 @@ class Pair:
         return meaning_of(self.symbols, results)
 
 
-SEEDS = pytest.mark.parametrize("seeds", [range(k * BLOCK, (k + 1) * BLOCK) for k in range(4)])
+SEEDS = pytest.mark.parametrize(
+    "seeds", first(2, (range(k * BLOCK, (k + 1) * BLOCK) for k in range(4)))
+)
 
 
 @SEEDS

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import IO
@@ -223,7 +224,10 @@ def test_an_encoding_without_the_letters_is_no_traceback(tmp_path: Path) -> None
 def test_ctrl_c_ends_with_130(tmp_path: Path) -> None:
     pipe = tmp_path / "endless.krd"
     os.mkfifo(pipe)
-    with subprocess.Popen([*KOORD, "check", str(pipe)], stderr=subprocess.PIPE) as process:
+    # What runs these tests in the background may ignore Ctrl-C, and a process inherits that.
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    command = [*KOORD, "check", str(pipe)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, preexec_fn=heard) as process:
         with open(pipe, "wb"):  # opens when the command has begun to read
             process.send_signal(signal.SIGINT)
             assert process.wait(60) == Exit.INTERRUPTED
