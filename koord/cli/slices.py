@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from koord.semantics.auxiliary import Var
 from koord.semantics.configurations import System
 from koord.syntax.core import Direction, Home
 from koord.verify.claims import ClaimKind
-from koord.verify.cone.influence import Happens, Part, Var
+from koord.verify.cone.influence import Happens, Part
 from koord.verify.cone.slices import Slices
 from koord.verify.subjects import identity
 from koord.verify.verdicts import Report
@@ -19,16 +20,16 @@ from koord.verify.verdicts import Report
 
 def lines(system: System, report: Report) -> Iterator[str]:
     """A line for each claim that cannot depend on all of the program."""
-    for claim, parts in left_out(system, report).items():
+    slices = Slices(system)
+    for claim, parts in _left_out(slices, report).items():
         yield f"{claim} does not depend on {', '.join(parts)}."
-    for claim, parts in returned_to(system, report).items():
+    for claim, parts in _returned_to(slices, report).items():
         what = f"a loop that breaks {claim} has to come back to {', '.join(parts)} all the same"
         yield f"{what}: where one of the slice does not, engines are asked about more than that."
 
 
-def returned_to(system: System, report: Report) -> dict[str, list[str]]:
+def _returned_to(slices: Slices, report: Report) -> dict[str, list[str]]:
     """By claim about whole runs what is outside of its cone, and in what a lasso comes back to."""
-    slices = Slices(system)
     found = {}
     for claim in (verdict.claim for verdict in report.verdicts):
         if claim.kind is ClaimKind.LIVENESS:
@@ -40,7 +41,10 @@ def returned_to(system: System, report: Report) -> dict[str, list[str]]:
 
 def left_out(system: System, report: Report) -> dict[str, list[str]]:
     """By claim the variables, ports and events outside of its cone."""
-    slices = Slices(system)
+    return _left_out(Slices(system), report)
+
+
+def _left_out(slices: Slices, report: Report) -> dict[str, list[str]]:
     found = {}
     for verdict in report.verdicts:
         claim = slices.claims.get(identity(verdict.claim))

@@ -22,7 +22,7 @@ from koord.syntax.walk import reached, statements, written
 
 
 @dataclass(frozen=True, slots=True)
-class Variable:
+class Var:
     """A variable of a program: ``kind`` is that of the robots whose local or port it is."""
 
     home: Home
@@ -30,7 +30,7 @@ class Variable:
     slot: int
 
 
-def auxiliary(system: System, stated: Iterable[core.Property]) -> frozenset[Variable]:
+def auxiliary(system: System, stated: Iterable[core.Property]) -> frozenset[Var]:
     """The variables that no round depends on, nor any of some statements about whole runs."""
     program = system.program
     reading = _Reading(system)
@@ -43,15 +43,30 @@ def auxiliary(system: System, stated: Iterable[core.Property]) -> frozenset[Vari
             reading.use((module.environment, module.contracts), kind)
     for each in (*stated, *program.expectations):
         reading.use((each.trigger, each.condition), None)
-    return frozenset(_variables(program)) - reading.depended_on()
+    return frozenset(variables(program)) - reading.depended_on()
 
 
-def _variables(program: core.Program) -> Iterator[Variable]:
+def variables(program: core.Program) -> Iterator[Var]:
+    """All variables of a program."""
     for kind, agent in enumerate(program.agents):
-        yield from (Variable(Home.LOCAL, kind, slot) for slot in range(len(agent.locals)))
-        yield from (Variable(Home.PORT, kind, slot) for slot in range(len(agent.ports)))
-    yield from (Variable(Home.ALLREAD, None, slot) for slot in range(len(program.allread)))
-    yield from (Variable(Home.ALLWRITE, None, slot) for slot in range(len(program.allwrite)))
+        yield from (Var(Home.LOCAL, kind, slot) for slot in range(len(agent.locals)))
+        yield from (Var(Home.PORT, kind, slot) for slot in range(len(agent.ports)))
+    yield from (Var(Home.ALLREAD, None, slot) for slot in range(len(program.allread)))
+    yield from (Var(Home.ALLWRITE, None, slot) for slot in range(len(program.allwrite)))
+
+
+def variables_of(program: core.Program, variable: core.Variable, kind: int | None) -> Iterator[Var]:
+    """What an unbound variable stands for: in a statement, one for each kind that has it."""
+    match variable.home:
+        case Home.BOUND:
+            pass
+        case Home.ALLREAD | Home.ALLWRITE:
+            yield Var(variable.home, None, variable.slot)
+        case Home.LOCAL | Home.PORT:
+            for k in range(len(program.agents)) if kind is None else (kind,):
+                slot = slot_in(program.agents[k], variable)
+                if slot is not None:
+                    yield Var(variable.home, k, slot)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +74,8 @@ class _Reading:
     """What is depended on by something other than the value of a variable, and what flows where."""
 
     system: System
-    used: set[Variable] = field(default_factory=set)
-    flows: list[tuple[frozenset[Variable], frozenset[Variable]]] = field(default_factory=list)
+    used: set[Var] = field(default_factory=set)
+    flows: list[tuple[frozenset[Var], frozenset[Var]]] = field(default_factory=list)
 
     def use(self, part: object, kind: int | None) -> None:
         self.used.update(self._reads(part, kind))
@@ -91,7 +106,7 @@ class _Reading:
             self.use((place, value), kind)
             return
         self.use(place.steps, kind)
-        target = frozenset(self._of(place.variable, kind))
+        target = frozenset(variables_of(self.system.program, place.variable, kind))
         self.flows.append((target, self._reads(value, kind)))
 
     def _matters(self, s: core.Stmt, evaluated: object, kind: int) -> bool:
@@ -102,7 +117,7 @@ class _Reading:
             isinstance(node, asked) for node in below
         )
 
-    def depended_on(self) -> set[Variable]:
+    def depended_on(self) -> set[Var]:
         """The variables that matter, with those that these get their values from."""
         found = set(self.used)
         grows = True
@@ -112,29 +127,18 @@ class _Reading:
             found |= new
         return found
 
-    def _reads(self, part: object, kind: int | None) -> frozenset[Variable]:
+    def _reads(self, part: object, kind: int | None) -> frozenset[Var]:
         nodes = reached(self.system.program, part)
-        variables = (node for node in nodes if isinstance(node, core.Variable))
-        return frozenset(chain.from_iterable(self._of(v, kind) for v in variables))
-
-    def _of(self, variable: core.Variable, kind: int | None) -> Iterator[Variable]:
-        agents = self.system.program.agents
-        match variable.home:
-            case Home.BOUND:
-                pass
-            case Home.ALLREAD | Home.ALLWRITE:
-                yield Variable(variable.home, None, variable.slot)
-            case Home.LOCAL | Home.PORT:
-                for k in range(len(agents)) if kind is None else (kind,):
-                    slot = slot_in(agents[k], variable)
-                    if slot is not None:
-                        yield Variable(variable.home, k, slot)
+        found = (node for node in nodes if isinstance(node, core.Variable))
+        return frozenset(
+            chain.from_iterable(variables_of(self.system.program, v, kind) for v in found)
+        )
 
 
 def with_those_of(
     configuration: Configuration[Constant],
     other: Configuration[Constant],
-    variables: frozenset[Variable],
+    variables: frozenset[Var],
 ) -> Configuration[Constant]:
     """A configuration in which some variables hold what they hold in another one."""
 
@@ -145,7 +149,7 @@ def with_those_of(
         its: tuple[Storage[Constant], ...],
     ) -> tuple[Storage[Constant], ...]:
         pairs = enumerate(zip(mine, its, strict=True))
-        return tuple(b if Variable(home, kind, slot) in variables else a for slot, (a, b) in pairs)
+        return tuple(b if Var(home, kind, slot) in variables else a for slot, (a, b) in pairs)
 
     def store(mine: Store[Constant], its: Store[Constant]) -> Store[Constant]:
         return Store(

@@ -6,9 +6,10 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+from koord.semantics.auxiliary import Var
 from koord.semantics.traces.recording import Recording
 from koord.verify.claims import Claim, Phase, claims_of, liveness_of
-from koord.verify.cone.influence import Cone, Part, Var
+from koord.verify.cone.influence import Cone, Part
 from koord.verify.cone.slices import Slices
 from koord.verify.ledger import Ledger, Subject, Works
 from koord.verify.resuming import Steps

@@ -11,23 +11,14 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TypeAlias
 
+from koord.semantics.auxiliary import Var, variables_of
 from koord.semantics.configurations import System
-from koord.semantics.places import slot_in
 from koord.semantics.search.risks import Risks
 from koord.semantics.search.sureness import Sure
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.walk import nodes, reached, statements, written
 from koord.verify.claims import Claim, ClaimKind
-
-
-@dataclass(frozen=True, slots=True)
-class Var:
-    """A variable: ``kind`` is that of the robots whose local or port it is, else None."""
-
-    home: Home
-    kind: int | None
-    slot: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,18 +165,9 @@ class Influence:
         self, variable: core.Variable, kind: int | None, body: int = _STATED
     ) -> Iterator[Part]:
         """The parts that a variable stands for: in a statement, one for each kind that has it."""
-        match variable.home:
-            case Home.BOUND:
-                if body != _STATED:
-                    yield Bound(body, variable.slot)
-            case Home.ALLREAD | Home.ALLWRITE:
-                yield Var(variable.home, None, variable.slot)
-            case Home.LOCAL | Home.PORT:
-                kinds = range(len(self.program.agents)) if kind is None else (kind,)
-                for k in kinds:
-                    slot = slot_in(self.program.agents[k], variable)
-                    if slot is not None:
-                        yield Var(variable.home, k, slot)
+        if variable.home is Home.BOUND and body != _STATED:
+            yield Bound(body, variable.slot)
+        yield from variables_of(self.program, variable, kind)
 
     # --- edges ----------------------------------------------------------------------------------
 

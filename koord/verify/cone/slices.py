@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from koord.semantics.auxiliary import auxiliary
+from koord.semantics.auxiliary import Var, auxiliary, variables
 from koord.semantics.configurations import System
 from koord.syntax.core import Home
 from koord.verify.claims import Claim, claims_of, liveness_of
-from koord.verify.cone.influence import Cone, Happens, Influence, Part, Var
+from koord.verify.cone.influence import Cone, Happens, Influence, Part
 from koord.verify.cone.slicing import sliced
 from koord.verify.subjects import Identity, identity
 
@@ -29,13 +29,9 @@ class Slices:
     def everything(self) -> frozenset[Part]:
         """All variables and events of the system."""
         program = self.system.program
-        found: set[Part] = set()
+        found: set[Part] = {*variables(program)}
         for kind, agent in enumerate(program.agents):
-            found.update(Var(Home.LOCAL, kind, slot) for slot in range(len(agent.locals)))
-            found.update(Var(Home.PORT, kind, slot) for slot in range(len(agent.ports)))
             found.update(Happens(kind, position) for position in range(len(agent.events)))
-        found.update(Var(Home.ALLREAD, None, slot) for slot in range(len(program.allread)))
-        found.update(Var(Home.ALLWRITE, None, slot) for slot in range(len(program.allwrite)))
         return frozenset(found)
 
     @cached_property
@@ -51,7 +47,7 @@ class Slices:
     def returning(self, claims: Iterable[Claim]) -> Cone:
         """What a lasso that breaks claims about whole runs has to come back to. [AUXILIARY]"""
         stated = [claim.stated for claim in claims if claim.stated is not None]
-        spared = {Var(v.home, v.kind, v.slot) for v in auxiliary(self.system, stated)}
+        spared = auxiliary(self.system, stated)
         return self.influence.closed({*self.cone(claims), *(self.everything - spared)})
 
     def whole(self, claims: Iterable[Claim]) -> Cone:

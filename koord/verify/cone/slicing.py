@@ -10,11 +10,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from koord.semantics.auxiliary import Var
 from koord.syntax import core
 from koord.syntax.core import Direction, Home, PropertyKind
 from koord.syntax.types import BOOL, ArrayType, Robots, Type
 from koord.syntax.walk import reached, statements
-from koord.verify.cone.influence import Answers, Cone, Happens, Influence, Matter, Var
+from koord.verify.cone.influence import Answers, Cone, Happens, Influence, Matter
 
 _FALSE = core.Const(False, BOOL)
 
