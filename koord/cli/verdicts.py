@@ -24,6 +24,7 @@ from koord.verify.verdicts import (
     Verdict,
     Ways,
     as_invariant,
+    engine_named,
 )
 
 if TYPE_CHECKING:
@@ -34,8 +35,6 @@ MOST_SHOWN = 12
 
 #: What is said of a violation where nobody looked at all runs with fewer rounds.
 SOONER = ", perhaps sooner"
-
-_ENGINES = frozenset(engine.value for engine in Engine)
 
 PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKNOWN: Paint.WARNING}
 
@@ -86,7 +85,7 @@ def _failed(failure: Failure) -> str:
             "; this is a mistake in koord: please report it with the program, "
             "KOORD_DEBUG=1 shows the traceback"
         )
-    instead = ", others were asked instead" if failure.who in _ENGINES else ""
+    instead = ", others were asked instead" if engine_named(failure.who) is not Engine.NONE else ""
     return f"{failure.who}{instead}: {failure.what}{place}{mistake}"
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TypeAlias, assert_never
 
 from koord.verify.solving import Deadline
-from koord.verify.verdicts import Engine, Failure
+from koord.verify.verdicts import Engine, Failure, engine_named
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ def gave_up(engine: Engine, deadline: Deadline) -> TimeUp | GaveUp:
 
 def failed_at(failure: Failure) -> TooLong | Failed:
     """What stands in the way where somebody failed."""
-    engine = next((e for e in Engine if e.value == failure.who), Engine.NONE)
+    engine = engine_named(failure.who)
     if failure.names:
         return TooLong(engine, failure.names)
     return Failed(engine, str(failure))

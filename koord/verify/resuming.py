@@ -8,9 +8,7 @@ from dataclasses import dataclass, field, replace
 from koord.semantics.patience import OutOfPatienceError
 from koord.verify.ledger import Ledger, Reach, reach_of
 from koord.verify.obstacles import TimeUp
-from koord.verify.verdicts import Engine, Failure, Outcome, Verdict
-
-_ENGINES = {engine.value: engine for engine in Engine}
+from koord.verify.verdicts import Failure, Outcome, Verdict, engine_named
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +111,7 @@ class Steps:
         if late and ledger.deadline.passed():
             raise OutOfPatienceError
         if late:
-            engine = _ENGINES.get(who, Engine.NONE)
+            engine = engine_named(who)
             over = Reach(engine, None, "timeout", 0.0, obstacle=TimeUp(engine))
             ledger.leave(ledger.open(), over)
 

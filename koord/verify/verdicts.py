@@ -45,6 +45,11 @@ class Engine(Enum):
     NONE = "none"
 
 
+def engine_named(name: str) -> Engine:
+    """The engine of that name; NONE for what is none."""
+    return next((engine for engine in Engine if engine.value == name), Engine.NONE)
+
+
 @dataclass(frozen=True, slots=True)
 class Bounds:
     """How far to look: rounds, and seconds for everything (None: no limit).
