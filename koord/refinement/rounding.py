@@ -24,6 +24,7 @@ from koord.semantics.traces.recording import Answer, Opening, Reading, Round
 from koord.semantics.traces.trace import Trace, Violation, ViolationKind
 from koord.semantics.turns import environment_turn, holds_in
 from koord.semantics.values import Rec, Seq, Table, Value
+from koord.syntax import core
 
 #: Two floats are the same up to rounding if they are this close, relative to the larger of them
 #: or, near zero, in their own unit.
@@ -75,15 +76,14 @@ def judged(trace: Trace, passed: Passed) -> Mended | Unjudged | None:
 
 def _lasso(trace: Trace, passed: Passed, violation: Violation | None) -> Mended | None:
     """Whether it closes, is fair, and breaks what it says. [LASSO]"""
-    name = None if violation is None else violation.name
-    stated = next((p for p in trace.system.program.properties if p.name == name), None)
+    stated = None if violation is None else _stated(trace, violation)
     flaw = flaw_of(trace.system, trace.recording, passed.ends, stated, DOUBLES)
     return None if flaw is None else Mended(f"on doubles, {flaw.reason}")
 
 
 def _property(trace: Trace, passed: Passed, violation: Violation) -> Mended | Unjudged | None:
     name, last = violation.name, passed.last
-    stated = next((p for p in trace.system.program.properties if p.name == name), None)
+    stated = _stated(trace, violation)
     if stated is None or last is None:
         return None
     inputs = _inputs(_last_of(trace))
@@ -93,6 +93,12 @@ def _property(trace: Trace, passed: Passed, violation: Violation) -> Mended | Un
         # It asks a function about rounded numbers.
         return Unjudged(f"nobody recorded what {name} asks about rounded numbers")
     return Mended(f"on doubles, {name} holds there") if holds is True else None
+
+
+def _stated(trace: Trace, violation: Violation) -> core.Property | None:
+    """The property of the program that a run is to break."""
+    properties = trace.system.program.properties
+    return next((p for p in properties if p.name == violation.name), None)
 
 
 def _contract(trace: Trace, passed: Passed, violation: Violation) -> Mended | Unjudged | None:

@@ -88,8 +88,8 @@ def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Cou
                 # everybody in everybody's place, or an event of the other was in vain.
                 kinds, events = ledger.system.kinds, ran(run)
                 same = any(
-                    is_variant(kinds, events, ran(k)) or is_variant(kinds, ran(k), events)
-                    for k in known
+                    is_variant(kinds, events, other) or is_variant(kinds, other, events)
+                    for other in map(ran, known)
                 )
                 known.append(run)
                 if not same:

@@ -11,6 +11,7 @@ import pytest
 
 from koord.cli.exits import Exit
 from koord.cli.main import main
+from tests.sampling import first
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "specs" / "examples"
@@ -67,9 +68,7 @@ WITHOUT = (
 OFTEN = ("ompl of sim", "mcap of sim", "numba", "cvc5", "mcap of deploy", "zenoh")
 
 
-@pytest.mark.parametrize(
-    "name", [*OFTEN, *(pytest.param(n, marks=pytest.mark.slow) for n in CASES if n not in OFTEN)]
-)
+@pytest.mark.parametrize("name", first(len(OFTEN), dict.fromkeys((*OFTEN, *CASES))))
 def test_a_package_that_is_missing_is_named_with_its_extra(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -270,8 +270,9 @@ def _first(ledger: Ledger, claim: Claim, shown: Counterexample) -> _First:
     Rounds through which the claim was seen to hold by others are not looked at again.
     """
     before, seen = shown.round - 1, ledger.verdict(claim).rounds
-    if has_fewest(shown, seen) or before > SOONER_ROUNDS:
-        return _First(shown, has_fewest(shown, seen))
+    fewest = has_fewest(shown, seen)
+    if fewest or before > SOONER_ROUNDS:
+        return _First(shown, fewest)
     bounded = Bounded(ledger.system, ledger.subject.judge, ledger.seed)
     effort = Effort.of_seconds(SOONER_S)
     found = bounded.check([claim], ledger.proved(), before, ledger.deadline, effort).get(claim)
