@@ -30,12 +30,10 @@ MOST_JOBS = 1_000
 MOST_RUNS = 1_000_000
 DEEPEST_LIST = 20
 MOST_SWEPT = 1_000
+#: Of times and paces; no clock and no timer counts further.
+LEAST_MEASURE, MOST_MEASURE = Fraction(1, 10**9), 10**9
 
 _NAME = re.compile(r"[^\W\d]\w*\Z")
-_INT = re.compile(r"[+-]?[0-9]{1,100}\Z")
-_DECIMAL = re.compile(
-    r"[+-]?([0-9]{1,100}(\.[0-9]{0,100})?|\.[0-9]{1,100})([eE][+-]?[0-9]{1,3})?\Z"
-)
 _RATIO = re.compile(r"([+-]?[0-9]{1,100})/([0-9]{1,100})\Z")
 
 _LIST_TOKEN = re.compile(r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*")
@@ -123,10 +121,21 @@ def seed(text: str) -> int:
 
 
 def seconds(text: str) -> float:
-    """A time of the clock on the wall, more than none."""
-    amount = number(text.removesuffix("s"))
+    """A time, more than none, and no longer than clocks can count."""
+    return _measure(text.removesuffix("s"), text, " seconds")
+
+
+def pace(text: str) -> float:
+    """How many seconds of a run go by in one of the clock on the wall."""
+    return _measure(text, text, "")
+
+
+def _measure(amount_text: str, text: str, unit: str) -> float:
+    amount = number(amount_text)
     if amount <= 0:
-        raise ArgumentTypeError(f"{text!r} is not more than 0 seconds")
+        raise ArgumentTypeError(f"{text!r} is not more than 0{unit}")
+    if not LEAST_MEASURE <= amount <= MOST_MEASURE:
+        raise ArgumentTypeError(f"it must be from 1e-9 to 1e9{unit}, not {text!r}")
     return float(amount)
 
 
@@ -146,9 +155,18 @@ def number(text: str) -> Fraction:
         if int(ratio[2]) == 0:
             raise ArgumentTypeError(f"{text!r} divides by zero")
         return Fraction(int(ratio[1]), int(ratio[2]))
-    if not _DECIMAL.match(text):
+    amount = _number(text)
+    if amount is None:
         raise ArgumentTypeError(f"{text!r} is not a number")
-    return Fraction(text)
+    return Fraction(amount)
+
+
+def _number(text: str) -> int | Fraction | None:
+    """The number that is written; None if it is none. One that is out of range is refused."""
+    try:
+        return read_number(text)
+    except NumberOutOfRangeError as error:
+        raise ArgumentTypeError(str(error)) from None
 
 
 def setting(text: str) -> tuple[str, ParamValue]:
@@ -215,12 +233,9 @@ def _scalar(token: str) -> ParamValue:
         return token in ("true", "True")
     if token.startswith('"'):
         return token[1:-1]
-    try:
-        number = read_number(token)
-    except NumberOutOfRangeError as error:
-        raise ArgumentTypeError(str(error)) from None
-    if number is not None:
-        return number
+    amount = _number(token)
+    if amount is not None:
+        return amount
     if _NAME.match(token):
         return token
     raise ArgumentTypeError(
@@ -257,11 +272,12 @@ def settings(pairs: Iterable[tuple[str, ParamValue]]) -> Mapping[str, ParamValue
 
 
 def _whole(text: str, what: str, least: int, most: int) -> int:
-    if not _INT.match(text):
+    amount = _number(text)
+    if not isinstance(amount, int):
         raise ArgumentTypeError(f"{text!r} is not a whole number")
-    if not least <= int(text) <= most:
+    if not least <= amount <= most:
         raise ArgumentTypeError(f"{what} must be from {least} to {most}, not {text}")
-    return int(text)
+    return amount
 
 
 # --- groups of flags that several commands share --------------------------------------------------

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from koord.cli.arguments import number
+from koord.cli.arguments import pace
 from koord.cli.files import check_folder, check_writable, write_atomically, write_folder
 from koord.cli.growing import Growing, Part, remove_part
 from koord.syntax.diagnostics import refusal
@@ -143,7 +143,7 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pace",
         metavar="FACTOR",
-        type=_pace,
+        type=pace,
         help="let time pass at most so many times as quickly as on the wall (with --live 1, else "
         "without limit)",
     )
@@ -278,13 +278,6 @@ def _wanted(arguments: argparse.Namespace) -> Iterator[tuple[str, Form]]:
         yield path, _RECORDS[Path(path).suffix.lower()]
     if arguments.plot is not None:
         yield arguments.plot, _PLOTS[Path(arguments.plot).suffix.lower()]
-
-
-def _pace(text: str) -> float:
-    factor = float(number(text))
-    if factor <= 0:
-        raise ArgumentTypeError(f"{text!r} is not more than 0")
-    return factor
 
 
 def _record(text: str) -> str:

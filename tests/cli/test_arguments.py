@@ -10,7 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koord.cli import arguments
-from koord.cli.arguments import Fleet, check_files, delta, fleet, number, seconds, setting, settings
+from koord.cli.arguments import (
+    Fleet,
+    check_files,
+    delta,
+    fleet,
+    number,
+    pace,
+    seconds,
+    setting,
+    settings,
+)
 from koord.cli.exits import Exit
 from koord.cli.main import main
 
@@ -29,7 +39,8 @@ def test_a_fleet() -> None:
         (fleet, "three", "not a whole number"),
         (fleet, "3.0", "not a whole number"),
         (fleet, "", "not a whole number"),
-        (fleet, "9" * 5000, "not a whole number"),
+        (fleet, "9" * 5000, "too long a number"),
+        (fleet, "1e2", "not a whole number"),
         (fleet, "Car=2,3", "no kind of robot"),
         (fleet, "Car=2,Car=1", "given twice"),
         (fleet, "Car=", "not a whole number"),
@@ -40,7 +51,11 @@ def test_a_fleet() -> None:
         (arguments.seed, "-1", "from 0"),
         (seconds, "0", "not more than 0"),
         (seconds, "-5", "not more than 0"),
+        (seconds, "1e400", "from 1e-9 to 1e9 seconds"),
+        (seconds, "1e-400", "from 1e-9 to 1e9 seconds"),
         (seconds, "nan", "not a number"),
+        (pace, "1e400", "from 1e-9 to 1e9"),
+        (pace, "0", "not more than 0"),
         (seconds, "inf", "not a number"),
         (delta, "0", "not more than 0"),
         (delta, "1/0", "divides by zero"),
@@ -49,7 +64,8 @@ def test_a_fleet() -> None:
         (delta, "1000000001", "from 1e-9 to 1e5 seconds"),
         (delta, "nan", "not a number"),
         (delta, "inf", "not a number"),
-        (number, "1e9999999999", "not a number"),
+        (number, "1e999", "does not lie between"),
+        (number, "1e9999999999", "too long a number"),
         (number, "0x10", "not a number"),
         (setting, "tasks", "write tasks=value"),
         (setting, "=4", "not the name of a param"),
