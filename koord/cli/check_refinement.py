@@ -25,28 +25,22 @@ from koord.cli.arguments import (
 )
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
-from koord.cli.files import write_atomically
+from koord.cli.files import check_writable
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.protocol_check import NETWORKS
+from koord.cli.refused_runs import RefusedRun, again, problem_of, told
 from koord.cli.systems import system_of
 from koord.cli.terminal import Paint, style_of, visible
 from koord.cli.traces import sources_of
 from koord.refinement.cases import Case, Target, Tried, all_generated, generated, of_program, tried
 from koord.refinement.running import Compiled, ready
-from koord.refinement.shrinking import TRIES, shrunk
-from koord.runtime.compile import compiled
+from koord.refinement.shrinking import TRIES, ever_smaller
 from koord.semantics.configurations import System
-from koord.semantics.traces.codec import encode
 from koord.syntax import core
-from koord.syntax.problem import Problem
 
 #: So many robots, in turn.
 _ROBOTS = (1, 2, 3, 4)
-
-#: Of a run that is refused, so many of the locations that differ are shown.
-_SHOWN = 8
-
 
 #: What may be checked besides all of it.
 _PROTOCOL = "protocol"
@@ -82,6 +76,15 @@ class Totals:
             self.steps += one.judged.steps
             self.faults += one.ran.fault_place is not None
             self.gave_up += one.ran.gave_up is not None
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """What became of a run, its place among those of its program, and what that was compiled to."""
+
+    outcome: Tried
+    number: int
+    made: Compiled | None = None
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -154,26 +157,34 @@ def main(arguments: argparse.Namespace) -> int:
         report.print(sys.stderr, as_json=False)
     if report.errors:
         return Exit.BAD_INPUT
+    check_writable(str(Path(arguments.save) / "refinement"))
     everything = {target: Totals(target) for target in _targets(arguments)}
-    failure: Tried | None = None
+    failure: RefusedRun | None = None
     if not arguments.json:
         for loaded in programs:
             print(visible(_about(loaded, arguments)))
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
         for one in _all(arguments, programs):
-            totals = everything[one.case.target]
-            totals.add(one)
+            totals = everything[one.outcome.case.target]
+            totals.add(one.outcome)
             line.show(f"{totals.target.value}: {totals.runs} {_many('run', totals.runs)}")
-            failure = one if one.failed else None
-            if one.failed or interruption.requested:
+            if one.outcome.failed:
+                command = again(arguments, one.outcome.case, one.number)
+                failure = RefusedRun(one.outcome, command, arguments.save)
+                failure.keep()
+                line.clear()
+                said = visible(f"refused and kept: {failure.path}; smaller runs are looked for")
+                print(said, file=sys.stderr, flush=True)
+                line.show("looking for smaller runs that are refused")
+                _make_smaller(failure, one.made, interruption)
+            if failure is not None or interruption.requested:
                 break
-    saved = None if failure is None else _saved(arguments.save, failure)
     if arguments.json:
         about = [_about(loaded, arguments) for loaded in programs]
-        document = _document(list(everything.values()), failure, saved) | {"programs": about}
+        document = _document(list(everything.values()), failure) | {"programs": about}
         sys.stdout.write(json.dumps(document, indent=2) + "\n")
     else:
-        _show(list(everything.values()), failure, saved)
+        _show(list(everything.values()), failure)
     if interruption.requested:
         return Exit.INTERRUPTED
     return Exit.OK if failure is None else Exit.VIOLATED
@@ -216,25 +227,25 @@ def _targets(arguments: argparse.Namespace) -> tuple[Target, ...]:
     return (Target.ENGINE,) if arguments.case is not None else tuple(Target)
 
 
-def _all(arguments: argparse.Namespace, programs: tuple[LoadedProgram, ...]) -> Iterator[Tried]:
-    """Every run; one that fails is replaced by a smaller one that fails as well."""
+def _all(arguments: argparse.Namespace, programs: tuple[LoadedProgram, ...]) -> Iterator[_Run]:
+    """Every run, as it is made."""
     faults, most, seed = NETWORKS[arguments.faults], arguments.rounds, arguments.seed
     targets = _targets(arguments)
     if arguments.case is not None:
-        yield _smallest(tried(generated(arguments.case, most, targets[0], faults)), None)
+        yield _Run(tried(generated(arguments.case, most, targets[0], faults)), 1)
         return
     for target in targets:
         runs = arguments.runs if len(targets) == 1 else -(-arguments.runs // _SHARES[target])
         if not programs:
             for case in islice(all_generated(Random(seed), most, target, faults), runs):
-                yield _smallest(tried(case), None)
+                yield _Run(tried(case), 1)
         for loaded in programs:
             made = ready(loaded.program)
             systems = _systems(loaded.program, arguments.delta)
             of = sources_of(loaded)
             cases = of_program(of, systems, most, Random(seed), target, faults)
-            for case in islice(cases, runs):
-                yield _smallest(tried(case, made), made)
+            for number, case in enumerate(islice(cases, runs), start=1):
+                yield _Run(tried(case, made), number, made)
 
 
 def _systems(program: core.Program, delta_s: Fraction | None) -> Iterator[System]:
@@ -244,85 +255,29 @@ def _systems(program: core.Program, delta_s: Fraction | None) -> Iterator[System
     return (system_of(program, fleet, delta_s) for fleet in cycle(fleets))
 
 
-def _smallest(outcome: Tried, made: Compiled | None) -> Tried:
-    """Of a program that was compiled once for all runs, the program stays as it is."""
-    if not outcome.failed:
-        return outcome
-    tries = _TRIES_OVER_UDP if outcome.case.target is Target.UDP else TRIES
-    return shrunk(outcome, lambda case: tried(case, made), programs=made is None, tries=tries)
+def _make_smaller(found: RefusedRun, made: Compiled | None, interruption: Interruption) -> None:
+    """Look for smaller runs that fail as well; Ctrl-C is enough of it.
+
+    Of a program that was compiled once for all runs, the program stays as it is.
+    """
+
+    def attempt(case: Case) -> Tried:
+        if interruption.requested:
+            raise KeyboardInterrupt
+        return tried(case, made)
+
+    tries = _TRIES_OVER_UDP if found.outcome.case.target is Target.UDP else TRIES
+    try:
+        for smaller in ever_smaller(found.outcome, attempt, programs=made is None, tries=tries):
+            found.replace(smaller)
+    except KeyboardInterrupt:
+        interruption.request()
 
 
 # --- what is told -------------------------------------------------------------------------------
 
 
-def _saved(folder: str, one: Tried) -> str:
-    """Keep a failing run: the trace, or, of a generated program, what was made of it."""
-    stem = Path(folder) / f"refinement-{one.case.seed}"
-    if one.judged is not None and one.case.sources.program.text:
-        path = f"{stem}.json"
-        write_atomically(path, encode(one.judged.trace))
-        return path
-    path = f"{stem}.txt"
-    write_atomically(path, _story(one).encode("utf-8"))
-    return path
-
-
-def _story(one: Tried) -> str:
-    """A failing case in full: program, what it was compiled to, schedule, first wrong step."""
-    program = one.case.system.program
-    parts = [
-        f"koord check-refinement --case {one.case.seed} --target {one.case.target.value} "
-        f"--rounds …  # and made smaller",
-        f"seed {one.case.seed}, {one.case.system.fleet}, {one.case.rounds} rounds, "
-        f"{one.case.policy.value}",
-        *_told(one),
-        "",
-        "# compiled",
-        _text(one.case),
-        "# the core program",
-        repr(program),
-    ]
-    if one.judged is not None:
-        parts += ["", "# the recording", repr(one.judged.trace.recording)]
-    return "\n".join(parts) + "\n"
-
-
-def _text(case: Case) -> str:
-    try:
-        return compiled(case.system.program)
-    except Exception as error:
-        return f"it cannot be compiled: {error!r}"
-
-
-def _problem(case: Case) -> Problem:
-    texts = tuple(source.name for source in case.sources.texts)
-    return Problem(texts, case.system.program, case.system.kinds, case.system.delta_s)
-
-
-def _told(one: Tried) -> Iterator[str]:
-    """The first step that the rules do not allow."""
-    refused = one.refused
-    if refused is None:
-        yield "the compiled program fell over:"
-        yield from one.crash.splitlines()
-        return
-    step = refused.step
-    who = "" if step.robot is None else f", robot {step.robot}"
-    what = "" if step.event is None else f", {step.event}"
-    when = "INIT" if step.round < 0 else f"round {step.round + 1}"
-    yield f"[{refused.rule}] {when}{who}{what}: {refused.reason}"
-    for change in refused.differences[:_SHOWN]:
-        whose = "" if change.robot is None else f" of robot {change.robot}"
-        yield f"  {change.name}{whose}: by the rules {change.old}, recorded {change.new}"
-    if one.judged is not None:
-        for number, round_ in enumerate(one.judged.trace.recording.rounds, start=1):
-            events = ", ".join("skip" if e is None else str(e) for e in round_.events)
-            yield f"  round {number}: order {list(round_.order)}, events [{events}]"
-
-
-def _document(
-    everything: list[Totals], failure: Tried | None, saved: str | None
-) -> dict[str, object]:
+def _document(everything: list[Totals], failure: RefusedRun | None) -> dict[str, object]:
     targets = [
         {
             "target": totals.target.value,
@@ -339,38 +294,26 @@ def _document(
         "format": "koord-refinement",
         "version": 1,
         "targets": targets,
-        "failure": None if failure is None else _failure(failure, saved),
+        "failure": None if failure is None else failure.document(),
     }
 
 
-def _failure(one: Tried, saved: str | None) -> dict[str, object]:
-    return {
-        "program": one.case.sources.program.name,
-        "target": one.case.target.value,
-        "seed": one.case.seed,
-        "robots": one.case.system.robots,
-        "problem": _problem(one.case).document(),
-        "rounds": one.case.rounds,
-        "policy": one.case.policy.value,
-        "rule": None if one.refused is None else one.refused.rule,
-        "reason": one.crash if one.refused is None else one.refused.reason,
-        "saved": saved,
-    }
-
-
-def _show(everything: list[Totals], failure: Tried | None, saved: str | None) -> None:
+def _show(everything: list[Totals], failure: RefusedRun | None) -> None:
     style = style_of(sys.stdout)
     if failure is not None:
-        said = style.paint("refused", Paint.ERROR)
-        about, target = _problem(failure.case), failure.case.target.value
-        print(f"{said}: {visible(str(about))}, {target}, seed {failure.case.seed}")
-        for line in _told(failure):
+        said, case = style.paint("refused", Paint.ERROR), failure.outcome.case
+        print(f"{said}: {visible(str(problem_of(case)))}, {case.target.value}, seed {case.seed}")
+        for line in told(failure.outcome):
             print(f"  {visible(line)}")
-        print(f"  saved as {visible(saved or '')}")
+        print(f"  saved as {visible(failure.path or '')}")
+        print(f"  again, as it was found: {visible(failure.again)}")
     for totals in everything:
         if totals.runs:
             print(
-                _line(totals, failed=failure is not None and failure.case.target is totals.target)
+                _line(
+                    totals,
+                    failed=failure is not None and failure.outcome.case.target is totals.target,
+                )
             )
 
 

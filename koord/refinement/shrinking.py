@@ -17,10 +17,10 @@ T = TypeVar("T")
 TRIES = 400
 
 
-def shrunk(
+def ever_smaller(
     failing: Tried, attempt: Callable[[Case], Tried], *, programs: bool, tries: int = TRIES
-) -> Tried:
-    """The smallest failing case that is found by taking parts away, one at a time.
+) -> Iterator[Tried]:
+    """Failing cases, each smaller than the one before, found by taking parts away one at a time.
 
     With ``programs`` parts of the program are taken away, too: only where it is nobody's text.
     """
@@ -33,10 +33,10 @@ def shrunk(
             outcome = attempt(candidate)
             if outcome.failed:
                 best, progress = outcome, True
+                yield best
                 break
             if left <= 0:
                 break
-    return best
 
 
 def _smaller(tried: Tried, *, programs: bool) -> Iterator[Case]:

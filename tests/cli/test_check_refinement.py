@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from koord.cli import check_refinement
 from koord.cli import main as frame
 from koord.cli.exits import Exit
 from koord.refinement import running
+from koord.refinement.cases import Tried
+from koord.refinement.shrinking import ever_smaller
 from koord.runtime.compile import compiled
 from koord.syntax import core
 
@@ -94,14 +104,104 @@ def test_a_run_that_is_refused_is_shown_and_kept(
 
 @pytest.mark.usefixtures("_wrong")
 def test_a_generated_program_that_is_refused_is_kept_whole(
-    file: str, capsys: pytest.CaptureFixture[str]
+    file: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr(check_refinement, "TRIES", 20)
     assert koord("--runs", "200", "--rounds", "3", "--json") == Exit.VIOLATED
     failure = json.loads(capsys.readouterr().out)["failure"]
     kept = Path(failure["saved"]).read_text("utf-8")
     assert koord("--case", str(failure["seed"]), "--rounds", "3") == Exit.VIOLATED
     for part in ("# compiled", "# the core program", "# the recording", str(failure["seed"])):
         assert part in kept
+
+
+KILLED = """
+import os, signal, sys
+from koord.refinement import running
+from koord.cli import check_refinement
+from koord.cli.main import main
+from koord.runtime.compile import compiled
+
+def killed(*given, **named):
+    os.kill(os.getpid(), signal.SIGKILL)
+    yield
+
+if __name__ == "__main__":
+    running.compiled = lambda program: compiled(program).replace("+ 2", "+ 1")
+    check_refinement.ever_smaller = killed
+    sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_what_is_found_is_kept_before_it_is_made_smaller(tmp_path: Path) -> None:
+    (tmp_path / "app.krd").write_text(TEXT, "utf-8")
+    (tmp_path / "killed.py").write_text(KILLED, "utf-8")
+    words = ["check-refinement", "app.krd", "--runs", "6", "--seed", "3", "--target", "engine"]
+    ran = subprocess.run([sys.executable, "killed.py", *words], cwd=tmp_path, check=False)
+    assert ran.returncode == -signal.SIGKILL
+    (kept,) = tmp_path.glob("refinement-*")
+    assert frame.main(["replay", str(kept)]) == Exit.VIOLATED
+
+
+@pytest.mark.usefixtures("_wrong")
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [
+        (signal.SIGINT, Exit.INTERRUPTED),
+        (signal.SIGTERM, Exit.TERMINATED),
+        (signal.SIGHUP, Exit.HUNG_UP),
+    ],
+)
+def test_who_ends_it_while_it_is_made_smaller_has_what_was_found(
+    file: str,
+    number: int,
+    code: Exit,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def ended(one: Tried, *given: object, **named: object) -> Iterator[Tried]:
+        yield replace(one, case=replace(one.case, rounds=1))
+        os.kill(os.getpid(), number)
+        yield from ever_smaller(one, *given, **named)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(check_refinement, "ever_smaller", ended)
+    assert koord(file, "--runs", "6", "--target", "engine", "--json") == code
+    told = capsys.readouterr()
+    failure = json.loads(told.out)["failure"]
+    assert failure["rounds"] == 1
+    assert f"refused and kept: {failure['saved']}" in told.err
+    assert frame.main(["replay", failure["saved"]]) == Exit.VIOLATED
+
+
+@pytest.mark.usefixtures("_wrong")
+@pytest.mark.parametrize("words", [(), ("app.krd", "--set", "step=2", "--delta", "1/3")])
+def test_the_command_that_is_shown_runs_it_again(
+    file: str,
+    words: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(check_refinement, "TRIES", 0)
+    Path(file).write_text(
+        "param int step = 1\n" + TEXT.replace("sum + 2", "sum + step + 2"), "utf-8"
+    )
+    flags = ["--runs", "200", "--rounds", "3", "--target", "engine", "--json"]
+    assert koord(*words, *flags) == Exit.VIOLATED
+    failure = json.loads(capsys.readouterr().out)["failure"]
+    start, command, *again = shlex.split(failure["again"])
+    assert (start, command) == ("koord", "check-refinement")
+    Path(failure["saved"]).unlink()
+    assert koord(*again, "--json") == Exit.VIOLATED
+    assert json.loads(capsys.readouterr().out)["failure"] == failure | {
+        "again": shlex.join(["koord", command, *again])
+    }
+
+
+def test_a_folder_that_is_not_there_is_told_before_anything_runs(
+    file: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert koord(file, "--save", "nowhere") == Exit.BAD_INPUT
+    assert "there is no folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("runs", ["0", "-1", "x", "1.5", "9999999999"])

@@ -9,7 +9,7 @@ import pytest
 from koord.refinement.cases import Policy, Tried, generated, tried
 from koord.refinement.judging import judge
 from koord.refinement.running import Ran
-from koord.refinement.shrinking import shrunk
+from koord.refinement.shrinking import ever_smaller
 from koord.semantics.traces.trace import Trace
 from tests.refinement.running import ran, seeds
 
@@ -89,7 +89,7 @@ def test_a_case_that_fails_is_made_smaller(programs: bool) -> None:
 
     cases = (generated(seed, 6) for seed in seeds(40))
     failing = next(t for t in map(attempt, cases) if t.failed and t.case.system.robots > 1)
-    small = shrunk(failing, attempt, programs=programs)
+    *_, small = ever_smaller(failing, attempt, programs=programs)
     assert small.failed
     assert small.case.rounds == 1
     assert small.case.system.robots == 1
