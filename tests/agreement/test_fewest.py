@@ -15,6 +15,7 @@ import pytest
 from koord.cli.verdicts import SOONER, as_json, said
 from koord.semantics.configurations import System
 from koord.syntax.problem import Problem
+from koord.verify.bits import abc
 from koord.verify.claims import ClaimKind
 from koord.verify.portfolio import Choice
 from koord.verify.verdicts import Bounds, Outcome, Verdict
@@ -22,8 +23,11 @@ from tests.agreement.test_engines import Searched, searched
 from tests.generators.staged import staged
 from tests.verify.asking import Answers, ask, of_text
 
+#: abc's PDR, where it is installed.
+ABC = (Choice.ABC,) if abc.installed() else ()
+
 #: Those that look for violations, and all of them in turn.
-CHOICES = (Choice.SEARCH, Choice.BITS, Choice.BMC, Choice.SPACER, Choice.AUTO)
+CHOICES = (Choice.SEARCH, Choice.BITS, *ABC, Choice.BMC, Choice.SPACER, Choice.AUTO)
 
 ROUNDS = 6
 
@@ -125,7 +129,7 @@ Count:
   eff: most = most + 1
 invariant Few: most < 5
 """
-    for choice in (Choice.BMC, Choice.AUTO):
+    for choice in (Choice.BMC, Choice.BITS, *ABC, Choice.AUTO):
         found = ask(of_text(text, 1), rounds=6, choice=choice)["Few"]
         assert found.outcome is Outcome.VIOLATED
         assert not found.fewest

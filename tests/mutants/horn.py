@@ -56,4 +56,11 @@ HORN = (
         "fewest=True,",
         ("tests/agreement/test_fewest.py",),
     ),
+    Mutant(
+        "fewest: nor do lists that are longer than circuits have them",
+        "verify/bits/engine.py",
+        "fewest = not self.circuit.limits and has_fewest(counterexample, self.completed)",
+        "fewest = has_fewest(counterexample, self.completed)",
+        ("tests/agreement/test_fewest.py",),
+    ),
 )
