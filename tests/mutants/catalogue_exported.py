@@ -14,74 +14,92 @@ EXPORTED = (
     # certificates
     Mutant(
         "scripts that are not settled are passed over",
-        "recheck/checking.py",
-        "if opinion.answer is Answer.UNKNOWN:",
-        "if opinion.answer is None:",
+        "recheck.checking._joined",
+        "Answer.UNKNOWN",
+        "None",
         (DAMAGE, CRASHING),
     ),
     Mutant(
         "scripts that cannot be read are passed over",
-        "recheck/checking.py",
-        "problems += refusal(",
-        "_ = refusal(",
+        "recheck.checking._read",
+        'problems += refusal("K941", certificate.name, message, REWRITE).diagnostics',
+        '_ = refusal("K941", certificate.name, message, REWRITE).diagnostics',
         (DAMAGE,),
     ),
     Mutant(
         "a script need not have its digest",
-        "recheck/certificate.py",
-        'given[name] = Given(name, _certified(part, "smt2"))',
-        'given[name] = Given(name, part.field("smt2").text())',
+        "recheck.certificate._scripts",
+        '_certified(part, "smt2")',
+        'part.field("smt2").text()',
         (DAMAGE,),
     ),
     Mutant(
         "a script may ask before it says anything",
-        "recheck/commands.py",
-        'if "check-sat" in heads and head != "exit":',
-        'if head == "get-model":',
+        "recheck.commands.harmless",
+        '"check-sat" in heads and head != "exit"',
+        'head == "get-model"',
         (DAMAGE,),
     ),
     Mutant(
         "a crash takes a refutation with it",
-        "recheck/settling.py",
-        "except SolverEndedError as error:  # what it found stands",
-        "except KeyError as error:",
+        "recheck.settling.Settling._told",
+        (
+            "try:\n"
+            "    if news or definitions:\n"
+            "        self.session.tell([*news, *definitions])\n"
+            "    value = self.session.values([text])[0]\n"
+            "except SolverEndedError as error:  # what it found stands\n"
+            '    yield f"{one.what} is not known, nor what comes after it: {error} when it '
+            'was asked"\n'
+            "    return"
+        ),
+        (
+            "try:\n"
+            "    if news or definitions:\n"
+            "        self.session.tell([*news, *definitions])\n"
+            "    value = self.session.values([text])[0]\n"
+            "except KeyError as error:\n"
+            '    yield f"{one.what} is not known, nor what comes after it: {error} when it '
+            'was asked"\n'
+            "    return"
+        ),
         (CRASHING,),
     ),
     # ways to break a claim
     Mutant(
         "other ways are looked for beyond the bound",
-        "verify/varieties.py",
-        "if is_end and moment.configuration.round >= ledger.bounds.rounds:",
-        "if is_end and moment.configuration.round > ledger.bounds.rounds:",
+        "verify.varieties._others",
+        "moment.configuration.round >= ledger.bounds.rounds",
+        "moment.configuration.round > ledger.bounds.rounds",
         (WAYS,),
     ),
     Mutant(
         "there are no more ways when enough were found",
-        "verify/varieties.py",
-        "return tuple(found), Ways(complete=False)\n",
-        "return tuple(found), Ways(complete=True)\n",
+        "verify.varieties.others",
+        "Ways(complete=False)",
+        "Ways(complete=True)",
         (WAYS,),
     ),
     # other tools
     Mutant(
         "what is required later hides what breaks before",
-        "verify/solving.py",
-        "whole = z3.And(*required[start : layer.required], here)",
-        "whole = z3.And(*required, here)",
+        "verify.solving.Solver.layered",
+        "required[start : layer.required]",
+        "required",
         (SCRIPTS,),
     ),
     Mutant(
         "only the last round is asked about",
-        "verify/solving.py",
-        "here = z3.Or(self.d.boolean(layer.asked), whole)",
-        "here = whole if layer is not layers[-1] else self.d.boolean(layer.asked)",
+        "verify.solving.Solver.layered",
+        "z3.Or(self.d.boolean(layer.asked), whole)",
+        "whole if layer is not layers[-1] else self.d.boolean(layer.asked)",
         (SCRIPTS,),
     ),
     Mutant(
         "numbers beyond a range are passed over",
-        "verify/bits/transition.py",
-        "return isinstance(leaf, Wild) or (isinstance(leaf, Ranged) and leaf.strays)",
-        "return isinstance(leaf, Wild)",
+        "verify.bits.transition._is_loose",
+        "isinstance(leaf, Wild) or (isinstance(leaf, Ranged) and leaf.strays)",
+        "isinstance(leaf, Wild)",
         (EXPORTS,),
     ),
 )

@@ -1,9 +1,12 @@
-"""A seeded mistake: one piece of source text replaced by another while it is imported."""
+"""A seeded mistake: a piece of one function replaced by another while its module is imported."""
 
 from __future__ import annotations
 
+import ast
 from dataclasses import dataclass
 from pathlib import Path
+
+from tests.mutants.patterns import definitions, replace
 
 ROOT = Path(__file__).parents[2]
 
@@ -13,25 +16,43 @@ VARIABLE = "KOORD_MUTANT"
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """``old`` stands exactly once in the file; ``tests`` are those of which one must fail."""
+    """In ``place``, ``new`` stands instead of ``old``; ``tests`` are those of which one must fail.
+
+    ``place`` is a function below ``koord``, such as ``recheck.settling.Settling.settle``; where the
+    mistake is in no function, a class or a module. ``old`` stands there exactly once: an
+    expression, statements one after the other, or the line of a ``case``.
+    """
 
     name: str
-    file: str
+    place: str
     old: str
     new: str
     tests: tuple[str, ...]
 
     @property
     def path(self) -> Path:
-        return ROOT / "koord" / self.file
+        """The file of the function."""
+        return self._module_and_definition()[0]
 
     @property
     def module(self) -> str:
-        return "koord." + self.file.removesuffix(".py").replace("/", ".")
+        """The module of the function, as it is imported."""
+        return ".".join(self.path.relative_to(ROOT).with_suffix("").parts)
 
-    def source(self) -> str:
-        """The text with the mistake in it."""
-        text = self.path.read_text(encoding="utf-8")
-        if text.count(self.old) != 1:
-            raise ValueError(f"{self.name}: {self.old!r} stands {text.count(self.old)} times")
-        return text.replace(self.old, self.new)
+    def tree(self) -> ast.Module:
+        """The module with the mistake in it."""
+        path, names = self._module_and_definition()
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        times = sum(replace(found, self.old, self.new) for found in definitions(tree, names))
+        if times != 1:
+            raise ValueError(f"{self.name}: {self.old!r} stands {times} times in {self.place}")
+        return tree
+
+    def _module_and_definition(self) -> tuple[Path, list[str]]:
+        """The longest beginning of the place that is a file, and what is defined in there."""
+        names = self.place.split(".")
+        for size in range(len(names), 0, -1):
+            path = (ROOT / "koord").joinpath(*names[:size]).with_suffix(".py")
+            if path.exists():
+                return path, names[size:]
+        raise ValueError(f"{self.name}: there is no module {self.place}")

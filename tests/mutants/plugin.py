@@ -15,14 +15,14 @@ from tests.mutants.mutant import VARIABLE, Mutant
 
 
 class _Loader(SourceFileLoader):
-    """Compiles the mutated text, without looking at what was compiled before."""
+    """Compiles the mutated tree, without looking at what was compiled before."""
 
     def __init__(self, mutant: Mutant) -> None:
         super().__init__(mutant.module, str(mutant.path))
         self._mutant = mutant
 
     def get_code(self, fullname: str) -> CodeType:
-        code = compile(self._mutant.source(), str(self._mutant.path), "exec", dont_inherit=True)
+        code = compile(self._mutant.tree(), str(self._mutant.path), "exec", dont_inherit=True)
         assert isinstance(code, CodeType)
         return code
 

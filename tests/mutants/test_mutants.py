@@ -20,7 +20,7 @@ BY_NAME = {mutant.name: mutant for mutant in MUTANTS}
 
 def test_names_are_unique_and_mistakes_are_many() -> None:
     assert [name for name, n in Counter(m.name for m in MUTANTS).items() if n > 1] == []
-    folders = Counter(m.file.partition("/")[0] for m in MUTANTS)
+    folders = Counter(m.place.partition(".")[0] for m in MUTANTS)
     assert folders["semantics"] >= 20
     assert folders["verify"] >= 20
     assert folders["runtime"] >= 90
@@ -28,8 +28,8 @@ def test_names_are_unique_and_mistakes_are_many() -> None:
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda m: m.name)
 def test_every_mistake_can_be_made(mutant: Mutant) -> None:
-    """What it replaces stands in the source once, and what it makes is Python."""
-    compile(mutant.source(), mutant.file, "exec")
+    """What it replaces stands in its function once, and what it makes is Python."""
+    compile(mutant.tree(), mutant.place, "exec")
     assert mutant.tests
 
 
@@ -39,7 +39,7 @@ def test_some_mistakes_are_caught_by_the_test_for_them(name: str) -> None:
 
 
 def test_those_are_of_all_kinds() -> None:
-    folders = Counter(BY_NAME[name].file.partition("/")[0] for name in QUICK)
+    folders = Counter(BY_NAME[name].place.partition(".")[0] for name in QUICK)
     assert folders["semantics"] >= 10
     assert folders["verify"] >= 10
 
