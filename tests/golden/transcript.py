@@ -1,0 +1,57 @@
+"""Play a scenario: give its commands, and note what they print and write."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from unittest.mock import patch
+
+from koord.cli.main import main
+from tests.golden.plain import plain_file, plain_output
+from tests.golden.scenarios import EXAMPLES, ROOT, Command, Scenario
+
+#: The width that helps and tables are laid out for, and no colours.
+SURROUNDINGS = {"COLUMNS": "100", "NO_COLOR": "1"}
+
+
+def plain_surroundings() -> None:
+    """Make this process print alike, wherever it runs."""
+    os.environ.update(SURROUNDINGS)
+
+
+def transcript(scenario: Scenario) -> str:
+    """What came of it, as lines."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        shutil.copytree(ROOT / EXAMPLES, EXAMPLES)
+        lines = [line for command in scenario.commands for line in _played(command)]
+    return "\n".join(lines) + "\n"
+
+
+def _played(command: Command) -> Iterator[str]:
+    for file in command.writes:
+        Path(file).unlink(missing_ok=True)
+    out, err = io.StringIO(), io.StringIO()
+    stdin = io.TextIOWrapper(io.BytesIO(command.stdin.encode()), encoding="utf-8")
+    with (
+        patch.object(sys, "stdin", stdin),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            code = main(list(command.words))
+        except SystemExit as end:  # as argparse ends what asks for help
+            code = int(end.code or 0)
+    yield f"$ koord {' '.join(command.words)}"
+    yield from plain_output(out.getvalue())
+    yield from (f"! {line}" for line in plain_output(err.getvalue()))
+    yield f"exit {code}"
+    for file in command.writes:
+        if Path(file).exists():
+            yield f"# {file}"
+            yield from plain_file(Path(file))
