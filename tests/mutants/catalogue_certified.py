@@ -10,6 +10,7 @@ MAPS = "tests/recheck/test_maps.py"
 EXAMPLES = "tests/recheck/test_mutations.py"
 DAMAGE = "tests/recheck/test_damage.py"
 EDITS = "tests/recheck/test_edits.py"
+WRITTEN = "tests/recheck/test_written.py"
 SAID = "tests/cli/test_recheck.py"
 PROBLEM = "tests/cli/test_problem.py"
 
@@ -122,6 +123,13 @@ CERTIFIED = (
         "consequences.append(replace(own[claimed.name], name=claimed.name))",
         "pass",
         (EDITS,),
+    ),
+    Mutant(
+        "what no run begins with begins anywhere",
+        "recheck.checking._Pass.settled",
+        "obligations.nothing_begins or one.hollow == NO_START",
+        "False",
+        (WRITTEN,),
     ),
     Mutant(
         "the subject of a claim does not count",
