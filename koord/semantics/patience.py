@@ -24,13 +24,29 @@ class Patience:
     is_over: Callable[[], bool]
     _left: int = _EVERY
 
-    def spend(self) -> None:
+    def spend(self, steps: int = 1) -> None:
         """Ask now and then whether to go on. Raises OutOfPatienceError."""
-        self._left -= 1
+        self._left -= steps
         if self._left < 0:
             self._left = _EVERY
             if self.is_over():
                 raise OutOfPatienceError
+
+    def rationed(self, most: int) -> Patience:
+        """The same for no more than about so much work, which is counted alike on every machine."""
+        return Patience(_Ration(self, most).is_over)
+
+
+@dataclass(slots=True)
+class _Ration:
+    """What is left of some work, of which others may grow tired sooner."""
+
+    whole: Patience
+    left: int
+
+    def is_over(self) -> bool:
+        self.left -= _EVERY
+        return self.left < 0 or self.whole.is_over()
 
 
 def _never() -> bool:

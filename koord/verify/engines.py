@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.patience import OutOfPatienceError
-from koord.semantics.search.limits import Limits
+from koord.semantics.search.limits import HANDFUL, Limits
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
 from koord.verify.bmc import Bounded
@@ -27,7 +28,7 @@ from koord.verify.obstacles import (
     gave_up,
 )
 from koord.verify.solving import Effort
-from koord.verify.verdicts import BrokenStep, Engine
+from koord.verify.verdicts import BrokenStep, Engine, Outcome
 
 if TYPE_CHECKING:
     from koord.verify.exhaustive import Searching
@@ -38,8 +39,17 @@ MAX_DEPTH = 3
 #: What inductive attempts may cost before other engines get their turn: about so many seconds.
 PROOF_S = 30.0
 
+#: What a look at the first configurations may cost, in what evaluation counts: about 0.1 s.
+FIRST_LOOK = 3_000
+
+#: The same where claims are not proved in no time: about a second.
+SECOND_LOOK = 30_000
+
 #: What a look at the rounds may cost before claims are tried to be proved from further off.
 GLANCE_S = 3.0
+
+#: The same where nothing longer was tried yet, with the rounds that it is about.
+FIRST_GLANCE_S, FIRST_ROUNDS = 0.5, 1
 
 #: What other claims may cost where one is violated, so that nobody waits long to see it.
 AFTERWARDS_S = 10.0
@@ -135,10 +145,14 @@ class ByUnrolling:
 
 @dataclass(slots=True)
 class ByGlance:
-    """The rounds that bounded model checking gets through quickly: most violations are there."""
+    """The rounds that bounded model checking gets through quickly: most violations are there.
+
+    There are ``most`` of them, if that is said.
+    """
 
     unrolling: ByUnrolling
     effort: Effort = field(default_factory=lambda: Effort.of_seconds(GLANCE_S))
+    most: int | None = None
 
     @property
     def name(self) -> str:
@@ -146,7 +160,9 @@ class ByGlance:
 
     def work(self, ledger: Ledger) -> None:
         if ledger.wanting():
-            self.unrolling.through(ledger, ledger.bounds.rounds, self.effort)
+            rounds = ledger.bounds.rounds
+            rounds = rounds if self.most is None else min(rounds, self.most)
+            self.unrolling.through(ledger, rounds, self.effort)
 
 
 @dataclass(slots=True)
@@ -281,6 +297,40 @@ class BySearch:
         for claim, reason in found.unreplayed.items():
             astray = Unreplayed(Engine.SEARCH)
             ledger.leave([claim], Reach(Engine.SEARCH, None, reason, seconds, obstacle=astray))
+
+
+@dataclass(frozen=True, slots=True)
+class ByShallowSearch:
+    """What is violated in the first configurations, and no more: most that is violated is there.
+
+    It says nothing of what holds, so that others are asked as if nobody had looked. ``steps`` is
+    what it may cost, in what evaluation counts.
+    """
+
+    steps: int
+
+    @property
+    def name(self) -> str:
+        return Engine.SEARCH.value
+
+    def work(self, ledger: Ledger) -> None:
+        if ledger.subject.is_abstract:
+            return
+        from koord.semantics.search.finite import not_finite
+
+        claims = ledger.open()
+        properties = [claim.stated for claim in claims if claim.stated is not None]
+        if not_finite(ledger.system, properties) is not None:
+            return
+        from koord.verify.exhaustive import Searching, exhaust
+
+        patience = ledger.system.patience.rationed(self.steps)
+        system, judge = replace(ledger.system, patience=patience), ledger.subject.judge
+        found = Searching()
+        limits = Limits(states=HANDFUL)
+        with suppress(OutOfPatienceError):  # whoever has no patience for others finds that out
+            exhaust(system, claims, limits, ledger.deadline, judge, ledger.progress, found)
+        ledger.settle({c: v for c, v in found.verdicts.items() if v.outcome is Outcome.VIOLATED})
 
 
 def _flowing(subject: Subject) -> tuple[str, ...]:

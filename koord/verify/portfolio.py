@@ -15,15 +15,26 @@ from koord.semantics.search.limits import FEW_STATES, HANDFUL, Limits
 from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.cone.asking import BySlices, Doubts
 from koord.verify.cone.slices import Slices
-from koord.verify.engines import ByGlance, ByInduction, BySearch, ByStep, ByUnrolling
+from koord.verify.engines import (
+    FIRST_GLANCE_S,
+    FIRST_LOOK,
+    FIRST_ROUNDS,
+    SECOND_LOOK,
+    ByGlance,
+    ByInduction,
+    BySearch,
+    ByShallowSearch,
+    ByStep,
+    ByUnrolling,
+)
 from koord.verify.every_n.engine import FEW, ByEveryN, ByInference
-from koord.verify.every_n.proving import SPARING
+from koord.verify.every_n.proving import HASTY, SPARING
 from koord.verify.failures import VACUITY, failure_of
 from koord.verify.ledger import Ledger, Subject, Works, reach_of
 from koord.verify.pool import Job, Pool, Progress, was_interrupted
 from koord.verify.resuming import Past, Steps
 from koord.verify.singly import ByRounds
-from koord.verify.solving import Deadline
+from koord.verify.solving import Deadline, Effort
 from koord.verify.subjects import abstract_subject, identity, plain_subject
 from koord.verify.vacuity import Hollow, Looked, look, of_any_number, unlooked, vacuities
 from koord.verify.varieties import others
@@ -263,7 +274,7 @@ class _Beside:
 
 
 #: They are asked first, and seldom take longer than a process does to start.
-_QUICK = (ByEveryN, ByStep)
+_QUICK = (ByShallowSearch, ByEveryN, ByStep)
 
 
 def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _Known:
@@ -405,11 +416,15 @@ def engines(
         )
     match choice:
         case Choice.AUTO:
+            yield ByShallowSearch(FIRST_LOOK)
             # A proof for every number of robots is one for this number.
             yield ByEveryN(SPARING)
             induction = ByInduction(unrolling)
             yield ByStep(induction)
-            yield ByInference(SPARING, FEW)
+            # What is violated is told before invariants are looked for that cannot be found.
+            yield ByShallowSearch(SECOND_LOOK)
+            yield ByGlance(unrolling, Effort.of_seconds(FIRST_GLANCE_S), FIRST_ROUNDS)
+            yield ByInference(HASTY, FEW)
             if slices is not None:
                 thorough = partial(_after_quick_ones, pool)
                 yield BySlices(slices, thorough, _sparing_ones, steps, names)

@@ -35,6 +35,9 @@ Term: TypeAlias = "Constant | z3.ExprRef"
 Made: TypeAlias = z3.ExprRef
 Sort: TypeAlias = z3.SortRef
 
+#: What a quick look at a formula costs, in steps of evaluation.
+_QUICK_LOOK = 25
+
 
 class Terms:
     """Scalars as constants or Z3 terms. One instance per solver run: it owns the string table.
@@ -324,6 +327,7 @@ class Terms:
         """Whether a Boolean holds whatever its constants are, as far as a quick look tells."""
         if not isinstance(claim, z3.ExprRef):
             return bool(claim)
+        self._patience.spend(_QUICK_LOOK)
         solver = z3.Solver(ctx=self.context)
         solver.set("rlimit", 200_000)
         solver.add(z3.Not(claim))

@@ -219,8 +219,8 @@ class Counting(Patience):
 
     spent: int = 0
 
-    def spend(self) -> None:
-        self.spent += 1
+    def spend(self, steps: int = 1) -> None:
+        self.spent += steps
 
 
 BODIES = {

@@ -15,7 +15,14 @@ from koord.verify import resuming
 from koord.verify.apart import verify_apart
 from koord.verify.bits.engine import ByBits
 from koord.verify.claims import claims_of
-from koord.verify.engines import ByGlance, ByInduction, BySearch, ByStep, ByUnrolling
+from koord.verify.engines import (
+    ByGlance,
+    ByInduction,
+    BySearch,
+    ByShallowSearch,
+    ByStep,
+    ByUnrolling,
+)
 from koord.verify.every_n.engine import ByEveryN, ByInference
 from koord.verify.horn.engine import BySpacer, KeptBack
 from koord.verify.ledger import Ledger, Subject
@@ -51,6 +58,7 @@ eventually Done: forall i: done@i
 
 #: Every engine that the default asks, by the name that its failures have.
 ENGINES: dict[type, str] = {
+    ByShallowSearch: "search",
     ByEveryN: "every N",
     ByStep: "induction",
     ByInference: "every N",
@@ -228,7 +236,7 @@ def test_ctrl_c_is_no_failure_whatever_it_is_raised_as(monkeypatch: pytest.Monke
     assert report.interrupted
     assert report.failures == ()
     assert outcomes(report)["Easy"] == (Outcome.HOLDS, None)
-    assert outcomes(report)["Broken"][0] is Outcome.UNKNOWN
+    assert outcomes(report)["Open"][0] is Outcome.UNKNOWN
 
 
 def test_unrolling_that_failed_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:

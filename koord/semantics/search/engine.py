@@ -253,6 +253,7 @@ class Search:
         count = self._system.robots
         most = _STARTS_PER_STATE * self._meter.limits.states
         for tried, opened in enumerate(openings(self._system, self._vault, self._commits)):
+            self._system.patience.spend()
             self._tick(0)
             if tried > most:
                 raise _LimitError(f"more than {most} ways to start")

@@ -8,11 +8,12 @@ whatever was said of whom; what is not proved is *unknown*, never violated.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.crowds import NotFiniteError
 from koord.semantics.domain import conjunction, disjunction
+from koord.semantics.patience import OutOfPatienceError
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import BOOL, INT, ArrayType, Robots, within
@@ -50,6 +51,12 @@ GENEROUS = Thrift(
 SPARING = Thrift(
     generations=3, instances=12_000, seconds=3.0, question=1_500_000, with_products=120_000
 )
+
+#: Where others are asked afterwards, and this again: so much was always enough of what was found.
+HASTY = replace(SPARING, seconds=1.0)
+
+#: Of what is worked out, so many steps are counted as a second of a solver.
+_STEPS_PER_SECOND = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,11 +124,14 @@ def infer(
     """Claims that are inductive together with some of the candidates, which are found out.
 
     Candidates that do not hold after INIT are dropped, then those that a round may break, until
-    the rest prove themselves; of these the ones are kept that the claims' proofs rest on.
+    the rest prove themselves; of these the ones are kept that the claims' proofs rest on. What is
+    worked out on the way may cost as much again as solvers may.
     """
-    nothing = Inferred((), ())
+    best = nothing = Inferred((), ())
     if _beyond(system.program):
         return nothing
+    whole, steps = system.patience, int(thrift.seconds * _STEPS_PER_SECOND)
+    system = replace(system, patience=whole.rationed(steps))
     means = _Means(deadline, effort, thrift, seed)
     try:
         start = _Start(system, means)
@@ -129,7 +139,6 @@ def infer(
         if not open_:
             return nothing
         likely = start.sifted(candidates)
-        best = nothing
         for generations in (1, 2):
             step = _Step(system, means)
             left = step.sifted([*open_, *likely], generations)
@@ -141,6 +150,9 @@ def infer(
                 break
     except NotFiniteError:
         return nothing
+    except OutOfPatienceError:
+        if whole.is_over():
+            raise
     return best
 
 
