@@ -11,7 +11,8 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from harness import RESULTS, Cell, Column, Report, main, note
 from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults

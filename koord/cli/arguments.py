@@ -12,9 +12,10 @@ import os
 import re
 from argparse import ArgumentTypeError
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from koord.cli.files import DASH
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_ROBOTS
@@ -39,8 +40,7 @@ _RATIO = re.compile(r"([+-]?[0-9]{1,100})/([0-9]{1,100})\Z")
 _LIST_TOKEN = re.compile(r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*")
 
 
-@dataclass(frozen=True, slots=True)
-class Fleet:
+class Fleet(Struct, frozen=True):
     """How many robots: a number of them, or a number of each kind (``Car=2,Drone=1``).
 
     ``any_number`` stands for every number of them: ``total`` is then no more than an example.

@@ -6,9 +6,11 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.requests import Request
@@ -21,8 +23,7 @@ if TYPE_CHECKING:
     from koord.verify.verdicts import Report as Verification
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
+class Asked(Struct, frozen=True):
     """What was found out about a system; ``shadows`` is set if instants were asked for too."""
 
     system: System

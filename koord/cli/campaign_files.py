@@ -10,18 +10,18 @@ import csv
 import io
 import os
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass, fields
 from types import TracebackType
 from typing import BinaryIO, get_type_hints
 
 import msgspec
+from msgspec import Struct
+from msgspec.structs import astuple
 
 from koord.cli.files import read_written, write_atomically
 from koord.syntax.diagnostics import refusal
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(Struct, frozen=True):
     """What a run came to: a line of the CSV file."""
 
     swept: str
@@ -53,7 +53,7 @@ class Row:
 
 
 _HINTS = get_type_hints(Row)
-_COLUMNS = ["campaign", *(one.name for one in fields(Row))]
+_COLUMNS = ["campaign", *Row.__struct_fields__]
 
 
 class RunFile:
@@ -128,7 +128,7 @@ class RunFile:
         return _lines([_COLUMNS, *map(self._cells, rows)])
 
     def _cells(self, row: Row) -> list[object]:
-        return [self._campaign, *asdict(row).values()]
+        return [self._campaign, *astuple(row)]
 
 
 def _lines(lines: Sequence[Sequence[object]]) -> bytes:

@@ -15,10 +15,12 @@ from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
 from multiprocessing import active_children, get_context, parent_process
 from statistics import fmean, stdev
 from typing import Any, TypeAlias
+
+from msgspec import Struct, to_builtins
+from msgspec.structs import replace
 
 from koord import __version__
 from koord.cli.campaign_files import Row, RunFile
@@ -44,8 +46,7 @@ _CONNECT_S = 10
 _CONFIDENCE = 0.95
 
 
-@dataclass(frozen=True, slots=True)
-class Order:
+class Order(Struct, frozen=True):
     """A run that is to be made. ``swept`` is the value of what is swept."""
 
     asked: Asked
@@ -107,7 +108,11 @@ def campaign(arguments: argparse.Namespace, asked: Asked, first_seed: int) -> in
     if arguments.plot is not None and rows:
         _draw(arguments.plot, asked.source.name, name, rows)
     if arguments.json:
-        document = {"format": "koord-campaign", "version": 1, "runs": [asdict(row) for row in rows]}
+        document = {
+            "format": "koord-campaign",
+            "version": 1,
+            "runs": [to_builtins(row) for row in rows],
+        }
         sys.stdout.write(json.dumps(document, indent=2) + "\n")
     else:
         for text in _table(asked.source.name, name, rows):

@@ -6,11 +6,12 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import cycle, islice
 from pathlib import Path
 from random import Random
+
+from msgspec import Struct
 
 from koord.cli.arguments import (
     AS_STATED,
@@ -55,8 +56,7 @@ _SHARES = {Target.ENGINE: 1, Target.NETWORK: 10, Target.UDP: 50}
 _TRIES_OVER_UDP = 10
 
 
-@dataclass
-class Totals:
+class Totals(Struct):
     """What runs did on a target. Runs that gave up found no values that the program allows."""
 
     target: Target

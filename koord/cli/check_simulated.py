@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import asdict, dataclass
+
+from msgspec import Struct, to_builtins
 
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
@@ -22,8 +23,7 @@ from koord.syntax.diagnostics import KoordError
 _SHARE = 50
 
 
-@dataclass(slots=True)
-class _Total:
+class _Total(Struct):
     """What the runs of a program came to."""
 
     program: str
@@ -53,7 +53,7 @@ def main(arguments: argparse.Namespace) -> int:
                 if total.refused is not None:
                     break
     if arguments.json:
-        sys.stdout.write(json.dumps([asdict(total) for total in totals], indent=2) + "\n")
+        sys.stdout.write(json.dumps([to_builtins(total) for total in totals], indent=2) + "\n")
     else:
         for total in totals:
             print(_told(total))

@@ -10,11 +10,13 @@ import time
 from argparse import ArgumentTypeError
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
 from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.cli.arguments import (
     add_files,
@@ -170,8 +172,7 @@ def _diagnostic(code: str, name: str, story: str, hint: str | None) -> Diagnosti
 # --- running it -----------------------------------------------------------------------------------
 
 
-@dataclass
-class Interrupts:
+class Interrupts(Struct):
     """How often Ctrl-C was pressed: first it stops safely, then at once."""
 
     count: int = 0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
 
+from msgspec import to_builtins
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
@@ -158,7 +158,7 @@ def as_document(statuses: Mapping[int, Status], problem: Problem) -> str:
     for pid in sorted(statuses):
         status = statuses[pid]
         holding = None if status.holding is None else status.holding.value
-        robots.append({**asdict(status), "holding": holding, "drops": dict(status.drops)})
+        robots.append({**to_builtins(status), "holding": holding, "drops": dict(status.drops)})
     document = {
         "format": "koord-deployed",
         "version": 1,

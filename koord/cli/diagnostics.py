@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from typing import TextIO
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.cli.excerpt import excerpt
 from koord.cli.terminal import PLAIN, Paint, Style, style_of, visible
@@ -24,8 +26,7 @@ from koord.syntax.source import NOWHERE, Source, Span, is_whole_file
 JSON_VERSION = 1
 
 
-@dataclass(slots=True)
-class Report:
+class Report(Struct):
     """The diagnostics of a run, gathered file by file, and the texts they point into."""
 
     strict: bool = False

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from dataclasses import dataclass, field
 from types import FrameType, TracebackType
 from typing import Any
+
+from msgspec import Struct, field
 
 from koord.cli.exits import Exit
 
@@ -19,8 +20,7 @@ _CODES = {
 }
 
 
-@dataclass(slots=True)
-class Endings:
+class Endings(Struct):
     """Inside the ``with``, who asks this process to end is heard as Ctrl-C is."""
 
     by: int | None = None  #: the signal that ended it

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.cli.terminal import Paint, Style, cells, visible
 from koord.syntax.source import Source, Span
@@ -12,8 +13,7 @@ from koord.syntax.source import Source, Span
 CUT = "..."
 
 
-@dataclass(frozen=True, slots=True)
-class Stretch:
+class Stretch(Struct, frozen=True):
     """A part of one line to be marked: columns from 1, the end excluded."""
 
     line: int

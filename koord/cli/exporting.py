@@ -6,9 +6,11 @@ import argparse
 import re
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord import __version__
 from koord.cli.asking import check_names
@@ -85,8 +87,7 @@ def export(arguments: argparse.Namespace) -> int:
     return Exit.OK
 
 
-@dataclass(frozen=True, slots=True)
-class _Asked:
+class _Asked(Struct, frozen=True):
     """A program that is to be written, and how."""
 
     program: LoadedProgram

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.cli.inputs import LoadedProgram
 from koord.semantics.configurations import System
@@ -15,8 +16,7 @@ from koord.verify.live.expecting import Lassoed, Text, excluding
 from koord.verify.verdicts import Counterexample, Verdict
 
 
-@dataclass(frozen=True, slots=True)
-class Fair:
+class Fair(Struct, frozen=True):
     """Why a lasso is fair, and expectations under which it is not."""
 
     why: Excuses

@@ -9,8 +9,9 @@ import sys
 import tempfile
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from koord.syntax.diagnostics import refusal
 from koord.syntax.source import Source, Span, normalise, visible
@@ -26,8 +27,7 @@ LARGEST_FILE = 64 * 1024 * 1024
 _OURS = "metadata.yaml"
 
 
-@dataclass(frozen=True, slots=True)
-class InputFile:
+class InputFile(Struct, frozen=True):
     """A file as it was read: its bytes, to see what would change, and its text to work on."""
 
     path: str

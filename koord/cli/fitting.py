@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.cli.arguments import AS_STATED, Fleet, settings
 from koord.cli.diagnostics import Report
@@ -52,8 +54,7 @@ world: {{}}
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Fitted:
+class Fitted(Struct, frozen=True):
     """A program with a configuration that suits it. ``kinds`` are those of the robots."""
 
     loaded: LoadedProgram
@@ -62,8 +63,7 @@ class Fitted:
     scene: Scene | None  #: None where the libraries that scenes are made with are not installed
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
+class Asked(Struct, frozen=True):
     """What is to be run, as far as flags say so."""
 
     source: Source

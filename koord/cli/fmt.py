@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from difflib import unified_diff
 from enum import Enum
+
+from msgspec import Struct
 
 from koord.cli.arguments import add_files, check_files
 from koord.cli.diagnostics import Report
@@ -27,8 +28,7 @@ class Task(Enum):
     CHECK_AND_DIFF = "check and diff"
 
 
-@dataclass(frozen=True, slots=True)
-class LaidOut:
+class LaidOut(Struct, frozen=True):
     """A file and the text it should have."""
 
     file: InputFile

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
-from dataclasses import dataclass
 from fractions import Fraction
+
+from msgspec import Struct
 
 from koord.cli.arguments import settings
 from koord.cli.diagnostics import Report
@@ -18,8 +19,7 @@ from koord.syntax.problem import Problem
 from koord.syntax.source import Source, whole_file
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(Struct, frozen=True):
     """How programs are to be read: values of their params, and further properties."""
 
     settings: Settings
@@ -34,8 +34,7 @@ class Reading:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class LoadedProgram:
+class LoadedProgram(Struct, frozen=True):
     """A program without errors, the text it comes from, and how that was read."""
 
     source: Source
@@ -74,8 +73,7 @@ def load_programs(
     return tuple(programs)
 
 
-@dataclass(frozen=True, slots=True)
-class Checked:
+class Checked(Struct, frozen=True):
     """What a text holds: a program, or none if it is a file of properties or has errors."""
 
     source: Source

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.cli.tables import Shown, Table
 from koord.semantics.execution import Step
@@ -22,8 +23,7 @@ HELP = """\
   q          quit (so does the end of the input)"""
 
 
-@dataclass
-class Interactive:
+class Interactive(Struct):
     """A run by hand. ``play`` runs it; then ``taken`` holds its steps."""
 
     run: Run

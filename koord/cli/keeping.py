@@ -7,10 +7,11 @@ import sys
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
+
+from msgspec import Struct
 
 from koord.cli.arguments import pace
 from koord.cli.files import check_folder, check_writable, write_atomically, write_folder
@@ -26,8 +27,7 @@ if TYPE_CHECKING:
 _PAGE = "run.html"
 
 
-@dataclass(frozen=True, slots=True)
-class Form:
+class Form(Struct, frozen=True):
     """A form of file, or of folder, to keep a run in: the libraries for it, and their extra."""
 
     make: Callable[[Recording, str], bytes | Mapping[str, bytes]]

@@ -12,9 +12,10 @@ import os
 import re
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, NoReturn, Protocol, TextIO, cast
+
+from msgspec import Struct
 
 from koord import __version__
 from koord.cli.endings import Endings
@@ -54,8 +55,7 @@ class Command(Protocol):
         """Run the command and return its exit code."""
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """A command as ``koord --help`` lists it."""
 
     name: str

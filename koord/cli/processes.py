@@ -7,7 +7,8 @@ import secrets
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.cli.concluding import concluded
 from koord.cli.deploy import Interrupts
@@ -34,8 +35,7 @@ _WAIT_S = 0.2
 _UNHURRIED_S = 5.0
 
 
-@dataclass
-class _Late:
+class _Late(Struct):
     """How many proposals came too late for their rounds, of those that were told of."""
 
     count: int = 0

@@ -8,7 +8,8 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.cli.exits import Exit
 from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
@@ -31,8 +32,7 @@ NETWORKS = {"none": CALM, "loss": LOSS, "chaos": CHAOS}
 _ROBOTS = (3, 4, 5, 7)
 
 
-@dataclass(frozen=True, slots=True)
-class Checked:
+class Checked(Struct, frozen=True):
     """What was explored, and how the runs on simulated networks went."""
 
     explored: dict[str, Explored]

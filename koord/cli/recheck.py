@@ -6,7 +6,8 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.cli.arguments import add_json, check_files, seconds
 from koord.cli.diagnostics import report_error
@@ -29,8 +30,7 @@ JSON_VERSION = 3
 _SOLVERS = ("cvc5",)
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(Struct, frozen=True):
     """Which certificate is to be rechecked, and how the answer is shown."""
 
     name: str

@@ -6,9 +6,11 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import assert_never
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.cli import departures
 from koord.cli.arguments import add_json, check_files, number
@@ -30,8 +32,7 @@ from koord.syntax.diagnostics import KoordError
 JSON_VERSION = 1
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(Struct, frozen=True):
     """Which trace is to be checked, and how the answer is shown."""
 
     name: str

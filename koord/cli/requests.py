@@ -5,12 +5,15 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
+from typing import ClassVar
+
+from msgspec import field
 
 from koord.cli.arguments import Fleet
 from koord.cli.files import DASH, check_writable
+from koord.syntax.content import ByContent
 
 
 class Engine(Enum):
@@ -25,9 +28,10 @@ class Engine(Enum):
     INDUCTION = "induction"  #: for all rounds at once
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(ByContent, frozen=True):
     """What is to be verified of each program, and within which limits."""
+
+    ASIDE: ClassVar[frozenset[str]] = frozenset({"asked_at"})
 
     fleets: tuple[Fleet, ...]  #: several make a sweep
     rounds: int
@@ -48,7 +52,7 @@ class Request:
     explain: bool  #: show the steps that break claims which are not inductive
     as_json: bool
     #: when it was asked for, as :func:`time.monotonic` counts
-    asked_at: float = field(default_factory=time.monotonic, compare=False)
+    asked_at: float = field(default_factory=time.monotonic)
 
     def left_s(self) -> float | None:
         """What is left of the time for everything together; None: no limit."""

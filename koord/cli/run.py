@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from functools import partial
 from random import Random
 from typing import BinaryIO
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.cli.arguments import (
     Fleet,
@@ -66,8 +68,7 @@ class Policy(Enum):
     RANDOM = "random"  #: any allowed step, by the seed
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(Struct, frozen=True):
     """How a program is to be run."""
 
     fleet: Fleet

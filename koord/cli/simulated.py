@@ -6,10 +6,10 @@ import io
 import json
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any
 
+from msgspec import to_builtins
 from rich.console import Console
 from rich.table import Table
 
@@ -217,7 +217,7 @@ def as_document(
         "problem": job.problem.document(),
         "seed": job.scene.seed,
         "ending": simulation.ending.name.lower(),
-        **asdict(figures),
+        **to_builtins(figures),
         "devices": job.scene.names,
         "safety_m": job.scene.safety_m,
         "bounds": {"low": job.scene.world.low, "high": job.scene.world.high}
@@ -225,7 +225,7 @@ def as_document(
         "wall_s": wall_s,
         "claims": simulation.looked,
         "by_chance": job.by_chance,
-        "broken": [asdict(broken) for broken in simulation.broken],
+        "broken": [to_builtins(broken) for broken in simulation.broken],
         "standing": [
             {"robot": one.robot, "since_s": one.since_s, "why": one.hindrance.name.lower()}
             | {"words": one.words}
@@ -233,7 +233,7 @@ def as_document(
         ],
         "fault": None
         if simulation.fault is None
-        else asdict(simulation.fault.fault)
+        else to_builtins(simulation.fault.fault)
         | {"kind": simulation.fault.fault.kind.value, "robot": simulation.fault.robot},
         **more,
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from koord.cli.simulating import Job
 from koord.cli.traces import sources_of

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
+
+from msgspec import Struct
 
 from koord.cli.fitting import NO_FILE, size_of
 from koord.cli.inputs import LoadedProgram
@@ -36,8 +37,7 @@ Run = TypeVar("Run", bound=Simulation)
 _LONG_S, _ENDLESS_S = 600.0, 120.0
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
+class Job(Struct, frozen=True):
     """A program in a scene. ``given`` are the values of params."""
 
     loaded: LoadedProgram

@@ -7,8 +7,9 @@ and summaries hold.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec import Struct, field
 
 from koord.refinement.hosting import SeededHost, settled_starts
 from koord.runtime.compile.naming import Names
@@ -17,8 +18,7 @@ from koord.semantics.configurations import System
 from koord.sim.hosting import ANSWERED, SENSED, plain_name
 
 
-@dataclass
-class Supplied:
+class Supplied(Struct):
     """A host that answers by chance what another, the world, knows nothing of."""
 
     world: Host
@@ -56,8 +56,7 @@ class Supplied:
         return self._seeded[pid]
 
 
-@dataclass(frozen=True)
-class Supplying:
+class Supplying(Struct, frozen=True):
     """Supplies the hosts of a run. All of them say the same, in whichever process they are."""
 
     system: System

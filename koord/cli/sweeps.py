@@ -5,9 +5,11 @@ from __future__ import annotations
 import io
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.cli.files import write_atomically
 from koord.cli.terminal import Paint, Style, visible
@@ -22,8 +24,7 @@ if TYPE_CHECKING:
 _MARKERS = {Outcome.HOLDS: "o", Outcome.VIOLATED: "X", Outcome.UNKNOWN: "s"}
 
 
-@dataclass(frozen=True, slots=True)
-class Point:
+class Point(Struct, frozen=True):
     """What was found for one number of robots."""
 
     system: System

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
 
 from koord.cli.terminal import Paint, Style, visible
 from koord.semantics.configurations import Configuration, System, Written
@@ -36,8 +37,7 @@ _WIDEST_WHO = 24
 ENVIRONMENT = "env"
 
 
-@dataclass(frozen=True, slots=True)
-class Shown:
+class Shown(Struct, frozen=True):
     """A step of a round as it is to be shown."""
 
     step: Step
@@ -45,8 +45,7 @@ class Shown:
     lost: str | None = None  #: the event that the robot could not run: a lock was taken
 
 
-@dataclass(frozen=True, slots=True)
-class _Row:
+class _Row(Struct, frozen=True):
     """A line of a table: who, what it ran, and the pieces that say what came of it."""
 
     who: str
@@ -56,8 +55,7 @@ class _Row:
     paint: Paint | None = None
 
 
-@dataclass(slots=True)
-class Table:
+class Table(Struct):
     """Lays a run out. Rounds in which nothing happens are counted and told together."""
 
     names: Names

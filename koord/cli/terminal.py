@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import unicodedata
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum
 from typing import TextIO
+
+from msgspec import Struct
 
 from koord.syntax.source import visible as visible
 
@@ -32,8 +33,7 @@ class Paint(Enum):
     REMOVED = "31"
 
 
-@dataclass(frozen=True, slots=True)
-class Style:
+class Style(Struct, frozen=True):
     """How output is laid out: its width in cells, and whether it is coloured."""
 
     width: int = WIDTH_OF_FILES

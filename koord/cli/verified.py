@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
 
 from koord.cli.asking import Asked, resting
 from koord.cli.exits import Exit, gravest
@@ -23,8 +24,7 @@ if TYPE_CHECKING:
     from koord.verify.verdicts import Report as Verification
 
 
-@dataclass(slots=True)
-class _Parts:
+class _Parts(Struct):
     """What is told beside verdicts: a part that fails is named, and costs nothing else."""
 
     failures: list[Failure] = field(default_factory=list)

@@ -7,8 +7,9 @@ import json
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import islice
+
+from msgspec.structs import replace
 
 from koord.cli.arguments import (
     add_bounds,

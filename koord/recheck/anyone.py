@@ -8,9 +8,11 @@ a function of the number, too.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Generic, TypeVar
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.recheck.memory import Fault, Write
 from koord.recheck.storage import (
@@ -35,8 +37,7 @@ from koord.syntax.types import ArrayType
 T = TypeVar("T")
 
 
-@dataclass(slots=True)
-class Anyone(Generic[T]):
+class Anyone(Struct, Generic[T]):
     """Something about one robot, ``blank`` being its number; ``of`` says it of another."""
 
     blank: Term
@@ -50,8 +51,7 @@ class Anyone(Generic[T]):
         return self._known[id(robot)][1]
 
 
-@dataclass(frozen=True, slots=True)
-class Replacing:
+class Replacing(Struct, frozen=True):
     """Puts a term in the place of a variable in all that is known of a robot."""
 
     s: Storages
@@ -110,8 +110,7 @@ class Replacing:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Begun:
+class Begun(Struct, frozen=True):
     """What INIT gives of any number of robots; each of ``faults`` is that somebody has it."""
 
     state: Crowd
@@ -119,8 +118,7 @@ class Begun:
     faults: tuple[Fault, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Crowds:
+class Crowds(Struct, frozen=True):
     """Works out turns of any robot, and configurations of any number of them."""
 
     world: World

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
 from fractions import Fraction
 from hashlib import sha256
+
+from msgspec import Struct
 
 from koord.recheck.claims import Kind
 from koord.syntax.core import MOST_ROBOTS
@@ -30,8 +31,7 @@ _MOST_DEPTH = 10
 _LONGEST_FRACTION = 4 * MOST_PLACES
 
 
-@dataclass(frozen=True, slots=True)
-class Conjunct:
+class Conjunct(Struct, frozen=True):
     """A part of the invariant: its text, and over how many rounds it is inductive.
 
     ``everyone``: it is one of those that are inductive for every number of robots.
@@ -43,8 +43,7 @@ class Conjunct:
     everyone: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Claimed:
+class Claimed(Struct, frozen=True):
     """What a certificate says to hold; ``everyone``: for every number of robots."""
 
     name: str
@@ -53,16 +52,14 @@ class Claimed:
     everyone: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
+class Given(Struct, frozen=True):
     """A script that came with the certificate."""
 
     name: str
     smt2: str
 
 
-@dataclass(frozen=True, slots=True)
-class Certificate:
+class Certificate(Struct, frozen=True):
     """What a certificate says."""
 
     name: str
@@ -82,8 +79,7 @@ class Certificate:
 # --- reading --------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Reader:
+class _Reader(Struct, frozen=True):
     """A part of the document, with its place in it."""
 
     file: str

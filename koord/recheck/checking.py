@@ -5,8 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
 from enum import Enum
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.recheck import instances
 from koord.recheck.certificate import REWRITE, Certificate
@@ -39,8 +41,7 @@ class Outcome(Enum):
     UNKNOWN = "unknown"  #: an obligation was not settled, or a construct is not rechecked
 
 
-@dataclass(frozen=True, slots=True)
-class Opinion:
+class Opinion(Struct, frozen=True):
     """What the solver says of a script that came with the certificate, and why it says no more."""
 
     name: str
@@ -48,8 +49,7 @@ class Opinion:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
+class Part(Struct, frozen=True):
     """What became of the obligations about some robots, or about any number of them.
 
     ``span`` is the construct that is not rechecked.
@@ -66,8 +66,7 @@ class Part:
         return tuple(dict.fromkeys(one.hollow for one in self.settled if one.hollow))[:1]
 
 
-@dataclass(frozen=True, slots=True)
-class Rechecked:
+class Rechecked(Struct, frozen=True):
     """The verdict, what it is about, and what it rests on.
 
     ``everyone`` is about every number of robots, where that is claimed; ``here`` about those of the
@@ -105,8 +104,7 @@ class Rechecked:
         return everyone, here
 
 
-@dataclass(slots=True)
-class _Clock:
+class _Clock(Struct):
     """When to stop: a moment, or never."""
 
     at: float | None
@@ -257,8 +255,7 @@ def _joined(
     return found(Outcome.CONFIRMED)
 
 
-@dataclass(slots=True)
-class _Pass:
+class _Pass(Struct):
     """One way through the obligations, and back to those that were too much at first."""
 
     it: Argument

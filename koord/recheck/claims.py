@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from enum import Enum
+
+from msgspec import Struct
 
 from koord.recheck.memory import Fault
 from koord.recheck.storage import Crowd, State
@@ -23,8 +24,7 @@ class Kind(Enum):
     CONTRACT = "contract"
 
 
-@dataclass(frozen=True, slots=True)
-class Claim:
+class Claim(Struct, frozen=True):
     """What is to be shown; ``subject`` is the variable of a lost update, or the contract.
 
     ``depth`` is over how many rounds it is inductive.
@@ -41,8 +41,7 @@ class Claim:
         return self.stated is not None and self.stated.kind is core.PropertyKind.AT_ROUND
 
 
-@dataclass(frozen=True, slots=True)
-class Goal:
+class Goal(Struct, frozen=True):
     """``holds`` has to follow; ``legal`` is what the answers satisfy that it asks for."""
 
     claim: str
@@ -50,8 +49,7 @@ class Goal:
     holds: Term
 
 
-@dataclass(frozen=True, slots=True)
-class Shown:
+class Shown(Struct, frozen=True):
     """A part of a configuration, or a choice, to be shown in a counterexample."""
 
     what: str
@@ -59,8 +57,7 @@ class Shown:
     type: Type | None
 
 
-@dataclass(frozen=True, slots=True)
-class Attempt:
+class Attempt(Struct, frozen=True):
     """From the hypotheses each goal follows. ``shown`` is what to tell of a counterexample.
 
     ``names`` are numbers of robots that it is about, where there is any number of them.
@@ -72,8 +69,7 @@ class Attempt:
     names: tuple[Term, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Obligation:
+class Obligation(Struct, frozen=True):
     """Something to be shown, in one way or another: the first attempts are quick, and know less.
 
     A counterexample to the last attempt is one to the obligation. Attempts are made when asked for.
@@ -90,8 +86,7 @@ NO_START = "no configuration satisfies what is assumed of the start"
 NO_END = "no round can end: nothing satisfies the contracts"
 
 
-@dataclass(frozen=True, slots=True)
-class Past:
+class Past(Struct, frozen=True):
     """A configuration at the start of a round, and all that is known of how it came about."""
 
     state: State

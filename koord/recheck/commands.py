@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 _DECLARING = frozenset(
     {
@@ -31,8 +32,7 @@ class NotACommandError(Exception):
     """A script that is anything else than declarations, assertions and one question."""
 
 
-@dataclass(frozen=True, slots=True)
-class Harmless:
+class Harmless(Struct, frozen=True):
     """The logic that a script names, if it does, and its declarations and assertions."""
 
     logic: str

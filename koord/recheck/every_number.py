@@ -6,8 +6,11 @@ The obligations are those of ``obligations.py``, of a robot of whatever number i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.recheck.anyone import Anyone, Begun, Crowds
 from koord.recheck.claims import (
@@ -85,8 +88,7 @@ class EveryNumber:
         return state, facts
 
 
-@dataclass
-class Step:
+class Step(Struct, dict=True):
     """The obligations of one step of a round, from any configuration with the invariant."""
 
     of: EveryNumber

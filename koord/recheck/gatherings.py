@@ -6,8 +6,9 @@ The counterpart of ``rounds.py``.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
+
+from msgspec import Struct
 
 from koord.recheck.anyone import Anyone, Crowds
 from koord.recheck.memory import Write
@@ -22,8 +23,7 @@ from koord.syntax.types import RecordType, Type
 Moves = list[list[Anyone[Turn]]]
 
 
-@dataclass(frozen=True, slots=True)
-class Gathering:
+class Gathering(Struct, frozen=True):
     """The beginning of a round: ``state`` is what it has led to. ``facts`` say that it is legal."""
 
     start: Crowd
@@ -124,8 +124,7 @@ def may_run(crowds: Crowds, start: Crowd, robot: Term, turn: Turn) -> Term:
     )
 
 
-@dataclass(slots=True)
-class Gathered:
+class Gathered(Struct):
     """Makes the beginning of a round."""
 
     crowds: Crowds

@@ -8,8 +8,9 @@ question for any number of robots. Which are taken decides what can be shown, ne
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from itertools import product
+
+from msgspec import Struct, field
 
 from koord.recheck.terms import BOOL, INT, Term
 from koord.recheck.values import Values
@@ -19,8 +20,7 @@ _MOST_TUPLES = 400
 _MOST_INSTANCES = 20_000
 
 
-@dataclass(slots=True)
-class Grounding:
+class Grounding(Struct):
     """Says statements of names. What does not hold of all fails of a witness, which is a symbol."""
 
     v: Values

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from msgspec import Struct
+
 from koord.recheck.claims import Attempt, Goal, Obligation
 from koord.recheck.grounding import Grounding, numbers, plainest
 from koord.recheck.settling import Settled, Settling, conjuncts
@@ -30,8 +32,7 @@ _LOOSE_S = 1.0
 _EXACT_S = 5.0
 
 
-@dataclass(slots=True)
-class _Case:
+class _Case(Struct):
     """A part of a goal, and the goal."""
 
     goal: Goal

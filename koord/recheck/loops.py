@@ -8,8 +8,9 @@ make of it. What is written in no such way is not rechecked.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
 
 from koord.recheck import blocks, places
 from koord.recheck.storage import Cell, Many, Storage
@@ -29,8 +30,7 @@ if TYPE_CHECKING:
 _PLAIN = core.Assign | core.If | core.ForRange | core.ForEach | core.Break | core.Return
 
 
-@dataclass(slots=True)
-class Loop:
+class Loop(Struct):
     """A loop from ``low`` up to ``high``; ``over``: what it goes through, its key's variable."""
 
     body: Body

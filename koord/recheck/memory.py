@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import Struct, field
 
 from koord.recheck.storage import Crowd, Location, State, Storage
 from koord.recheck.terms import Term
@@ -12,8 +12,7 @@ from koord.syntax.source import Span
 from koord.syntax.types import Type
 
 
-@dataclass(frozen=True, slots=True)
-class Write:
+class Write(Struct, frozen=True):
     """A write to a shared variable, where ``when`` holds."""
 
     when: Term
@@ -22,8 +21,7 @@ class Write:
     value: Value
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
+class Fault(Struct, frozen=True):
     """Something that goes wrong where ``when`` holds."""
 
     when: Term
@@ -35,8 +33,7 @@ class Fault:
         return Fault(when, self.what, self.span)
 
 
-@dataclass(slots=True)
-class Memory:
+class Memory(Struct):
     """What a body reads and writes: M and cp of a robot, or in a property a configuration."""
 
     locals: list[Storage] = field(default_factory=list)
@@ -48,8 +45,7 @@ class Memory:
     state: State | Crowd | None = None
 
 
-@dataclass(slots=True)
-class Frame:
+class Frame(Struct):
     """A running function: where it has returned, and what."""
 
     result: Storage

@@ -6,7 +6,9 @@ The invariant is parsed as Koord, beside the program; the claims are taken from 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.recheck.certificate import Certificate, Conjunct
 from koord.recheck.claims import Claim, Kind
@@ -21,8 +23,7 @@ from koord.syntax.source import Source
 from koord.syntax.stated import Stated, stated, with_invariants
 
 
-@dataclass(frozen=True, slots=True)
-class Meant:
+class Meant(Struct, frozen=True):
     """What a certificate is about: the problem, what is claimed of it, and what that rests on."""
 
     problem: Problem
@@ -31,8 +32,7 @@ class Meant:
     sections: tuple[ast.Section, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Argument:
+class Argument(Struct, frozen=True):
     """Claims that prove themselves, about some robots or any number of them."""
 
     world: World
@@ -42,8 +42,7 @@ class Argument:
     consequences: tuple[core.Property, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Opened:
+class Opened(Struct, frozen=True):
     """A certificate with its program: what to recheck, for its robots and for every number."""
 
     here: Argument

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.recheck.memory import Write
 from koord.recheck.storage import Cell, Storage, Storages, Store
@@ -12,8 +13,7 @@ from koord.syntax.core import Home
 from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Type
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
+class Part(Struct, frozen=True):
     """What one robot writes, where ``when`` holds."""
 
     robot: int
@@ -35,8 +35,7 @@ def _written(s: Storages, storage: Storage, w: Write, when: Term) -> Storage:
     return s.put(storage, w.variable.type, w.locations, w.value, s.v.t.both(when, w.when))
 
 
-@dataclass(slots=True)
-class Racing:
+class Racing(Struct):
     """Joins the writes of several robots. Of those to one atom the one of greatest rank counts.
 
     ``exclusive`` are the allwrite variables that one robot at most writes. Ranks are unknown and

@@ -7,7 +7,8 @@ others have not (or have skipped, which looks alike). Everything that a robot di
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.recheck.racing import Part, Racing
 from koord.recheck.storage import Robot, State
@@ -15,16 +16,14 @@ from koord.recheck.terms import BOOL, Term, Terms
 from koord.recheck.turns import Turn, Turns
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
+class Choice(Struct, frozen=True):
     """A robot's event in a round, and the unknown that says whether it has run it."""
 
     turn: Turn
     runs: Term
 
 
-@dataclass(frozen=True, slots=True)
-class Prefix:
+class Prefix(Struct, frozen=True):
     """The beginning of a round: ``state`` is what it has led to. ``facts`` say that it is legal."""
 
     start: State
@@ -37,8 +36,7 @@ class Prefix:
         return t.negation(t.disjunction(choice.runs for choice in self.choices[robot]))
 
 
-@dataclass(frozen=True, slots=True)
-class Rounds:
+class Rounds(Struct, frozen=True):
     """Builds the parts of rounds."""
 
     turns: Turns

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.recheck.terms import Term
 
@@ -11,8 +12,7 @@ from koord.recheck.terms import Term
 _SMALL = 2
 
 
-@dataclass(slots=True)
-class Script:
+class Script(Struct):
     """Writes terms. What it has named stays named, so a term is written once.
 
     A part in which variables of quantifiers are free is named as a function of these.

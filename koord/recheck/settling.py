@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.recheck.claims import Attempt, Goal, Obligation, Shown
 from koord.recheck.script import Script
@@ -21,8 +23,7 @@ QUICK_S = 1.0
 _MOST_QUICK_FAILS = 2
 
 
-@dataclass(frozen=True, slots=True)
-class Settled:
+class Settled(Struct, frozen=True):
     """What became of an obligation: ``claim`` is the goal that does not follow, or is not known to.
 
     ``state`` is the solver's counterexample, in the words of the program.
@@ -36,8 +37,7 @@ class Settled:
     hollow: str = ""
 
 
-@dataclass(slots=True)
-class Settling:
+class Settling(Struct):
     """Puts obligations to one session."""
 
     values: Values

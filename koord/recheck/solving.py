@@ -11,10 +11,11 @@ import os
 import re
 import signal
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from types import ModuleType, TracebackType
 from typing import TYPE_CHECKING, Any
+
+from msgspec import Struct
 
 from koord.recheck.commands import Harmless
 
@@ -72,8 +73,7 @@ _ALL = "(set-logic ALL)"
 _GRACE_S = 20.0
 
 
-@dataclass(slots=True)
-class Session:
+class Session(Struct):
     """One run of cvc5, fed with commands. Inside a ``with``, at whose end it is over."""
 
     _process: BaseProcess
@@ -220,8 +220,7 @@ def _serve(line: Connection, others: Connection | None, seed: int) -> None:
         line.send(solver.told(text))
 
 
-@dataclass(slots=True)
-class _Solver:
+class _Solver(Struct):
     """cvc5, with a parser for its commands."""
 
     _solver: Any

@@ -7,9 +7,11 @@ the program's text. A file cannot call a claim what it likes.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from enum import Enum
 from typing import assert_never
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.recheck.certificate import REWRITE, Certificate, Claimed
 from koord.recheck.claims import Kind
@@ -24,8 +26,7 @@ from koord.syntax.stated import stated
 INVARIANTS = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
 
 
-@dataclass(frozen=True, slots=True)
-class Statement:
+class Statement(Struct, frozen=True):
     """A claim as it is meant: ``text`` is Koord, or what is asked of every program in words."""
 
     claimed: Claimed
@@ -41,8 +42,7 @@ class PremiseKind(Enum):
     SUMMARY = "summary"
 
 
-@dataclass(frozen=True, slots=True)
-class Premise:
+class Premise(Struct, frozen=True):
     """Something that is relied on; ``text`` is Koord, empty if it is the library's."""
 
     kind: PremiseKind

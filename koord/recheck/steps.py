@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.recheck.claims import (
     NO_END,
@@ -32,8 +34,7 @@ if TYPE_CHECKING:
     from koord.recheck.obligations import Obligations
 
 
-@dataclass
-class Round:
+class Round(Struct, dict=True):
     """The obligations of one round. ``within`` says which, where it is not any round."""
 
     of: Obligations

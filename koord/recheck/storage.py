@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
+
+from msgspec import Struct
 
 from koord.recheck import maps
 from koord.recheck.terms import Term
@@ -13,16 +14,14 @@ from koord.syntax import core
 from koord.syntax.types import MapType, Type
 
 
-@dataclass(frozen=True, slots=True)
-class Cell:
+class Cell(Struct, frozen=True):
     """An atom. The value of an unset one is any value."""
 
     is_set: Term
     value: Value
 
 
-@dataclass(frozen=True, slots=True)
-class Many:
+class Many(Struct, frozen=True):
     """What an array over all robots holds, of whom there may be any number."""
 
     at: Callable[[Term], Storage]
@@ -31,15 +30,13 @@ class Many:
 Storage: TypeAlias = "Cell | tuple[Storage, ...] | Many"
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+class Field(Struct, frozen=True):
     """A step to a field of a record."""
 
     position: int
 
 
-@dataclass(frozen=True, slots=True)
-class AtKey:
+class AtKey(Struct, frozen=True):
     """A step to the entry of a map."""
 
     key: Value
@@ -50,8 +47,7 @@ class AtKey:
 Location: TypeAlias = "Field | Term | AtKey"
 
 
-@dataclass(frozen=True, slots=True)
-class Robot:
+class Robot(Struct, frozen=True):
     """One robot's own part of a configuration. ``ran`` is its event's position, -1 for none."""
 
     locals: tuple[Storage, ...]
@@ -61,32 +57,28 @@ class Robot:
     ran: Term
 
 
-@dataclass(frozen=True, slots=True)
-class Store:
+class Store(Struct, frozen=True):
     """The shared variables by slot."""
 
     allread: tuple[Storage, ...]
     allwrite: tuple[Storage, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(Struct, frozen=True):
     """A configuration in what properties read."""
 
     robots: tuple[Robot, ...]
     store: Store
 
 
-@dataclass(frozen=True, slots=True)
-class Crowd:
+class Crowd(Struct, frozen=True):
     """A configuration of any number of robots; ``robot`` gives that of a kind with a number."""
 
     robot: Callable[[int, Term], Robot]
     store: Store
 
 
-@dataclass(frozen=True, slots=True)
-class Storages:
+class Storages(Struct, frozen=True):
     """Reads, writes and merges storage."""
 
     v: Values

@@ -7,16 +7,16 @@ whatever does not depend on an unknown never reaches the solver.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
+
+from msgspec import Struct, field
 
 INT, REAL, BOOL = "Int", "Real", "Bool"
 
 Literal = int | Fraction | bool
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Term:
+class Term(Struct, frozen=True, eq=False):
     """``(head args…)``, or ``head`` alone. ``value`` is set for literals of numbers and Booleans.
 
     A quantifier has its bound variables in ``binders``.
@@ -34,8 +34,7 @@ def quoted(name: str) -> str:
     return "|" + name.replace("|", "!").replace("\\", "!") + "|"
 
 
-@dataclass(slots=True)
-class Terms:
+class Terms(Struct):
     """Makes terms; one instance per script."""
 
     _known: dict[tuple[object, ...], Term] = field(default_factory=dict)

@@ -6,7 +6,7 @@ round. It is worked out there once, wherever in the round it then takes place.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from koord.recheck import blocks, places
 from koord.recheck.body import Body
@@ -21,8 +21,7 @@ from koord.syntax.core import Direction, Start
 from koord.syntax.types import INT, ArrayType
 
 
-@dataclass(frozen=True, slots=True)
-class Turn:
+class Turn(Struct, frozen=True):
     """What one event of one robot does, if it runs.
 
     ``robot`` is its number, or its kind where it is any robot of any number of them.
@@ -44,8 +43,7 @@ class Turn:
     entered: dict[int, Term]
 
 
-@dataclass(frozen=True, slots=True)
-class Opening:
+class Opening(Struct, frozen=True):
     """What INIT gives: a configuration, what holds of it, and what may go wrong on the way."""
 
     state: State
@@ -53,8 +51,7 @@ class Opening:
     faults: tuple[Fault, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Evolution:
+class Evolution(Struct, frozen=True):
     """What the environment's turn gives; ``promises`` are contracts that models have to keep."""
 
     state: State
@@ -63,8 +60,7 @@ class Evolution:
     promises: tuple[tuple[str, int, Term], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Evolved:
+class Evolved(Struct, frozen=True):
     """One robot after the environment's turn, with what holds of it and what may go wrong."""
 
     robot: Robot
@@ -73,8 +69,7 @@ class Evolved:
     promises: tuple[tuple[str, Term], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Turns:
+class Turns(Struct, frozen=True):
     """Works out turns."""
 
     world: World

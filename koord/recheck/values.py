@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
 from typing import TypeAlias, assert_never
+
+from msgspec import Struct, field
 
 from koord.recheck import maps
 from koord.recheck.terms import BOOL, INT, REAL, Term, Terms, quoted
@@ -36,8 +37,7 @@ from koord.syntax.types import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Family:
+class Family(Struct, frozen=True):
     """An array with an element for each robot, of whom there may be any number."""
 
     at: Callable[[Term], Value]
@@ -58,8 +58,7 @@ class NotRecheckedError(Exception):
         self.span = span
 
 
-@dataclass(frozen=True, slots=True)
-class Sum:
+class Sum(Struct, frozen=True):
     """``total`` is the sum of ``part``, in which ``index`` is free, from ``low`` up to ``high``."""
 
     total: Term
@@ -69,8 +68,7 @@ class Sum:
     part: Term
 
 
-@dataclass(slots=True)
-class Values:
+class Values(Struct):
     """Makes and combines values, for so many robots; None is any number of them."""
 
     t: Terms

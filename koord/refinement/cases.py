@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from enum import Enum
 from random import Random
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.refinement.deployed import Expedition, over_network, over_udp
 from koord.refinement.generating import profiles
@@ -58,8 +60,7 @@ class Sort(Enum):
         return {Sort.CALM: profiles.CALM, Sort.GENERAL: GENERAL, Sort.WILD: WILD}[self]
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+class Case(Struct, frozen=True):
     """A run that is determined: the same case gives the same run, but for processes."""
 
     system: System
@@ -72,8 +73,7 @@ class Case:
     faults: Faults = CALM
 
 
-@dataclass(frozen=True, slots=True)
-class Tried:
+class Tried(Struct, frozen=True):
     """What became of a case. ``crash`` is the story of a compiled program that fell over."""
 
     case: Case

@@ -11,11 +11,14 @@ import pickle
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.refinement.gathering import gathered
 from koord.refinement.hosting import SeededHost, settled_starts
@@ -70,8 +73,7 @@ class BrokenError(Exception):
     """A robot's process fell over."""
 
 
-@dataclass(frozen=True, slots=True)
-class Expedition:
+class Expedition(Struct, frozen=True):
     """A run of deployed robots, as data."""
 
     made: Compiled

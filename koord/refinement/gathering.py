@@ -8,7 +8,9 @@ in rounds that it was not there for are those of the reference. All that was see
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.refinement.running import Ran, schedule_of
 from koord.refinement.summaries import Library, with_summaries
@@ -61,8 +63,7 @@ class DisagreementError(Exception):
     """Two robots acted on different decisions of one round, or began differently."""
 
 
-@dataclass
-class _Heard:
+class _Heard(Struct):
     """What all robots told, by what it is about. Of what was told twice the last counts."""
 
     decisions: dict[int, Decision] = field(default_factory=dict)
@@ -129,8 +130,7 @@ def gathered(
     return _Gathering(sources, system, heard, rounds, library).ran()
 
 
-@dataclass
-class _Gathering:
+class _Gathering(Struct):
     sources: Sources
     system: System
     heard: _Heard

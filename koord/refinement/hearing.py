@@ -8,8 +8,9 @@ or an assumption mentions it, is asked of the same host when the run is over.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from koord.refinement.answering import starting
 from koord.refinement.running import Compiled, Ran, schedule_of

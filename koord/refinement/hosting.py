@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from random import Random
 from typing import Any
 
@@ -46,7 +45,6 @@ def settled_starts(system: System, names: Names, seed: int) -> dict[tuple[int | 
     return found
 
 
-@dataclass
 class _ByQuestion(SampledInputs):
     """Answers that hang on the seed and the question alone, so that all processes agree."""
 

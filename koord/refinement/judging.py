@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.refinement.running import Ran
 from koord.refinement.summaries import with_summaries
@@ -26,8 +29,7 @@ from koord.syntax import core
 from koord.syntax.types import Type
 
 
-@dataclass(frozen=True, slots=True)
-class Judged:
+class Judged(Struct, frozen=True):
     """What the judge found: how many steps were right, and the first that is not, if any."""
 
     trace: Trace
@@ -173,8 +175,7 @@ class _Completing:
         return self._known[where].value
 
 
-@dataclass(frozen=True, slots=True)
-class _CompletingOracle:
+class _CompletingOracle(Struct, frozen=True):
     inputs: _Completing
     phase: Phase
     robot: int

@@ -7,9 +7,10 @@ recorded is asked of another host.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
+
+from msgspec import Struct, field
 
 from koord.refinement.answering import starting
 from koord.refinement.translating import to_plain, to_value
@@ -132,8 +133,7 @@ class Rehearsal:
         return tuple(as_given(value, parameter.type) for value, parameter in pairs)
 
 
-@dataclass
-class Rehearsed:
+class Rehearsed(Struct):
     """The schedule of a run that was recorded."""
 
     rounds: tuple[Round, ...]

@@ -12,9 +12,11 @@ has no configuration: there the store counts, and what those have of their own w
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
 from itertools import islice, zip_longest
 from typing import Any, TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.refinement.rehearsing import Rehearsal, Rehearsed
 from koord.refinement.rounding import (
@@ -61,8 +63,7 @@ _ROUNDED = "; it computes with doubles, and the recording is of exact numbers"
 _TOO_LARGE = "a number is larger than any double"
 
 
-@dataclass(frozen=True, slots=True)
-class Departure:
+class Departure(Struct, frozen=True):
     """Where a compiled program does something else. ``round`` is -1 for INIT.
 
     ``changes`` has what the recording says as ``old``, and what the program did as ``new``.

@@ -8,9 +8,11 @@ So what a run claims is asked of the program's own numbers as well, by the same 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import assert_never
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Store
 from koord.semantics.configurations import Robot as RobotState
@@ -31,8 +33,7 @@ from koord.syntax import core
 ROUNDING = 1e-9
 
 
-@dataclass
-class Passed:
+class Passed(Struct):
     """What a compiled program came through while it was given a run, on doubles."""
 
     #: After INIT and after each whole round.
@@ -43,15 +44,13 @@ class Passed:
     turned: Configuration[Constant] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Mended:
+class Mended(Struct, frozen=True):
     """On doubles the run does not break what it says."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Unjudged:
+class Unjudged(Struct, frozen=True):
     """The states are the same up to rounding, and nobody knows what is broken on doubles."""
 
     reason: str

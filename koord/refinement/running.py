@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 from random import Random
+
+from msgspec import Struct, field
 
 from koord.refinement.answering import SampledHost
 from koord.refinement.translating import Observer, to_written
@@ -27,8 +28,7 @@ from koord.syntax.source import NOWHERE, Span
 from koord.syntax.walk import nodes
 
 
-@dataclass(frozen=True)
-class Compiled:
+class Compiled(Struct, frozen=True):
     """A program, and the classes that were compiled from it."""
 
     program: core.Program
@@ -60,8 +60,7 @@ def place_of(names: Names, span: Span) -> str:
     return where if span.file == names.file else f"{span.file}:{where}"
 
 
-@dataclass(frozen=True, slots=True)
-class Ran:
+class Ran(Struct, frozen=True):
     """A run as a trace, and what it ended with: a place of a fault, a reason to stop early."""
 
     trace: Trace
@@ -83,8 +82,7 @@ def schedule_of(decision: Decision, robots: int) -> tuple[tuple[int, ...], tuple
     return tuple(order), tuple(events)
 
 
-@dataclass
-class _Recorder:
+class _Recorder(Struct):
     """Gathers the recording of a run from what its fleet and its host did."""
 
     made: Compiled

@@ -5,10 +5,11 @@ from __future__ import annotations
 import multiprocessing
 import time
 from collections import Counter
-from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
+
+from msgspec import Struct
 
 from koord.refinement.deployed import Expedition, read_from, spare, written_to
 from koord.refinement.judging import Judged, judge
@@ -25,8 +26,7 @@ _SETTLE_S = 4.0
 _BEGIN_S = 20.0
 
 
-@dataclass(frozen=True, slots=True)
-class Stormy:
+class Stormy(Struct, frozen=True):
     """How robots fared. ``successions`` are seconds from a coordinator's death to a decision."""
 
     rounds: int  #: that any robot acted on, INIT not counted

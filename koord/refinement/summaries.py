@@ -10,9 +10,12 @@ know. The model of a robot that is switched off asks nobody, either.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from random import Random
 from typing import TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import DOUBLES, Constant
@@ -241,8 +244,7 @@ class _Inputs:
         return found
 
 
-@dataclass(frozen=True, slots=True)
-class _Oracle:
+class _Oracle(Struct, frozen=True):
     inputs: _Inputs
     phase: Phase
     robot: int

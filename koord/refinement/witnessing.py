@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
+
+from msgspec import Struct
 
 from koord.refinement.answering import starting
 from koord.refinement.running import size_of
@@ -39,75 +40,65 @@ _PHASES = {Turn.INIT: Phase.INIT, Turn.PROG: Phase.PROG, Turn.ENV: Phase.ENV}
 # --- what is told -------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Began:
+class Began(Struct, frozen=True):
     """What an arbitrary variable started with."""
 
     start: Start
 
 
-@dataclass(frozen=True, slots=True)
-class Undeclared:
+class Undeclared(Struct, frozen=True):
     """A shared variable's start is a fault. [INIT]"""
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
+class Asked(Struct, frozen=True):
     """What a round's turn was answered; INIT's round is -1."""
 
     round: int
     answer: Answer
 
 
-@dataclass(frozen=True, slots=True)
-class Sensed:
+class Sensed(Struct, frozen=True):
     """What a sensor read at the end of a round."""
 
     round: int
     reading: Reading
 
 
-@dataclass(frozen=True, slots=True)
-class Stood:
+class Stood(Struct, frozen=True):
     """The robot as it was when a round began."""
 
     round: int
     robot: RobotState[Constant]
 
 
-@dataclass(frozen=True, slots=True)
-class Stumbled:
+class Stumbled(Struct, frozen=True):
     """The robot's model of the environment faulted at the end of a round."""
 
     round: int
     fault: Fault
 
 
-@dataclass(frozen=True, slots=True)
-class Acted:
+class Acted(Struct, frozen=True):
     """A decision that the robot acted on."""
 
     decision: Decision
 
 
-@dataclass(frozen=True, slots=True)
-class Kept:
+class Kept(Struct, frozen=True):
     """The robot was let through in a round, and wrote this to streams."""
 
     round: int
     written: tuple[Written[Constant], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Coordinated:
+class Coordinated(Struct, frozen=True):
     """The robot decided a round, as coordinator, at a time of this machine's clock."""
 
     round: int
     at_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class GaveUp:
+class GaveUp(Struct, frozen=True):
     """The robot's host has found no values that the program allows, or they became too large."""
 
     why: tuple[Diagnostic, ...]  #: nothing, if values became too large
@@ -121,8 +112,7 @@ Told: TypeAlias = (
 # --- robots that tell ---------------------------------------------------------------------------
 
 
-@dataclass
-class Scribe:
+class Scribe(Struct):
     """Puts what one robot does into values of the semantics, and hands it on."""
 
     system: System

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.runtime.node import Node, Robot
 from koord.runtime.protocol.messages import Message
@@ -17,8 +18,7 @@ from koord.runtime.wire.drops import Drops
 Clock = Callable[[], float]
 
 
-@dataclass(slots=True)
-class Counts:
+class Counts(Struct):
     """What went in and out."""
 
     sent: int = 0  #: messages; one to all counts once

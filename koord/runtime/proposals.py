@@ -10,9 +10,10 @@ All values are *plain* (:data:`Plain`), so that any codec of typed data can carr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
+
+from msgspec import Struct
 
 #: A value that any codec can carry. An enumeration member is its position, a record the tuple of
 #: its fields, a list, queue or array the tuple of its items, a map the tuple of its
@@ -24,8 +25,7 @@ Plain = bool | int | float | str | tuple["Plain", ...] | None
 INIT_ROUND = -1
 
 
-@dataclass(frozen=True, slots=True)
-class Write:
+class Write(Struct, frozen=True):
     """One written location of the shared store. [LOCATION] [SHARED-ASSIGN]
 
     ``variable`` counts the allread variables of the program first, then the allwrite ones
@@ -52,8 +52,7 @@ class FaultKind(Enum):
     CHOICE = "empty range to choose from"
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
+class Fault(Struct, frozen=True):
     """A fault of a robot's event; ``place`` is ``file:line:column``. [FAULT]"""
 
     kind: FaultKind
@@ -69,8 +68,7 @@ class Asked(Enum):
     TO_STOP = 2  #: ``stop``
 
 
-@dataclass(frozen=True, slots=True)
-class Attempt:
+class Attempt(Struct, frozen=True):
     """One event that a robot has run into a buffer, as far as the others are concerned.
 
     ``event`` is its position in the robot's events, None for INIT. ``locks`` are the lock classes
@@ -99,8 +97,7 @@ class Proposal(NamedTuple):
     urgent: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Taken:
+class Taken(Struct, frozen=True):
     """A robot that was let through, and the event (the attempt's) that it ran."""
 
     robot: int
@@ -108,8 +105,7 @@ class Taken:
     asked: Asked = Asked.NOTHING
 
 
-@dataclass(frozen=True, slots=True)
-class Faulted:
+class Faulted(Struct, frozen=True):
     """The robot whose fault ends the run. [FAULT]"""
 
     robot: int
@@ -117,8 +113,7 @@ class Faulted:
     fault: Fault
 
 
-@dataclass(frozen=True, slots=True)
-class Decision:
+class Decision(Struct, frozen=True):
     """What became of a round: the same for every robot.
 
     ``ran`` are the robots let through, in their order; every other robot skipped, after them.

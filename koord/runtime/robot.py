@@ -8,9 +8,10 @@ event runs on a copy of the attributes: until a decision lets it through, nothin
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar, Protocol
+
+from msgspec import Struct
 
 from koord.runtime import shapes
 from koord.runtime.operations import (
@@ -112,8 +113,7 @@ class Host(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class Event:
+class Event(Struct, frozen=True):
     """An event of a compiled program. Without ``pre`` it is always enabled."""
 
     name: str
@@ -122,8 +122,7 @@ class Event:
     urgent: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Written:
+class Written(Struct, frozen=True):
     """What one statement wrote to a stream; ``place`` is that of the statement. [OUTPUT]"""
 
     stream: str

@@ -17,6 +17,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, assert_never
 
+from msgspec import Struct
+
 from koord.runtime.proposals import Plain
 
 
@@ -37,15 +39,13 @@ class Kind(Enum):
 _PYTHON = {Kind.INT: int, Kind.FLOAT: float, Kind.BOOL: bool, Kind.STRING: str}
 
 
-@dataclass(frozen=True, slots=True)
-class Scalar:
+class Scalar(Struct, frozen=True):
     """A number, a truth value, a text."""
 
     kind: Kind
 
 
-@dataclass(frozen=True, slots=True)
-class Enumeration:
+class Enumeration(Struct, frozen=True):
     """The positions of some members."""
 
     name: str
@@ -67,30 +67,26 @@ class Record:
         object.__setattr__(self, "types", types)
 
 
-@dataclass(frozen=True, slots=True)
-class Array:
+class Array(Struct, frozen=True):
     """``T[k]``: its parts are set one by one."""
 
     element: Shape
     size: int
 
 
-@dataclass(frozen=True, slots=True)
-class PerRobot:
+class PerRobot(Struct, frozen=True):
     """``T[numAgents]``, and every allread variable."""
 
     element: Shape
 
 
-@dataclass(frozen=True, slots=True)
-class Sequence:
+class Sequence(Struct, frozen=True):
     """A list or a queue, whole or not set."""
 
     element: Shape
 
 
-@dataclass(frozen=True, slots=True)
-class Mapping:
+class Mapping(Struct, frozen=True):
     """A map, whole or not set."""
 
     key: Shape

@@ -7,9 +7,10 @@ own copy, which is forgotten.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Any
+
+from msgspec import Struct
 
 from koord.runtime.proposals import Plain, Write
 from koord.runtime.shapes import (
@@ -32,8 +33,7 @@ from koord.runtime.shapes import Mapping as MapShape
 DIGEST_BYTES = 16
 
 
-@dataclass(frozen=True, slots=True)
-class Shared:
+class Shared(Struct, frozen=True):
     """A shared variable: the attribute that holds it, and its shape."""
 
     name: str
@@ -45,8 +45,7 @@ class Shared:
         return isinstance(self.shape, PerRobot)
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+class Layout(Struct, frozen=True):
     """The shared variables of a program in the order that :class:`Write` counts them."""
 
     variables: tuple[Shared, ...]

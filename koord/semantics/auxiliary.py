@@ -7,8 +7,10 @@ text on the safe side: whatever is not plainly so counts as depended on.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
 from itertools import chain
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Robot, Store, System
 from koord.semantics.domain import Constant
@@ -21,8 +23,7 @@ from koord.syntax.core import Home
 from koord.syntax.walk import reached, statements, written
 
 
-@dataclass(frozen=True, slots=True)
-class Var:
+class Var(Struct, frozen=True):
     """A variable of a program: ``kind`` is that of the robots whose local or port it is."""
 
     home: Home
@@ -69,8 +70,7 @@ def variables_of(program: core.Program, variable: core.Variable, kind: int | Non
                     yield Var(variable.home, k, slot)
 
 
-@dataclass(frozen=True, slots=True)
-class _Reading:
+class _Reading(Struct, frozen=True):
     """What is depended on by something other than the value of a variable, and what flows where."""
 
     system: System

@@ -7,16 +7,18 @@ variables and its copy of every shared one; ``cp`` is ``ports``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from fractions import Fraction
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
+
+from msgspec import Struct, field
 
 from koord.semantics.crowds import Crowd, Size
 from koord.semantics.patience import ENDLESS, Patience
 from koord.semantics.storage import Storage
 from koord.semantics.values import Value
 from koord.syntax import core
+from koord.syntax.content import ByContent
 from koord.syntax.problem import fleet
 from koord.syntax.source import Span
 from koord.syntax.types import Type
@@ -51,8 +53,7 @@ class FaultKind(Enum):
     CHOICE = "empty range to choose from"
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
+class Fault(Struct, frozen=True):
     """A fault, the robot that met it, and the place in the text."""
 
     kind: FaultKind
@@ -61,8 +62,7 @@ class Fault:
     detail: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Written(Generic[V]):
+class Written(Struct, Generic[V], frozen=True):
     """What one statement wrote to a stream: a label of the step, part of no configuration. [OUTPUT]
 
     ``types`` are those of the values, without which nobody could print them.
@@ -73,8 +73,7 @@ class Written(Generic[V]):
     types: tuple[Type, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Store(Generic[V]):
+class Store(Struct, Generic[V], frozen=True):
     """The shared variables, by slot. An allread variable is a tree with one part per robot."""
 
     allread: tuple[Storage[V], ...]
@@ -85,8 +84,7 @@ class Store(Generic[V]):
 NO_EVENT = -1
 
 
-@dataclass(frozen=True, slots=True)
-class Robot(Generic[V]):
+class Robot(Struct, Generic[V], frozen=True):
     """One robot: ``L = (M, cp, turn)``.
 
     ``kind`` is the position of its agent in the program; ``ran`` the position of the event of its
@@ -102,8 +100,7 @@ class Robot(Generic[V]):
     turn: Turn = Turn.PROG
 
 
-@dataclass(frozen=True, slots=True)
-class Configuration(Generic[V]):
+class Configuration(Struct, Generic[V], frozen=True):
     """A system configuration ``c = ({L_i}, S, τ, turn)``; ``τ`` is ``round · δ``.
 
     ``taken`` are the lock classes that a robot entered in this round. A configuration with a
@@ -120,19 +117,20 @@ class Configuration(Generic[V]):
     at: Callable[[V], Sequence[tuple[V, Robot[V]]]] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class System:
+class System(ByContent, frozen=True):
     """A program with its robots: ``kinds[i]`` is robot i's position in ``program.agents``.
 
     With a ``crowd`` the robots of ``kinds`` are only those that are looked at, and not all.
     ``patience`` is no part of it: it ends what takes too long.
     """
 
+    ASIDE: ClassVar[frozenset[str]] = frozenset({"patience"})
+
     program: core.Program
     kinds: tuple[int, ...]
     delta_s: Fraction = core.USUAL_DELTA_S
     crowd: Crowd[Any] | None = None
-    patience: Patience = field(default=ENDLESS, compare=False, repr=False)
+    patience: Patience = field(default_factory=lambda: ENDLESS)
 
     @property
     def robots(self) -> int:

@@ -9,8 +9,9 @@ it starts from.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
+
+from msgspec import Struct
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant
@@ -28,8 +29,7 @@ class Standing(Enum):
     ALWAYS = "always enabled"
 
 
-@dataclass(frozen=True, slots=True)
-class OfEvent:
+class OfEvent(Struct, frozen=True):
     """An event of a robot: before which rounds it may be enabled, and in which it runs."""
 
     event: str
@@ -38,8 +38,7 @@ class OfEvent:
     standing: Standing
 
 
-@dataclass(frozen=True, slots=True)
-class OfLock:
+class OfLock(Struct, frozen=True):
     """Before which rounds a robot can do nothing without a lock, and in which it is granted."""
 
     variables: tuple[str, ...]
@@ -47,8 +46,7 @@ class OfLock:
     granted: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class OfRobot:
+class OfRobot(Struct, frozen=True):
     """Why the loop is fair to a robot: a round before which it is not ready, or one it runs in.
 
     ``skips`` are the rounds in which it skips though it is ready. [FAIR-ROBOT] [FAIR-LOCK]
@@ -62,8 +60,7 @@ class OfRobot:
     locks: tuple[OfLock, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class OfExpectation:
+class OfExpectation(Struct, frozen=True):
     """How an expectation is met: after a round of the loop, or by never being raised in it.
 
     ``robot`` is whose it is, if it is about each by itself. [FAIR-ASSUME]
@@ -74,8 +71,7 @@ class OfExpectation:
     met: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Excuses:
+class Excuses(Struct, frozen=True):
     """Why a lasso is fair, to whom. ``rounds`` are those that repeat."""
 
     rounds: tuple[int, ...]

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
+from msgspec import Struct
+
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.oracle import Key, Oracle, Phase
@@ -31,8 +33,7 @@ from koord.syntax.types import Type
 # --- inputs from a recording --------------------------------------------------------------------
 
 
-@dataclass(slots=True)
-class RecordedOracle:
+class RecordedOracle(Struct):
     """The answers that were recorded for one turn of one robot."""
 
     phase: Phase
@@ -113,8 +114,7 @@ class RecordedInputs:
 # --- execution ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(Struct, frozen=True):
     """One step of a run: the rule, who moved, and what became of the system.
 
     ``round`` counts from 0; INIT belongs to no round (-1). ``event`` is the name of the event that

@@ -7,8 +7,10 @@ the run was found. [LASSO]
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import islice
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.auxiliary import auxiliary, with_those_of
 from koord.semantics.configurations import NO_EVENT, Configuration, Status, System
@@ -24,8 +26,7 @@ from koord.semantics.turns import guard_of, holds_in
 from koord.syntax import core
 
 
-@dataclass(frozen=True, slots=True)
-class Flaw:
+class Flaw(Struct, frozen=True):
     """What a lasso fails at, and the rule that says so."""
 
     rule: str
@@ -48,8 +49,7 @@ def flaw_of(
     return next(_flaws(Lasso(system, recording, tuple(configurations), d), stated), None)
 
 
-@dataclass(frozen=True, slots=True)
-class Lasso:
+class Lasso(Struct, frozen=True):
     """A lasso with its configurations: one more than there are rounds."""
 
     system: System
@@ -207,8 +207,7 @@ def _unfair(lasso: Lasso) -> Iterator[Flaw]:
             yield Flaw("FAIR-ASSUME", f"the run does not do what {response.name} expects{whose}")
 
 
-@dataclass(frozen=True, slots=True)
-class Able:
+class Able(Struct, frozen=True):
     """What a robot could do in a configuration: lock classes of the events that it may run.
 
     Where the answers that a guard may get are too many to try them, a robot counts as ready, and as

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from koord.semantics.configurations import System
 from koord.syntax import core
@@ -16,8 +16,7 @@ from koord.syntax.walk import nodes
 LIVENESS = frozenset({PropertyKind.EVENTUALLY, PropertyKind.LEADS_TO})
 
 
-@dataclass(frozen=True, slots=True)
-class Response:
+class Response(Struct, frozen=True):
     """One thing leads to another. Both are closed, and asked after INIT and after each round.
 
     A trigger that is None is the start of the run. ``robot`` is the one that is meant, if the

@@ -8,8 +8,10 @@ found out (faults, conditions of legality) is logged together with the condition
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import (
     Configuration,
@@ -32,8 +34,7 @@ from koord.syntax.types import BOOL, INT
 V = TypeVar("V")
 
 
-@dataclass(slots=True)
-class Memory(Generic[V]):
+class Memory(Struct, Generic[V]):
     """All that statements change. ``after`` receives ports in the environment's turn."""
 
     locals: list[Storage[V]]
@@ -92,8 +93,7 @@ class Memory(Generic[V]):
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Legality(Generic[V]):
+class Legality(Struct, Generic[V], frozen=True):
     """A condition on recorded answers without which a run breaks a rule."""
 
     rule: str
@@ -102,8 +102,7 @@ class Legality(Generic[V]):
     span: Span
 
 
-@dataclass(slots=True)
-class Machine(Generic[V]):
+class Machine(Struct, Generic[V]):
     """A domain, a system, a robot, an oracle; a memory; and the log of what was found out.
 
     ``view`` is the configuration that a property is about (None in a robot's turn).

@@ -7,8 +7,9 @@ joined location by location.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Generic, TypeVar
+
+from msgspec import Struct
 
 from koord.semantics.domain import Domain, conjunction, disjunction
 from koord.semantics.storage import (
@@ -40,8 +41,7 @@ from koord.syntax.types import BOOL, INT
 V = TypeVar("V")
 
 
-@dataclass(frozen=True, slots=True)
-class Mask(Generic[V]):
+class Mask(Struct, Generic[V], frozen=True):
     """Which locations at or below a place were written.
 
     ``whole``: the place as such. ``parts``: fields or elements by position. ``keys``: keys of a

@@ -7,7 +7,8 @@ less. So a system carries the patience of whoever works with it, and evaluation 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 #: So much is done between two questions: some milliseconds at most.
 _EVERY = 100
@@ -17,8 +18,7 @@ class OutOfPatienceError(Exception):
     """Nobody waits for this any longer: the time is up, or it was interrupted."""
 
 
-@dataclass(slots=True, eq=False)
-class Patience:
+class Patience(Struct, eq=False):
     """``is_over`` says whether to stop. What is half done by then is lost, so it must not count."""
 
     is_over: Callable[[], bool]

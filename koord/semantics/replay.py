@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import islice
 from random import Random
+
+from msgspec import Struct
 
 from koord.semantics.configurations import Configuration, System, Written
 from koord.semantics.domain import Constant, Domain
@@ -37,8 +38,7 @@ from koord.syntax.core import PropertyKind
 from koord.syntax.walk import nodes
 
 
-@dataclass(frozen=True, slots=True)
-class Planned:
+class Planned(Struct, frozen=True):
     """A step that a recording speaks of, before anyone knows whether it is legal."""
 
     rule: str
@@ -47,8 +47,7 @@ class Planned:
     event: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Refused:
+class Refused(Struct, frozen=True):
     """The first step of a trace that is not right, the rule that it breaks, and how.
 
     ``differences`` are locations with what the rules give (``old``) and what was recorded
@@ -61,8 +60,7 @@ class Refused:
     differences: tuple[Change, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Replayed:
+class Replayed(Struct, frozen=True):
     """What a replay found: how many steps and rounds were right, and what was not, if anything."""
 
     steps: int

@@ -8,8 +8,10 @@ all robots at once, which the theorems of chapter 8 allow.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import (
     NO_EVENT,
@@ -52,8 +54,7 @@ class IllegalStepError(Exception):
         self.reason = reason
 
 
-@dataclass(frozen=True, slots=True)
-class Stepped(Generic[V]):
+class Stepped(Struct, Generic[V], frozen=True):
     """A configuration reached by one step, with what was written to streams on the way."""
 
     configuration: Configuration[V]

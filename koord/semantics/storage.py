@@ -7,12 +7,14 @@ trees of atoms.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Generic, TypeAlias, TypeVar
+
+from msgspec import Struct
 
 from koord.semantics.crowds import Crowd, NotFiniteError, Size
 from koord.semantics.domain import Domain, conjunction
 from koord.semantics.values import (
+    UNLISTED,
     Family,
     Rec,
     Seq,
@@ -20,6 +22,7 @@ from koord.semantics.values import (
     Value,
     default,
     equal,
+    family_of,
     in_range,
     insert,
     listed,
@@ -38,37 +41,29 @@ from koord.syntax.types import BOOL, INT, ArrayType, RecordType, Robots, Type
 V = TypeVar("V")
 
 
-@dataclass(frozen=True, slots=True)
-class Cell(Generic[V]):
+class Cell(Struct, Generic[V], frozen=True):
     """One atom. Where it is not set, ``value`` is some value of its type."""
 
     is_set: V
     value: Value[V]
 
 
-@dataclass(frozen=True, slots=True)
-class Tree(Generic[V]):
+class Tree(Struct, Generic[V], frozen=True):
     """The fields of a record or the elements of a fixed array."""
 
     parts: tuple[Storage[V], ...]
 
 
-class Many(Tree[V]):
+class Many(Tree[V], Generic[V], frozen=True):
     """The elements of an array over the robots of a crowd, none of them listed."""
-
-    __slots__ = ("at", "crowd")
 
     crowd: Crowd[V]
     at: Callable[[V], Storage[V]]
 
-    def __init__(self, crowd: Crowd[V], at: Callable[[V], Storage[V]]) -> None:
-        object.__setattr__(self, "crowd", crowd)
-        object.__setattr__(self, "at", at)
 
-    @property
-    def parts(self) -> tuple[Storage[V], ...]:
-        """Nobody can list them."""
-        raise NotFiniteError(NOWHERE, "an array over all robots is needed element by element")
+def many_of(crowd: Crowd[V], at: Callable[[V], Storage[V]]) -> Many[V]:
+    """The storage of an array over the robots of a crowd with such elements."""
+    return Many(UNLISTED, crowd, at)
 
 
 Storage: TypeAlias = "Cell[V] | Tree[V]"
@@ -77,18 +72,15 @@ Storage: TypeAlias = "Cell[V] | Tree[V]"
 # --- steps with their index or key evaluated ----------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class AtIndex(Generic[V]):
+class AtIndex(Struct, Generic[V], frozen=True):
     index: V
 
 
-@dataclass(frozen=True, slots=True)
-class AtKey(Generic[V]):
+class AtKey(Struct, Generic[V], frozen=True):
     key: Value[V]
 
 
-@dataclass(frozen=True, slots=True)
-class AtField:
+class AtField(Struct, frozen=True):
     position: int
 
 
@@ -107,7 +99,7 @@ def unset(d: Domain[V], type_: Type, robots: Size[V]) -> Storage[V]:
             count = robots if size is Robots.ALL else size
             nothing = unset(d, element, robots)
             if not isinstance(count, int):
-                return Many(count, lambda index: nothing)
+                return many_of(count, lambda index: nothing)
             return Tree((nothing,) * count)
         case _:
             return Cell(d.const(False, BOOL), default(d, type_, robots))
@@ -134,7 +126,7 @@ def _stored_family(d: Domain[V], element: Type, value: Value[V], robots: Size[V]
     if not isinstance(value, Family):
         raise NotFiniteError(NOWHERE, "a list is stored in an array over all robots")
     family: Family[V] = value
-    return Many(family.crowd, lambda i: stored(d, element, family.at(i), robots))
+    return many_of(family.crowd, lambda i: stored(d, element, family.at(i), robots))
 
 
 def held(d: Domain[V], value: Value[V]) -> Cell[V]:
@@ -165,7 +157,7 @@ def contents(d: Domain[V], storage: Storage[V], type_: Type) -> tuple[Value[V], 
 def _family_contents(d: Domain[V], many: Many[V], type_: Type) -> tuple[Value[V], V]:
     assert isinstance(type_, ArrayType)
     element, crowd = type_.element, many.crowd
-    value = Family(crowd, lambda i: contents(d, many.at(i), element)[0])
+    value = family_of(crowd, lambda i: contents(d, many.at(i), element)[0])
     all_set = crowd.every(crowd.first, crowd.count, lambda i: contents(d, many.at(i), element)[1])
     return value, all_set
 
@@ -276,7 +268,7 @@ def _write_robots(
         return merge_storage_known(d, here, part, many.at(i))
 
     legal = in_range(d, index, many.crowd.count)
-    return Many(many.crowd, remembering(at)), conjunction(d, [legal, below])
+    return many_of(many.crowd, remembering(at)), conjunction(d, [legal, below])
 
 
 def _write_inside(
@@ -320,7 +312,7 @@ def _write_family(
         return merge_known(d, d.binary(BinaryOp.EQ, i, index), part, family.at(i))
 
     legal = in_range(d, index, family.length)
-    return Family(family.crowd, at), conjunction(d, [legal, below])
+    return family_of(family.crowd, at), conjunction(d, [legal, below])
 
 
 def _write_key(
@@ -364,7 +356,7 @@ def set_only_if(d: Domain[V], storage: Storage[V], condition: V) -> Storage[V]:
         return Cell(d.binary(BinaryOp.AND, storage.is_set, condition), storage.value)
     if isinstance(storage, Many):
         at = storage.at
-        return Many(storage.crowd, lambda i: set_only_if(d, at(i), condition))
+        return many_of(storage.crowd, lambda i: set_only_if(d, at(i), condition))
     return Tree(tuple(set_only_if(d, part, condition) for part in storage.parts))
 
 
@@ -382,7 +374,7 @@ def merge_storage(d: Domain[V], condition: V, then: Storage[V], other: Storage[V
     assert isinstance(other, Tree)
     if isinstance(then, Many) and isinstance(other, Many):
         first, second = then.at, other.at
-        return Many(
+        return many_of(
             then.crowd, remembering(lambda i: merge_storage(d, condition, first(i), second(i)))
         )
     pairs = zip(then.parts, other.parts, strict=True)

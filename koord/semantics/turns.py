@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import Generic, TypeAlias, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import (
     NO_EVENT,
@@ -33,8 +35,7 @@ V = TypeVar("V")
 Output: TypeAlias = "tuple[V, Written[V]]"
 
 
-@dataclass(frozen=True, slots=True)
-class Turned(Generic[V]):
+class Turned(Struct, Generic[V], frozen=True):
     """What a turn makes of a robot, and what it found out on the way.
 
     ``robot.copy`` holds the robot's own view after its writes; the masks say which locations of it
@@ -244,8 +245,7 @@ def _joined_all(
 # --- the environment's turn ---------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Evolved(Generic[V]):
+class Evolved(Struct, Generic[V], frozen=True):
     """A robot's ports after the environment's turn.
 
     ``promises`` are contracts of modules that have a model: they are to be proved, not assumed.

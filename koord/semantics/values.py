@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Generic, TypeAlias, TypeVar
+from typing import Any, Generic, NoReturn, TypeAlias, TypeVar
+
+from msgspec import Struct
 
 from koord.semantics.crowds import Crowd, NotFiniteError, Size
 from koord.semantics.domain import Constant, Domain, conjunction, disjunction
@@ -41,46 +42,54 @@ V = TypeVar("V")
 MOST_ROOM = 500
 
 
-@dataclass(frozen=True, slots=True)
-class Rec(Generic[V]):
+class Rec(Struct, Generic[V], frozen=True):
     """A record: its fields in the order of its type."""
 
     fields: tuple[Value[V], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Seq(Generic[V]):
+class Seq(Struct, Generic[V], frozen=True):
     """An array, list or queue."""
 
     length: V
     items: tuple[Value[V], ...]
 
 
-class Family(Seq[V]):
-    """An array over the robots of a crowd: an element for each number, none of them listed."""
+class Unlisted(tuple[Any, ...]):
+    """The parts of an array over the robots of a crowd: nobody can list them."""
 
-    __slots__ = ("at", "crowd")
+    __slots__ = ()
+
+    def __iter__(self) -> NoReturn:
+        raise NotFiniteError(NOWHERE, "an array over all robots is needed element by element")
+
+    def __len__(self) -> NoReturn:
+        self.__iter__()
+
+    def __getitem__(self, index: object) -> NoReturn:
+        self.__iter__()
+
+
+UNLISTED = Unlisted()
+
+
+class Family(Seq[V], Generic[V], frozen=True):
+    """An array over the robots of a crowd: an element for each number, none of them listed."""
 
     crowd: Crowd[V]
     at: Callable[[V], Value[V]]
-
-    def __init__(self, crowd: Crowd[V], at: Callable[[V], Value[V]]) -> None:
-        object.__setattr__(self, "length", crowd.count)
-        object.__setattr__(self, "crowd", crowd)
-        object.__setattr__(self, "at", at)
-
-    @property
-    def items(self) -> tuple[Value[V], ...]:
-        """Nobody can list them."""
-        raise NotFiniteError(NOWHERE, "an array over all robots is needed element by element")
 
     def every(self, body: Callable[[Value[V]], V]) -> V:
         """Whether a Boolean holds of every element."""
         return self.crowd.every(self.crowd.first, self.length, lambda index: body(self.at(index)))
 
 
-@dataclass(frozen=True, slots=True)
-class Table(Generic[V]):
+def family_of(crowd: Crowd[V], at: Callable[[V], Value[V]]) -> Family[V]:
+    """The array over the robots of a crowd with such elements."""
+    return Family(crowd.count, UNLISTED, crowd, at)
+
+
+class Table(Struct, Generic[V], frozen=True):
     """A map: entries with distinct keys, in order of insertion."""
 
     length: V
@@ -136,7 +145,7 @@ def default(d: Domain[V], type_: Type, robots: Size[V]) -> Value[V]:
             count = robots if size is Robots.ALL else size
             some = default(d, element, robots)
             if not isinstance(count, int):
-                return Family(count, lambda index: some)
+                return family_of(count, lambda index: some)
             return listed(d, [some] * count)
         case ListType() | QueueType():
             return listed(d, [])
@@ -172,7 +181,7 @@ def _merged_family(d: Domain[V], condition: V, then: Family[V], other: Value[V])
     if not isinstance(other, Family):
         raise NotFiniteError(NOWHERE, "an array over all robots stands where a list may stand too")
     second: Family[V] = other
-    return Family(then.crowd, lambda i: merge(d, condition, then.at(i), second.at(i)))
+    return family_of(then.crowd, lambda i: merge(d, condition, then.at(i), second.at(i)))
 
 
 def _zipped(

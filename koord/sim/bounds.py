@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from koord.runtime.configuration.model import Configuration
 from koord.runtime.configuration.reading import problem

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import chain, compress, product
 from operator import is_not
 from typing import Any
+
+from msgspec import Struct, field
 
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Claim, Sort, Watched
@@ -39,8 +40,7 @@ _LOOKS = 4
 _MOST_AT_A_TICK = 200
 
 
-@dataclass
-class _Stated:
+class _Stated(Struct):
     """A claim about robots, and for which of them it is known not to hold."""
 
     claim: Claim

@@ -7,9 +7,9 @@ depend on how many others there are.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion.arrays import Floats
 
@@ -17,8 +17,7 @@ from koord.runtime.motion.arrays import Floats
 _BLOCK = 64
 
 
-@dataclass(frozen=True, slots=True)
-class Positioning:
+class Positioning(Struct, frozen=True):
     """How well robots know where they are: the standard deviations, and how often they are told.
 
     The defaults are those of motion capture: exact, and new at every step of control.
@@ -29,8 +28,7 @@ class Positioning:
     rate_hz: float | None = None  #: None: whenever a controller asks
 
 
-@dataclass(frozen=True, slots=True)
-class Wind:
+class Wind(Struct, frozen=True):
     """Wind as drones feel it: a mean, and gusts that come and go (an Ornstein–Uhlenbeck process).
 
     Gusts have the standard deviation ``gust_mps`` along each axis and die down with ``calm_s``.
@@ -41,8 +39,7 @@ class Wind:
     calm_s: float = 1.5
 
 
-@dataclass(frozen=True, slots=True)
-class Disturbances:
+class Disturbances(Struct, frozen=True):
     """All of them, as a configuration gives them for a kind of robot."""
 
     positioning: Positioning = Positioning()

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 from koord.runtime.motion.automaton import State
@@ -32,8 +32,7 @@ TICK_S = STEP_S * STEPS
 _STATES = tuple(State)
 
 
-@dataclass(frozen=True, slots=True)
-class Placed:
+class Placed(Struct, frozen=True):
     """A robot at the start of a run."""
 
     kind: Kind

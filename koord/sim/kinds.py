@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import Enum
+
+from msgspec import Struct, field
 
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import Body
@@ -22,8 +23,7 @@ class Level(Enum):
     MUJOCO = "mujoco"  #: wheels, tyres, rotors, and contact of all with all, by MuJoCo
 
 
-@dataclass(frozen=True, slots=True)
-class Kind:
+class Kind(Struct, frozen=True):
     """A device as a configuration describes it: robots of one kind make a squad."""
 
     body: Body

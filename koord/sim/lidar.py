@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import assert_never
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.world import Box, Disc, Point, Polygon, World
 
 
-@dataclass(frozen=True, slots=True)
-class Lidar:
+class Lidar(Struct, frozen=True):
     """A scanner: how many beams, evenly around, how far they reach, how much they are off."""
 
     beams: int = 180

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.engine.fleet import Fleet as Engine
 from koord.runtime.motion.arrays import Floats
@@ -25,8 +25,7 @@ from koord.sim.separation import Nearby, Nearest
 _OWNERS = ("assignedTo", "assignId", "carrier")
 
 
-@dataclass(frozen=True, slots=True)
-class Near:
+class Near(Struct, frozen=True):
     """The smallest separation of a run, and when it was."""
 
     distance_m: float
@@ -34,8 +33,7 @@ class Near:
     time_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class OfRobot:
+class OfRobot(Struct, frozen=True):
     """What a robot came to. ``waited_s``: it had nowhere to go, and had not stopped."""
 
     distance_m: float
@@ -46,16 +44,14 @@ class OfRobot:
     tasks: int
 
 
-@dataclass(frozen=True, slots=True)
-class OfTask:
+class OfTask(Struct, frozen=True):
     """A task: who had it, and when that robot came there. None: not yet."""
 
     robot: int | None
     visited_s: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class Figures:
+class Figures(Struct, frozen=True):
     """What a run came to. ``messages`` are those that robots would have sent for it. (R-ROUND)"""
 
     rounds: int
@@ -193,8 +189,7 @@ class Gauge:
                 yield number, owner
 
 
-@dataclass(slots=True)
-class _TaskList:
+class _TaskList(Struct):
     """The shared list of tasks of a program: its name, and where in a task its owner stands."""
 
     name: str

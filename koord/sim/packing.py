@@ -10,10 +10,10 @@ bytes of all of them separately: most high bytes are then zero, and cost nothing
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from typing import Any, assert_never
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from koord.runtime.motion.world import Box, Disc, Obstacle, Polygon, World
@@ -49,8 +49,7 @@ _SPELLED = {"Pos": "pos"}
 _UNKNOWN_MM = 0xFFFF
 
 
-@dataclass(frozen=True, slots=True)
-class Cursor:
+class Cursor(Struct, frozen=True):
     """How much of a recording was packed already."""
 
     times: int = 0

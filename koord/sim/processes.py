@@ -9,8 +9,9 @@ that its program left open and how its vehicle moved (:class:`Told`): from that 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any, TypeAlias
+
+from msgspec import Struct, field
 
 from koord.runtime.deploy.member import Member
 from koord.runtime.deploy.running import Job
@@ -23,8 +24,7 @@ from koord.sim.running import Cast, host_of
 from koord.sim.scene import Scene
 
 
-@dataclass(frozen=True, slots=True)
-class Tick:
+class Tick(Struct, frozen=True):
     """Where a vehicle is when a tick of control is over."""
 
     position: Point
@@ -35,8 +35,7 @@ class Tick:
     path: Floats | None  #: the last of them, shape ``(k, 3)``, if it is new
 
 
-@dataclass(frozen=True, slots=True)
-class Delta:
+class Delta(Struct, frozen=True):
     """The environment's turn of one robot: how it moved, and what it read at the end of it."""
 
     ticks: tuple[Tick, ...]
@@ -48,8 +47,7 @@ class Delta:
 Question: TypeAlias = tuple[Turn, int | None, Key]
 
 
-@dataclass
-class Told:
+class Told(Struct):
     """What a robot tells of a round: all that its program left open since it told last.
 
     ``ran`` are the robots that were let through, in the order in which they were, and
@@ -143,8 +141,7 @@ class SimulatedBody:
         self._ticks.append(Tick((x, y, z), heading, (w, i, j, k), reached, given, path))
 
 
-@dataclass(frozen=True, slots=True)
-class Maker:
+class Maker(Struct, frozen=True):
     """Makes the robots of a run, each where its process is."""
 
     cast: Cast

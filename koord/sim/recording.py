@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from koord.runtime.motion.arrays import Floats, bounded, products
@@ -73,8 +73,7 @@ class TaskState(IntEnum):
     DONE = 2
 
 
-@dataclass(frozen=True, slots=True)
-class Recorded:
+class Recorded(Struct, frozen=True):
     """A robot as it is drawn. ``agent`` is the position of its kind in ``Header.agents``."""
 
     name: str
@@ -91,8 +90,7 @@ class Recorded:
         return self.look is not Look.CAR
 
 
-@dataclass(frozen=True, slots=True)
-class Variable:
+class Variable(Struct, frozen=True):
     """A variable; changes name it by its position."""
 
     name: str
@@ -100,8 +98,7 @@ class Variable:
     shape: Shape
 
 
-@dataclass(frozen=True, slots=True)
-class Agent:
+class Agent(Struct, frozen=True):
     """A kind of robot of the program: its events and what it has for itself, by position."""
 
     name: str
@@ -109,8 +106,7 @@ class Agent:
     variables: tuple[Variable, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Header:
+class Header(Struct, frozen=True):
     """What is known of a run before it begins."""
 
     program: str  #: its file's name
@@ -159,8 +155,7 @@ class Said(NamedTuple):
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Round:
+class Round(Struct, frozen=True):
     """A round as robots saw it after its events; round -1 is INIT.
 
     ``changes`` are since the last round in which any were looked for.
@@ -181,8 +176,7 @@ class Planned(NamedTuple):
     points: Pose
 
 
-@dataclass(frozen=True, slots=True)
-class TaskChange:
+class TaskChange(Struct, frozen=True):
     """A task has come further."""
 
     time_s: float
@@ -191,8 +185,7 @@ class TaskChange:
     robot: int
 
 
-@dataclass(frozen=True, slots=True)
-class Violation:
+class Violation(Struct, frozen=True):
     """A claim that the run broke."""
 
     time_s: float
@@ -222,8 +215,7 @@ class Sizes(NamedTuple):
     still: int = 0
 
 
-@dataclass(slots=True)
-class Recording:
+class Recording(Struct):
     """A run. Everything but the header grows at its end; nothing that stands in it changes."""
 
     header: Header

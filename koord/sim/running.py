@@ -7,9 +7,10 @@ give equal runs, and equal :attr:`Figures.digest`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
+
+from msgspec import Struct
 
 from koord.runtime.engine.fleet import Ended
 from koord.runtime.engine.fleet import Fleet as Engine
@@ -53,8 +54,7 @@ class Ending(Enum):
     PLAYED = "the recorded run is over"
 
 
-@dataclass(frozen=True, slots=True)
-class Broken:
+class Broken(Struct, frozen=True):
     """A claim that does not hold: what, when, whose, where; ``sort`` is what it is."""
 
     claim: str
@@ -87,8 +87,7 @@ class Claims(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class Cast:
+class Cast(Struct, frozen=True):
     """A compiled program, and which robot is of which kind.
 
     ``differing`` is each value that is not the text's, in words.

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, assert_never
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.runtime.configuration.forms import BotType
 from koord.runtime.configuration.model import Configuration, RobotPlace, Vehicle
@@ -51,8 +52,7 @@ _ROUNDING_M = 0.05
 _FROM_WALLS_M = 0.7
 
 
-@dataclass(frozen=True, slots=True)
-class Scene:
+class Scene(Struct, frozen=True):
     """A world with robots in it. ``names[i]`` is the device of robot i, ``roles[i]`` its agent."""
 
     world: World

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 
@@ -15,8 +14,7 @@ _FEW = 64
 _ROOM_M = 0.5
 
 
-@dataclass(frozen=True, slots=True)
-class Nearest:
+class Nearest(Struct, frozen=True):
     """The two robots that are nearest to each other."""
 
     distance_m: float

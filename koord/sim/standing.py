@@ -9,9 +9,10 @@ move that may change, and so it counts once nobody has moved for a while.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from math import dist
 from typing import Any
+
+from msgspec import Struct
 
 from koord.runtime.motion.automaton import State
 from koord.runtime.motion.bodies import Body, Car
@@ -32,8 +33,7 @@ _BLOCKED_S, _BLOCKED_M = 5.0, 0.05
 _NEAR_M = 0.15
 
 
-@dataclass(frozen=True, slots=True)
-class Standing:
+class Standing(Struct, frozen=True):
     """A robot that stands still."""
 
     robot: int
@@ -165,8 +165,7 @@ class Watchman:
         yield _standing(pid, wants[goal], Plight(why, goal), more)
 
 
-@dataclass(slots=True)
-class _Heard:
+class _Heard(Struct):
     """A host whose answers to programs are heard; what only claims ask is not."""
 
     host: Host

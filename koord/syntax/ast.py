@@ -7,40 +7,36 @@ published, both parse to one node; the printer writes the preferred one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
+from typing import ClassVar
 
-from koord.syntax.source import NOWHERE, Span
+from msgspec import Struct
+
+from koord.syntax.source import Placed
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Node:
-    """Anything with a place."""
-
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
+class Node(Placed, frozen=True):
+    """Anything that is written, with its place."""
 
 
 # --- names and types ----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Ident(Node):
+class Ident(Node, frozen=True):
     """A name where it is declared, or where a label needs its own place."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True)
-class NamedType(Node):
+class NamedType(Node, frozen=True):
     """``int``, ``pos``, ``Task``, …; ``List<T>``, ``Queue<T>``, ``Map<K,V>`` carry arguments."""
 
     name: str
     arguments: tuple[TypeExpr, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class ArrayTypeExpr(Node):
+class ArrayTypeExpr(Node, frozen=True):
     """``T[]`` (``size`` is None) or ``T[k]``, where the size is a constant expression."""
 
     element: TypeExpr
@@ -86,65 +82,56 @@ class Quantifier(Enum):
     EXISTS = "exists"
 
 
-@dataclass(frozen=True, slots=True)
-class IntLit(Node):
+class IntLit(Node, frozen=True):
     """``42``"""
 
     value: int
 
 
-@dataclass(frozen=True, slots=True)
-class FloatLit(Node):
+class FloatLit(Node, frozen=True):
     """``2.5``, ``1e-3``: kept exactly; the printer writes a decimal that reads back to it."""
 
     value: Fraction
 
 
-@dataclass(frozen=True, slots=True)
-class BoolLit(Node):
+class BoolLit(Node, frozen=True):
     """``true``, ``false`` (also ``True``, ``False``)."""
 
     value: bool
 
 
-@dataclass(frozen=True, slots=True)
-class StringLit(Node):
+class StringLit(Node, frozen=True):
     """``"text"``; ``value`` is the text meant, with escapes resolved."""
 
     value: str
 
 
-@dataclass(frozen=True, slots=True)
-class Name(Node):
+class Name(Node, frozen=True):
     """A variable, constant, enumeration member, port, ``pid``, ``numAgents`` …"""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True)
-class ListLit(Node):
+class ListLit(Node, frozen=True):
     """``[a, b]``"""
 
     items: tuple[Expr, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class MapLit(Node):
+class MapLit(Node, frozen=True):
     """``{}`` or ``{k: v, …}``"""
 
     entries: tuple[tuple[Expr, Expr], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Unary(Node):
+class Unary(Node, frozen=True):
     """``-e``, ``not e``"""
 
     op: UnaryOp
     operand: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Binary(Node):
+class Binary(Node, frozen=True):
     """``a + b``; comparison does not chain."""
 
     op: BinaryOp
@@ -152,24 +139,21 @@ class Binary(Node):
     right: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Argument(Node):
+class Argument(Node, frozen=True):
     """An argument of a call; ``name`` is set for ``f(name = value)``."""
 
     name: str | None
     value: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Call(Node):
+class Call(Node, frozen=True):
     """``f(a, b)`` or ``Task(loc = p)``."""
 
     function: Ident
     arguments: tuple[Argument, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class MethodCall(Node):
+class MethodCall(Node, frozen=True):
     """``x.append(v)``"""
 
     receiver: Expr
@@ -177,39 +161,34 @@ class MethodCall(Node):
     arguments: tuple[Argument, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Index(Node):
+class Index(Node, frozen=True):
     """``x[i]``"""
 
     base: Expr
     index: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Attribute(Node):
+class Attribute(Node, frozen=True):
     """``x.f``: a field of a record, a port of a module, or a member of an enumeration."""
 
     base: Expr
     name: Ident
 
 
-@dataclass(frozen=True, slots=True)
-class AtRobot(Node):
+class AtRobot(Node, frozen=True):
     """``v@i``, ``ran(E)@i``, ``Motion.psn@i``: the value at robot ``i``."""
 
     base: Expr
     robot: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Prime(Node):
+class Prime(Node, frozen=True):
     """``x'``: the value after a step."""
 
     base: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Binder(Node):
+class Binder(Node, frozen=True):
     """Bound names of a quantifier that share one range.
 
     ``i, j`` (over robots: no range, no type), ``k in 0, n`` (from 0 up to and excluding n; also
@@ -224,8 +203,7 @@ class Binder(Node):
     type: TypeExpr | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Quantified(Node):
+class Quantified(Node, frozen=True):
     """``forall i, j: body``"""
 
     quantifier: Quantifier
@@ -256,32 +234,28 @@ Expr = (
 # --- statements ---------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Assign(Node):
+class Assign(Node, frozen=True):
     """``target = value``; the target is a name, element, field or port."""
 
     target: Expr
     value: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Increment(Node):
+class Increment(Node, frozen=True):
     """``x++`` (``amount`` 1) or ``x--`` (``amount`` -1)."""
 
     target: Expr
     amount: int
 
 
-@dataclass(frozen=True, slots=True)
-class If(Node):
+class If(Node, frozen=True):
     """``if … elif … else``: each arm has a condition and a block; no ``else``, no ``otherwise``."""
 
     arms: tuple[tuple[Expr, Block], ...]
     otherwise: Block | None
 
 
-@dataclass(frozen=True, slots=True)
-class ForRange(Node):
+class ForRange(Node, frozen=True):
     """``for i = low, high:`` from ``low`` up to and excluding ``high``."""
 
     variable: Ident
@@ -290,8 +264,7 @@ class ForRange(Node):
     body: Block
 
 
-@dataclass(frozen=True, slots=True)
-class ForEach(Node):
+class ForEach(Node, frozen=True):
     """``for x in list:``, or ``for k, v in list:`` (index or key, and value)."""
 
     variables: tuple[Ident, ...]
@@ -299,57 +272,48 @@ class ForEach(Node):
     body: Block
 
 
-@dataclass(frozen=True, slots=True)
-class Atomic(Node):
+class Atomic(Node, frozen=True):
     """``atomic:``"""
 
     body: Block
 
 
-@dataclass(frozen=True, slots=True)
-class Break(Node):
+class Break(Node, frozen=True):
     """``break``"""
 
 
-@dataclass(frozen=True, slots=True)
-class Return(Node):
+class Return(Node, frozen=True):
     """``return e``"""
 
     value: Expr | None
 
 
-@dataclass(frozen=True, slots=True)
-class Stop(Node):
+class Stop(Node, frozen=True):
     """``stop`` (also ``stop()``)."""
 
 
-@dataclass(frozen=True, slots=True)
-class TryStop(Node):
+class TryStop(Node, frozen=True):
     """``trystop()`` (also ``trystop``)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Output(Node):
+class Output(Node, frozen=True):
     """``stdout << a << b``: the stream, then what is written to it."""
 
     stream: Expr
     values: tuple[Expr, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class LocalDecl(Node):
+class LocalDecl(Node, frozen=True):
     """A variable declared inside a function body: ``int best = 0``."""
 
     decl: VarDecl
 
 
-@dataclass(frozen=True, slots=True)
-class Pass(Node):
+class Pass(Node, frozen=True):
     """``pass``: an effect that does nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class CallStmt(Node):
+class CallStmt(Node, frozen=True):
     """A call for its effect: ``append(x, v)``, ``x.remove(v)``, ``assign(t, pid)``."""
 
     call: Call | MethodCall
@@ -378,8 +342,7 @@ Block = tuple[Stmt, ...]
 # --- declarations -------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class VarDecl(Node):
+class VarDecl(Node, frozen=True):
     """``T x`` or ``T x = e``, wherever variables, ports and fields are declared.
 
     ``T x[n]`` is read as ``T[n] x``.
@@ -398,31 +361,27 @@ class VarKind(Enum):
     LOCAL = "local"
 
 
-@dataclass(frozen=True, slots=True)
-class VarSection(Node):
+class VarSection(Node, frozen=True):
     """``local:``, ``allread:`` or ``allwrite:`` with its declarations."""
 
     kind: VarKind
     decls: tuple[VarDecl, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ParamDecl(Node):
+class ParamDecl(Node, frozen=True):
     """``param int tasks = 4``: a constant of a run."""
 
     decl: VarDecl
 
 
-@dataclass(frozen=True, slots=True)
-class RecordDef(Node):
+class RecordDef(Node, frozen=True):
     """``def Task:`` or ``def adt Task:`` with its fields."""
 
     name: Ident
     fields: tuple[VarDecl, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class EnumDef(Node):
+class EnumDef(Node, frozen=True):
     """``enum Mode: idle, pick, drop``"""
 
     name: Ident
@@ -438,8 +397,7 @@ class External(Enum):
     FRESH = "extern fresh"
 
 
-@dataclass(frozen=True, slots=True)
-class FunDef(Node):
+class FunDef(Node, frozen=True):
     """``def fun f(int a, pos[] b) -> int:`` with a body, or external with its summary.
 
     ``requires`` and ``ensures`` are the lines so named below an external declaration; ``result``
@@ -454,8 +412,7 @@ class FunDef(Node):
     ensures: tuple[Expr, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class ContractDef(Node):
+class ContractDef(Node, frozen=True):
     """``contract NAME:`` with ``requires:`` (ports before) and ``ensures:`` (primed: after)."""
 
     name: Ident
@@ -463,8 +420,7 @@ class ContractDef(Node):
     ensures: tuple[Expr, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Using(Node):
+class Using(Node, frozen=True):
     """``using Motion:`` with port lists, contracts and at most one ``environment:`` block.
 
     A module used without a body (``using Motion``) has the ports of the library's module.
@@ -478,15 +434,13 @@ class Using(Node):
     contracts: tuple[ContractDef, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Init(Node):
+class Init(Node, frozen=True):
     """``init:``"""
 
     body: Block
 
 
-@dataclass(frozen=True, slots=True)
-class Event(Node):
+class Event(Node, frozen=True):
     """``name:`` or ``urgent name:`` with ``pre:`` (None: always) and ``eff:``."""
 
     name: Ident
@@ -495,16 +449,14 @@ class Event(Node):
     eff: Block
 
 
-@dataclass(frozen=True, slots=True)
-class Assume(Node):
+class Assume(Node, frozen=True):
     """``assume: e`` about the initial configuration; ``assume NAME: e`` names it."""
 
     name: Ident | None
     condition: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Invariant(Node):
+class Invariant(Node, frozen=True):
     """``invariant NAME: e``; with ``at round`` it is asked of round ends only."""
 
     name: Ident | None
@@ -512,16 +464,14 @@ class Invariant(Node):
     condition: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Eventually(Node):
+class Eventually(Node, frozen=True):
     """``eventually NAME: e``"""
 
     name: Ident | None
     goal: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class LeadsTo(Node):
+class LeadsTo(Node, frozen=True):
     """``eventually NAME: p leadsto q``, or ``assume NAME: p leadsto q`` if it is ``assumed``"""
 
     name: Ident | None
@@ -530,8 +480,7 @@ class LeadsTo(Node):
     assumed: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Agent(Node):
+class Agent(Node, frozen=True):
     """``agent NAME:``: the modules, locals, init and events of one kind of robot."""
 
     name: Ident
@@ -555,8 +504,7 @@ Section = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Comment:
+class Comment(Struct, frozen=True):
     """A comment, for the printer. ``text`` keeps its ``//`` or ``#``."""
 
     line: int
@@ -566,14 +514,15 @@ class Comment:
     own_line: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Program(Node):
+class Program(Node, frozen=True):
     """A file: its sections in order. Comments are kept beside the tree and not compared."""
 
+    ASIDE: ClassVar[frozenset[str]] = frozenset({"span", "comments", "heads", "lost"})
+
     sections: tuple[Section, ...]
-    comments: tuple[Comment, ...] = field(default=(), compare=False, repr=False)
+    comments: tuple[Comment, ...] = ()
     #: Where words stand that begin a block but have no node (``else``, ``pre``, ``sensors``, …),
     #: in the order of the text; for the printer, which puts comments beside them.
-    heads: tuple[Ident, ...] = field(default=(), compare=False, repr=False)
+    heads: tuple[Ident, ...] = ()
     #: Names in what could not be read: they may have been declared or used there.
-    lost: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
+    lost: frozenset[str] = frozenset()

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from inspect import cleandoc
+
+from msgspec import Struct
 
 from koord.syntax.diagnostics import Severity
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """What ``koord explain CODE`` tells: ``bad`` is a program that yields it, ``good`` one not."""
 
     code: str

@@ -8,20 +8,18 @@ carries its type; an ``int`` that is used as a ``float`` stands under ``Widen``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 
+from msgspec import Struct
+
 from koord.syntax.literals import ParamValue
-from koord.syntax.source import NOWHERE, Span
+from koord.syntax.source import Placed
 from koord.syntax.types import BOOL, Type
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Node:
-    """Anything with a place in the text."""
-
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
+class Node(Placed, frozen=True):
+    """Anything of the core with a place in the text."""
 
 
 # --- places -------------------------------------------------------------------------------------
@@ -37,8 +35,7 @@ class Home(Enum):
     BOUND = "bound"  #: parameter, loop variable, quantified variable, local of a function
 
 
-@dataclass(frozen=True, slots=True)
-class Variable:
+class Variable(Struct, frozen=True):
     """A variable: its home and slot there.
 
     The type is that of the whole variable: for ``ALLREAD`` it is ``ArrayType(T, Robots.ALL)``.
@@ -52,39 +49,32 @@ class Variable:
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class IndexStep:
+class IndexStep(Node, frozen=True):
     """``[index]`` into an array, list or queue; outside of it is a fault."""
 
     index: Expr
     type: Type  #: of the element
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True)
-class KeyStep:
+class KeyStep(Node, frozen=True):
     """``[key]`` into a map. Reading a key that is not there is a fault; writing one adds it."""
 
     key: Expr
     type: Type  #: of the value
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
 
 
-@dataclass(frozen=True, slots=True)
-class FieldStep:
+class FieldStep(Node, frozen=True):
     """``.name`` of a record; ``position`` is the field's place in its type."""
 
     position: int
     name: str
     type: Type  #: of the field
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
 
 
 Step = IndexStep | KeyStep | FieldStep
 
 
-@dataclass(frozen=True, slots=True)
-class Place(Node):
+class Place(Node, frozen=True):
     """A variable or a part of one.
 
     ``robot`` says whose local or port is meant (``v@i``; properties only); None means the robot
@@ -148,37 +138,32 @@ class ListOp(Enum):
     MAX = "max"
 
 
-@dataclass(frozen=True, slots=True)
-class Const(Node):
+class Const(Node, frozen=True):
     """A scalar constant: int, Fraction (float), bool, str, or the position of an enum member."""
 
     value: int | Fraction | bool | str
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class Pid(Node):
+class Pid(Node, frozen=True):
     """``pid``, an int. Properties have no ``pid``: they are closed over all robots."""
 
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class NumAgents(Node):
+class NumAgents(Node, frozen=True):
     """``numAgents``, an int."""
 
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class Delta(Node):
+class Delta(Node, frozen=True):
     """``delta``, the length of a round in seconds, a float."""
 
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class Read(Node):
+class Read(Node, frozen=True):
     """The value at a place. [LOOKUP]"""
 
     place: Place
@@ -188,8 +173,7 @@ class Read(Node):
         return self.place.type
 
 
-@dataclass(frozen=True, slots=True)
-class Select(Node):
+class Select(Node, frozen=True):
     """A part of a computed value: ``f(x)[i].loc``."""
 
     base: Expr
@@ -200,15 +184,13 @@ class Select(Node):
         return self.step.type
 
 
-@dataclass(frozen=True, slots=True)
-class Unary(Node):
+class Unary(Node, frozen=True):
     op: UnaryOp
     operand: Expr
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class Binary(Node):
+class Binary(Node, frozen=True):
     """``EQ`` and ``NE`` compare any two values of one type; orders compare numbers."""
 
     op: BinaryOp
@@ -217,37 +199,32 @@ class Binary(Node):
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class Builtin(Node):
+class Builtin(Node, frozen=True):
     op: ListOp
     arguments: tuple[Expr, ...]
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class MakeList(Node):
+class MakeList(Node, frozen=True):
     """A list (queue, array) of the given elements."""
 
     items: tuple[Expr, ...]
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class MakeMap(Node):
+class MakeMap(Node, frozen=True):
     entries: tuple[tuple[Expr, Expr], ...]
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class MakeRecord(Node):
+class MakeRecord(Node, frozen=True):
     """A record, one expression per field in the type's order."""
 
     fields: tuple[Expr, ...]
     type: Type
 
 
-@dataclass(frozen=True, slots=True)
-class Call(Node):
+class Call(Node, frozen=True):
     """A call of a function defined in Koord; ``site`` numbers the calls of the program."""
 
     function: str
@@ -256,8 +233,7 @@ class Call(Node):
     site: int
 
 
-@dataclass(frozen=True, slots=True)
-class ExternalCall(Node):
+class ExternalCall(Node, frozen=True):
     """A call of an external function; ``site`` numbers the calls of the program."""
 
     function: str
@@ -266,8 +242,7 @@ class ExternalCall(Node):
     site: int
 
 
-@dataclass(frozen=True, slots=True)
-class Choose(Node):
+class Choose(Node, frozen=True):
     """``choose(low, high)``: a fresh value between the bounds, both included (floats or ints)."""
 
     low: Expr
@@ -281,30 +256,26 @@ class QuantifierKind(Enum):
     EXISTS = "exists"
 
 
-@dataclass(frozen=True, slots=True)
-class RobotRange:
+class RobotRange(Struct, frozen=True):
     """All robots, or those of one agent kind (by position in ``Program.agents``)."""
 
     agent: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class IntRange:
+class IntRange(Struct, frozen=True):
     """From ``low`` up to and excluding ``high``."""
 
     low: Expr
     high: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Elements:
+class Elements(Struct, frozen=True):
     """The elements of a list or array; the bound variable is the element."""
 
     sequence: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class AllValues:
+class AllValues(Struct, frozen=True):
     """Every value of a type; in summaries of external functions only."""
 
     type: Type
@@ -313,8 +284,7 @@ class AllValues:
 QuantifierDomain = RobotRange | IntRange | Elements | AllValues
 
 
-@dataclass(frozen=True, slots=True)
-class Quantified(Node):
+class Quantified(Node, frozen=True):
     """One bound variable (``home`` BOUND) over one domain; properties and summaries only."""
 
     quantifier: QuantifierKind
@@ -324,8 +294,7 @@ class Quantified(Node):
     type: Type = BOOL
 
 
-@dataclass(frozen=True, slots=True)
-class Ran(Node):
+class Ran(Node, frozen=True):
     """``ran(E)@i``: robot i ran that event in the round just ended.
 
     ``events`` are the positions of the events of that name, one per agent kind that has one.
@@ -336,8 +305,7 @@ class Ran(Node):
     type: Type = BOOL
 
 
-@dataclass(frozen=True, slots=True)
-class Stopped(Node):
+class Stopped(Node, frozen=True):
     """``stopped@i``"""
 
     robot: Expr
@@ -369,23 +337,20 @@ Expr = (
 # --- statements ---------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Assign(Node):
+class Assign(Node, frozen=True):
     """Write a place. [LOCAL-ASSIGN], [SHARED-ASSIGN], [ALLREAD], [ACTUATE]"""
 
     place: Place
     value: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class If(Node):
+class If(Node, frozen=True):
     condition: Expr
     then: Block
     otherwise: Block
 
 
-@dataclass(frozen=True, slots=True)
-class ForRange(Node):
+class ForRange(Node, frozen=True):
     """From ``low`` up to and excluding ``high``, both evaluated once, before the loop.
 
     ``low`` and ``high`` are built from constants, ``pid``, ``numAgents`` and lengths only.
@@ -397,8 +362,7 @@ class ForRange(Node):
     body: Block
 
 
-@dataclass(frozen=True, slots=True)
-class ForEach(Node):
+class ForEach(Node, frozen=True):
     """The elements of a value taken before the loop. ``key`` is the index, or a map's key."""
 
     key: Variable | None
@@ -407,62 +371,53 @@ class ForEach(Node):
     body: Block
 
 
-@dataclass(frozen=True, slots=True)
-class Break(Node):
+class Break(Node, frozen=True):
     """Leave the innermost loop."""
 
 
-@dataclass(frozen=True, slots=True)
-class Return(Node):
+class Return(Node, frozen=True):
     """Leave the function with a value."""
 
     value: Expr | None
 
 
-@dataclass(frozen=True, slots=True)
-class Atomic(Node):
+class Atomic(Node, frozen=True):
     """A block of a lock class. [ATOMIC]"""
 
     lock_class: int
     body: Block
 
 
-@dataclass(frozen=True, slots=True)
-class Stop(Node):
+class Stop(Node, frozen=True):
     """[STOP]"""
 
 
-@dataclass(frozen=True, slots=True)
-class TryStop(Node):
+class TryStop(Node, frozen=True):
     """[STOP]"""
 
 
-@dataclass(frozen=True, slots=True)
-class Output(Node):
+class Output(Node, frozen=True):
     """Write values to a stream, in order. [OUTPUT]"""
 
     stream: str
     values: tuple[Expr, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Append(Node):
+class Append(Node, frozen=True):
     """Put a value behind the last element of a list or queue; writes the whole list."""
 
     place: Place
     value: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Remove(Node):
+class Remove(Node, frozen=True):
     """Remove the first element equal to the value, if there is one, or a map's key."""
 
     place: Place
     value: Expr
 
 
-@dataclass(frozen=True, slots=True)
-class Pop(Node):
+class Pop(Node, frozen=True):
     """Take the first element of a queue (the last of a list) away; empty is a fault.
 
     ``into`` receives it, if given.
@@ -501,8 +456,7 @@ class Start(Enum):
     ARBITRARY = "arbitrary"  #: any value that the assumptions allow
 
 
-@dataclass(frozen=True, slots=True)
-class Declaration(Node):
+class Declaration(Node, frozen=True):
     """A variable and how it starts.
 
     ``initial`` of an allread variable is the value of the robot's own entry. Sensors without an
@@ -520,8 +474,7 @@ class Direction(Enum):
     ACTUATOR = "actuator"
 
 
-@dataclass(frozen=True, slots=True)
-class Port(Node):
+class Port(Node, frozen=True):
     """A port of a module: ``declaration.variable`` has home ``PORT``; its name is unqualified.
 
     Ports of the library may go by two names: ``spelling`` is the one that the program uses, for who
@@ -544,8 +497,7 @@ class Port(Node):
         return f"{self.module}.{self.shown}"
 
 
-@dataclass(frozen=True, slots=True)
-class Contract(Node):
+class Contract(Node, frozen=True):
     """If every ``requires`` holds before the environment's turn, every ``ensures`` holds after."""
 
     name: str
@@ -554,8 +506,7 @@ class Contract(Node):
     bound: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Module(Node):
+class Module(Node, frozen=True):
     """A module in use. ``environment`` reads ports before the turn and writes them after it.
 
     With an environment block the ports it does not write keep their values; without one every
@@ -569,8 +520,7 @@ class Module(Node):
     contracts: tuple[Contract, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Event(Node):
+class Event(Node, frozen=True):
     """A guarded effect. ``bound`` is how many BOUND slots guard and effect need."""
 
     name: str
@@ -581,8 +531,7 @@ class Event(Node):
     lock_classes: frozenset[int]
 
 
-@dataclass(frozen=True, slots=True)
-class Agent(Node):
+class Agent(Node, frozen=True):
     """One kind of robot. A program without ``agent`` blocks has a single kind, named ""."""
 
     name: str
@@ -594,8 +543,7 @@ class Agent(Node):
     events: tuple[Event, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Function(Node):
+class Function(Node, frozen=True):
     """A function defined in Koord; parameters are the first BOUND slots. Never recursive."""
 
     name: str
@@ -612,8 +560,7 @@ class ExternalKind(Enum):
     FRESH = "fresh"
 
 
-@dataclass(frozen=True, slots=True)
-class External(Node):
+class External(Node, frozen=True):
     """A function known by its summary only.
 
     ``requires`` and ``ensures`` see the parameters (the first BOUND slots) and, in ``ensures``, the
@@ -638,16 +585,14 @@ class PropertyKind(Enum):
     LEADS_TO = "leads to"
 
 
-@dataclass(frozen=True, slots=True)
-class Each:
+class Each(Struct, frozen=True):
     """A statement meant for each robot, or each of one kind, by itself: it is the ``variable``."""
 
     variable: Variable
     agent: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Property(Node):
+class Property(Node, frozen=True):
     """A statement about configurations: closed, but for ``each``.
 
     ``trigger`` is set for LEADS_TO only; ``each`` may be for that and for EVENTUALLY.
@@ -661,8 +606,7 @@ class Property(Node):
     each: Each | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Assumption(Node):
+class Assumption(Node, frozen=True):
     """A closed statement about the configuration after INIT."""
 
     name: str
@@ -670,8 +614,7 @@ class Assumption(Node):
     bound: int
 
 
-@dataclass(frozen=True, slots=True)
-class LockClass:
+class LockClass(Struct, frozen=True):
     """Atomic blocks of which at most one robot runs one per round. [ATOMIC]"""
 
     index: int
@@ -694,8 +637,7 @@ def round_robin(robots: int, kinds: int) -> tuple[int, ...]:
     return tuple(at % kinds for at in range(robots))
 
 
-@dataclass(frozen=True, slots=True)
-class Instance:
+class Instance(Struct, frozen=True):
     """The instance that a program is meant for, as far as its text says: ``kinds[i]`` is robot i's
     position in ``Program.agents``, and there are none if the text says nothing of robots.
 
@@ -711,8 +653,7 @@ class Instance:
         return USUAL_DELTA_S if self.delta_s is None else self.delta_s
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
+class Parameter(Struct, frozen=True):
     """A constant of the run: its value, and the one that the text gives; None if it gives none."""
 
     name: str
@@ -729,8 +670,7 @@ class Parameter:
 Places = tuple[tuple[Fraction, Fraction, Fraction], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Program(Node):
+class Program(Node, frozen=True):
     """A whole program.
 
     ``functions`` and ``externals`` are in order of dependence (a function calls earlier ones only).

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+
+from msgspec import Struct
 
 from koord.syntax.source import Span, whole_file
 
@@ -15,16 +16,14 @@ class Severity(Enum):
     WARNING = "warning"
 
 
-@dataclass(frozen=True, slots=True)
-class Note:
+class Note(Struct, frozen=True):
     """A second place that helps to understand a diagnostic ("first declared here")."""
 
     span: Span
     message: str
 
 
-@dataclass(frozen=True, slots=True)
-class Diagnostic:
+class Diagnostic(Struct, frozen=True):
     """One thing wrong at one place, with its cure where one is known.
 
     ``code`` is stable (``K204``) and has a long story in :mod:`koord.syntax.catalogue`.

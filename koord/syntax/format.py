@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.parser import parse
@@ -10,8 +10,7 @@ from koord.syntax.printer import print_program
 from koord.syntax.source import Source
 
 
-@dataclass(frozen=True, slots=True)
-class Formatted:
+class Formatted(Struct, frozen=True):
     """A text in the one layout; with errors of syntax it is the text as it was."""
 
     text: str

@@ -7,8 +7,9 @@ are told and mended here, so that the parser sees a tree in any case.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from itertools import pairwise
+
+from msgspec import Struct, field
 
 from koord.syntax.lines import Line, Part, language_lines
 from koord.syntax.report import Report
@@ -31,8 +32,7 @@ _OUTER = words(
 )
 
 
-@dataclass(slots=True)
-class _Level:
+class _Level(Struct):
     """An open block."""
 
     column: int

@@ -7,7 +7,8 @@ A line goes on while a bracket is open. It is cut at the colons that open blocks
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.syntax.diagnostics import Note
 from koord.syntax.report import Report
@@ -33,8 +34,7 @@ GOES_ON = words("OPERATOR LESS GREATER OUTPUT DOT IN LEADSTO")
 UNFINISHED = GOES_ON | words("MINUS NOT COMMA ASSIGN COLON FORALL EXISTS")
 
 
-@dataclass(slots=True)
-class Part:
+class Part(Struct):
     """A piece of a line up to a colon that opens a block, or up to the end of the line."""
 
     tokens: list[Token]
@@ -71,8 +71,7 @@ class Part:
         return self.end.span
 
 
-@dataclass(slots=True)
-class Line:
+class Line(Struct):
     """A line of the language."""
 
     indent: int

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from koord.syntax import ast
 from koord.syntax.collector import uncollected
@@ -19,8 +19,7 @@ from koord.syntax.tokens import Text, tokenise
 MAX_CHARACTERS = 1_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Parsed:
+class Parsed(Struct, frozen=True):
     """What could be read of a text, and what was wrong with it."""
 
     program: ast.Program

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -14,9 +14,10 @@ from lark import Token as LarkToken
 from lark.exceptions import UnexpectedToken
 from lark.lexer import Lexer
 
+from koord.syntax.content import content_fields
 from koord.syntax.parser_nodes import Builder
 from koord.syntax.parser_operands import MisplacedError
-from koord.syntax.source import Span
+from koord.syntax.source import Placed
 from koord.syntax.tokens import Token
 
 #: An expression may be a tree so deep: brackets, and operators in a row, both count. What works on
@@ -171,6 +172,6 @@ def _depth(node: Any) -> int:
         deepest = max(deepest, depth)
         if isinstance(item, tuple):
             waiting.extend((child, depth) for child in item)
-        elif is_dataclass(item) and not isinstance(item, Span):
-            waiting.extend((getattr(item, field.name), depth + 1) for field in fields(item))
+        elif isinstance(item, Placed):
+            waiting.extend((getattr(item, name), depth + 1) for name in content_fields(type(item)))
     return deepest

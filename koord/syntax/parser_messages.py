@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.syntax.parser_lines import Form, UnexpectedError
 from koord.syntax.source import Span
@@ -32,8 +33,7 @@ _SIGNS = {
 _OTHER_WORDS = {"mod": "%", "is": "==", "iff": "==", "xor": "!="}
 
 
-@dataclass(frozen=True, slots=True)
-class Complaint:
+class Complaint(Struct, frozen=True):
     """A mistake in a line; ``repaired`` are the tokens that were most likely meant."""
 
     code: str
@@ -50,8 +50,7 @@ class Complaint:
         return self.token.span.to(self.last.span) if self.last else self.token.span
 
 
-@dataclass(frozen=True, slots=True)
-class Mistake:
+class Mistake(Struct, frozen=True):
     """A line that could not be read: its tokens, and where which ones were possible."""
 
     form: Form

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.syntax import ast
 from koord.syntax.parser_operands import (
@@ -23,8 +25,7 @@ from koord.syntax.tokens import Token, string_value
 Children = list[Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Signature:
+class Signature(Struct, frozen=True):
     """The head of a function."""
 
     name: ast.Ident
@@ -32,8 +33,7 @@ class Signature:
     result: ast.TypeExpr | None
 
 
-@dataclass(frozen=True, slots=True)
-class LoopRange:
+class LoopRange(Struct, frozen=True):
     """The head of ``for i = low, high:``."""
 
     variable: ast.Ident
@@ -41,24 +41,21 @@ class LoopRange:
     high: ast.Expr
 
 
-@dataclass(frozen=True, slots=True)
-class LoopEach:
+class LoopEach(Struct, frozen=True):
     """The head of ``for x in list:`` or ``for k, v in list:``."""
 
     variables: tuple[ast.Ident, ...]
     sequence: ast.Expr
 
 
-@dataclass(frozen=True, slots=True)
-class LeadsTo:
+class LeadsTo(Struct, frozen=True):
     """``trigger leadsto goal``"""
 
     trigger: ast.Expr
     goal: ast.Expr
 
 
-@dataclass(frozen=True, slots=True)
-class _Variable:
+class _Variable(Struct, frozen=True):
     """``T x[a][b]`` before it is known whether a value follows."""
 
     type: ast.TypeExpr

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from msgspec import Struct
+
 from koord.syntax import ast
 from koord.syntax.operators import BINDS, COMPARISON, IMPLIES, SPELLINGS
 from koord.syntax.source import Span
@@ -20,23 +22,20 @@ class MisplacedError(Exception):
     hint: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Bound:
+class Bound(Struct, frozen=True):
     """A piece of a quantifier that is a name, or the upper bound of the piece before it."""
 
     value: ast.Expr
 
 
-@dataclass(frozen=True, slots=True)
-class TypedBound:
+class TypedBound(Struct, frozen=True):
     """``pos p`` in a quantifier."""
 
     type: ast.TypeExpr
     name: Token
 
 
-@dataclass(frozen=True, slots=True)
-class RangeBound:
+class RangeBound(Struct, frozen=True):
     """``k in low`` or ``t in list`` in a quantifier."""
 
     name: ast.Expr

@@ -8,7 +8,8 @@ another order than they stood in, and take their comments along.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.syntax.ast import Comment
 
@@ -16,8 +17,7 @@ from koord.syntax.ast import Comment
 INDENT = "    "
 
 
-@dataclass(slots=True, eq=False)
-class Written:
+class Written(Struct, eq=False):
     """A line that the printer writes."""
 
     parent: Written | None
@@ -37,8 +37,7 @@ class Written:
     closing: list[_Placed] = field(default_factory=list)
 
 
-@dataclass(frozen=True, slots=True)
-class _Placed:
+class _Placed(Struct, frozen=True):
     """A comment on a line of its own, with a blank line before it or not."""
 
     text: str

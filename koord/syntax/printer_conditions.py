@@ -6,7 +6,9 @@ What belongs to a condition stands deeper than its first row, so that it reads b
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.syntax import ast
 from koord.syntax.operators import BINDS, IMPLIES, NOT
@@ -20,8 +22,7 @@ _STEP = 4
 _LOGICAL = frozenset([ast.BinaryOp.AND, ast.BinaryOp.OR, ast.BinaryOp.IMPLIES])
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(Struct, frozen=True):
     """A line of a condition, with the places in the text where it began and ended."""
 
     text: str
@@ -29,8 +30,7 @@ class Row:
     last: Span
 
 
-@dataclass(frozen=True, slots=True)
-class _Slot:
+class _Slot(Struct, frozen=True):
     """Where an expression stands: what is on its row before and behind it, and how tight it is."""
 
     indent: int = 0

@@ -7,8 +7,9 @@ wherever a verdict or a run is shown or kept, its ``Problem`` is.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
+
+from msgspec import Struct
 
 from koord.syntax import core
 from koord.syntax.literals import encoded, literal, number
@@ -17,8 +18,7 @@ from koord.syntax.literals import encoded, literal, number
 _FEW_TASKS = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
+class Problem(Struct, frozen=True):
     """A program as something is claimed of it.
 
     ``texts`` are the names of the files that it was read from, that of the program first.

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import unicodedata
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from typing import ClassVar
+
+from msgspec import Struct, field
+
+from koord.syntax.content import ByContent
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(Struct, frozen=True):
     """A half-open range of characters in one file.
 
     Lines and columns count from 1, as editors show them. ``end_column`` is the column just behind
@@ -43,13 +46,22 @@ def is_whole_file(span: Span) -> bool:
 NOWHERE = Span("<koord>", 1, 1, 1, 1)
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
+class Placed(ByContent, frozen=True, kw_only=True):
+    """Anything with a place in the text, which does not count."""
+
+    ASIDE: ClassVar[frozenset[str]] = frozenset({"span"})
+
+    span: Span = NOWHERE
+
+
+class Source(ByContent, frozen=True):
     r"""A named text. ``text`` has ``\n`` line ends only and no byte-order mark."""
+
+    ASIDE: ClassVar[frozenset[str]] = frozenset({"_starts"})
 
     name: str
     text: str
-    _starts: list[int] = field(default_factory=list, compare=False, repr=False)
+    _starts: list[int] = field(default_factory=list)
 
     def line_text(self, line: int) -> str:
         """Line number ``line`` (from 1) without its line end; empty behind the last line."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.syntax import ast
 from koord.syntax.printer import print_program
@@ -12,8 +14,7 @@ from koord.syntax.printer import print_program
 S = TypeVar("S", bound=ast.Section)
 
 
-@dataclass(frozen=True, slots=True)
-class Stated(Generic[S]):
+class Stated(Struct, Generic[S], frozen=True):
     """A section that states something; ``agent`` is the kind of robot in whose block it stands."""
 
     section: S

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.syntax.ast import Comment
 from koord.syntax.operators import SPELLINGS
@@ -95,8 +96,7 @@ _TOKEN = re.compile(
 )
 
 
-@dataclass(slots=True)
-class Token:
+class Token(Struct):
     """A word of the text, on one line. ``type`` is the name of its terminal in the grammar."""
 
     type: str
@@ -117,16 +117,14 @@ class Token:
         return Token(kind, text, self.file, self.line, self.column, self.end_column)
 
 
-@dataclass(slots=True)
-class TextLine:
+class TextLine(Struct):
     """A line of the file: the width of its indentation, and its tokens."""
 
     indent: int
     tokens: list[Token]
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
+class Text(Struct, frozen=True):
     """A file in tokens."""
 
     lines: list[TextLine]  #: those that are not blank

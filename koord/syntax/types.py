@@ -3,45 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import Enum
 
+from msgspec import Struct
 
-@dataclass(frozen=True, slots=True)
-class IntType:
+
+class IntType(Struct, frozen=True):
     """ℤ."""
 
 
-@dataclass(frozen=True, slots=True)
-class FloatType:
+class FloatType(Struct, frozen=True):
     """ℝ in the semantics and the verifier, IEEE double in the runtime."""
 
 
-@dataclass(frozen=True, slots=True)
-class BoolType:
+class BoolType(Struct, frozen=True):
     """Truth values."""
 
 
-@dataclass(frozen=True, slots=True)
-class StringType:
+class StringType(Struct, frozen=True):
     """Texts: compared for equality and written to streams."""
 
 
-@dataclass(frozen=True, slots=True)
-class StreamType:
+class StreamType(Struct, frozen=True):
     """Something that ``<<`` writes to."""
 
 
-@dataclass(frozen=True, slots=True)
-class EnumType:
+class EnumType(Struct, frozen=True):
     """A finite set of named members; a value is the member's position."""
 
     name: str
     members: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class RecordType:
+class RecordType(Struct, frozen=True):
     """A tuple of named fields. ``pos`` is one, with float fields ``x y z``."""
 
     name: str
@@ -61,38 +55,33 @@ class Robots(Enum):
     ALL = "numAgents"
 
 
-@dataclass(frozen=True, slots=True)
-class ArrayType:
+class ArrayType(Struct, frozen=True):
     """``T[k]``: exactly ``size`` elements; ``Robots.ALL`` means ``numAgents`` of them."""
 
     element: Type
     size: int | Robots
 
 
-@dataclass(frozen=True, slots=True)
-class ListType:
+class ListType(Struct, frozen=True):
     """``T[]`` and ``List<T>``: any number of elements. An array will do where a list is read."""
 
     element: Type
 
 
-@dataclass(frozen=True, slots=True)
-class QueueType:
+class QueueType(Struct, frozen=True):
     """``Queue<T>``: a list whose ``pop`` takes the first element."""
 
     element: Type
 
 
-@dataclass(frozen=True, slots=True)
-class MapType:
+class MapType(Struct, frozen=True):
     """``Map<K,V>``: keys in order of insertion; equal if they hold the same entries."""
 
     key: Type
     value: Type
 
 
-@dataclass(frozen=True, slots=True)
-class OpaqueType:
+class OpaqueType(Struct, frozen=True):
     """Values that can only be compared and handed to external functions.
 
     No program text has this type: the verifier puts it where a value merely flows from one

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import fields, is_dataclass, replace
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType
 
-#: Types are dataclasses too, but no part of the program text.
+#: Types are structs too, but no part of the program text.
 _TYPES = (RecordType, ArrayType, ListType, QueueType, MapType)
 
 #: What was looked up, by class: a program has many nodes of few classes.
@@ -38,7 +40,7 @@ def rebuilt(node: Any, part: Callable[[Any], Any]) -> Any:
     if isinstance(node, tuple):
         return tuple(part(each) for each in node)
     names = _below(type(node))
-    if names is None:
+    if not names:
         return node
     return replace(node, **{name: part(getattr(node, name)) for name in names})
 
@@ -91,7 +93,7 @@ def _below(class_: type) -> tuple[str, ...] | None:
     """The fields of a node that hold parts of it; None for what is no node."""
     if class_ not in _BELOW:
         known = None
-        if is_dataclass(class_) and class_ not in _TYPES:
-            known = tuple(field.name for field in fields(class_) if field.name != "span")
+        if issubclass(class_, Struct) and class_ not in _TYPES:
+            known = tuple(name for name in class_.__struct_fields__ if name != "span")
         _BELOW[class_] = known
     return _BELOW[class_]

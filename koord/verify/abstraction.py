@@ -10,8 +10,10 @@ that the program can, and more: *holds* carries over; a violation is translated 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.types import (
@@ -28,8 +30,7 @@ from koord.syntax.types import (
 from koord.syntax.walk import last_site, nodes, rebuilt
 
 
-@dataclass(frozen=True, slots=True)
-class Abstraction:
+class Abstraction(Struct, frozen=True):
     """A program and its abstraction.
 
     ``made`` are the external functions that stand for list and record expressions; ``hidden`` are

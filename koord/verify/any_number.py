@@ -7,7 +7,8 @@ only where it is proved for every number; elsewhere it is said of the numbers th
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.syntax import core

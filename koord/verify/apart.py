@@ -14,8 +14,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.verify.claims import claims_of, liveness_of
@@ -59,8 +61,7 @@ def verify_apart(
     return replace(report, verdicts=verdicts, interrupted=cut, seconds=time.monotonic() - started)
 
 
-@dataclass(frozen=True, slots=True)
-class _Asking:
+class _Asking(Struct, frozen=True):
     """Verifications of one system, each in a process of its own."""
 
     system: System

@@ -8,7 +8,9 @@ them. ``koord recheck`` makes obligations of its own: it does not rely on these
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field, replace
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
@@ -42,8 +44,7 @@ _MOMENTS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Texts:
+class Texts(Struct, frozen=True):
     """What a program was read from."""
 
     program: Source
@@ -51,16 +52,14 @@ class Texts:
     settings: Settings
 
 
-@dataclass(frozen=True, slots=True)
-class Lemma:
+class Lemma(Struct, frozen=True):
     """A statement in Koord that was found; ``everyone``: for every number of robots."""
 
     text: str
     everyone: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Shown:
+class Shown(Struct, frozen=True):
     """Names of claims that hold in all rounds, whoever found that out, with what helps to show it.
 
     ``everyone`` are those of them that hold for every number of robots. ``beyond`` are claims that
@@ -96,8 +95,7 @@ def shown_by(report: Report) -> Shown:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Certificate:
+class Certificate(Struct, frozen=True):
     """A document to be written as JSON, and why some claims are not in it although they hold."""
 
     document: dict[str, object]

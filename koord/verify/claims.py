@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from typing import Generic, TypeVar
+
+from msgspec import Struct
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Domain, conjunction, disjunction
@@ -56,8 +57,7 @@ class Phase(Enum):
     END = "after the environment's turn"
 
 
-@dataclass(frozen=True, slots=True)
-class Claim:
+class Claim(Struct, frozen=True):
     """One claim. ``subject`` names the variable of a lost update, or the contract.
 
     ``reads_ports`` says whether the environment's turn can change what is claimed.
@@ -139,8 +139,7 @@ def liveness_of(system: System) -> tuple[Claim, ...]:
     return tuple(Claim(p.name, ClaimKind.LIVENESS, p) for p in live)
 
 
-@dataclass(frozen=True, slots=True)
-class Findings(Generic[V]):
+class Findings(Struct, Generic[V], frozen=True):
     """What a step found out besides the configuration it leads to."""
 
     fault: V

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from fractions import Fraction
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT, Constant
@@ -34,8 +36,7 @@ Token = tuple[str, str]
 """An opaque value: the name of its sort, and its own."""
 
 
-@dataclass(slots=True)
-class Concretion:
+class Concretion(Struct):
     """Real values for the opaque ones of one recording; equal ones for equal, as far as possible.
 
     A value that the program made of parts is made of their real values. One that an external

@@ -8,7 +8,8 @@ whether robots get there. That no reading will do is then for a solver to say.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+
+from msgspec import field
 
 from koord.semantics.configurations import NO_EVENT, Robot, Status, Store, System
 from koord.semantics.domain import conjunction
@@ -59,7 +60,6 @@ def _asked(system: System) -> Iterator[int]:
         yield from sorted({robots[0], robots[-1]})
 
 
-@dataclass(slots=True)
 class _Readings(SymbolicInputs):
     """Inputs with given readings."""
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
 
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.patience import OutOfPatienceError
@@ -58,8 +59,7 @@ AFTERWARDS_S = 10.0
 ANSWERED_S = 5.0
 
 
-@dataclass(slots=True)
-class ByUnrolling:
+class ByUnrolling(Struct):
     """Bounded model checking, which goes on from where it stopped."""
 
     bounded: Bounded | None = None
@@ -143,8 +143,7 @@ class ByUnrolling:
             ledger.leave([claim], Reach(Engine.BMC, through, why, bounded.seconds, obstacle=astray))
 
 
-@dataclass(slots=True)
-class ByGlance:
+class ByGlance(Struct):
     """The rounds that bounded model checking gets through quickly: most violations are there.
 
     There are ``most`` of them, if that is said.
@@ -165,8 +164,7 @@ class ByGlance:
             self.unrolling.through(ledger, rounds, self.effort)
 
 
-@dataclass(slots=True)
-class ByInduction:
+class ByInduction(Struct):
     """Inductive proofs over one round, then two, …: for every number of rounds.
 
     A step of k rounds proves what holds in the first k - 1 rounds too, which is unrolled for it.
@@ -235,8 +233,7 @@ class ByInduction:
         return self.afterwards if ledger.is_violated else self.effort
 
 
-@dataclass(frozen=True, slots=True)
-class ByStep:
+class ByStep(Struct, frozen=True):
     """Inductive proofs over one round, which cost little; the others may follow."""
 
     induction: ByInduction
@@ -249,8 +246,7 @@ class ByStep:
         self.induction.over(1, ledger)
 
 
-@dataclass(frozen=True, slots=True)
-class BySearch:
+class BySearch(Struct, frozen=True):
     """All configurations one by one, where they are few."""
 
     limits: Limits
@@ -299,8 +295,7 @@ class BySearch:
             ledger.leave([claim], Reach(Engine.SEARCH, None, reason, seconds, obstacle=astray))
 
 
-@dataclass(frozen=True, slots=True)
-class ByShallowSearch:
+class ByShallowSearch(Struct, frozen=True):
     """What is violated in the first configurations, and no more: most that is violated is there.
 
     It says nothing of what holds, so that others are asked as if nobody had looked. ``steps`` is

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.search.engine import begun
@@ -28,8 +30,7 @@ _SUBJECTS = {
 }
 
 
-@dataclass(slots=True)
-class Searching:
+class Searching(Struct):
     """What the search said by now. ``states`` counts what it saw, ``reason`` is why it did not end.
 
     ``unreplayed`` are claims with a violation that did not replay, each with the reason.

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.crowds import NotFiniteError
@@ -15,8 +17,7 @@ from koord.verify.claims import Claim, claims_of
 from koord.verify.scripts import script
 
 
-@dataclass(frozen=True, slots=True)
-class Export:
+class Export(Struct, frozen=True):
     """A problem as a file, and what it says more loosely than the program."""
 
     content: bytes

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
@@ -30,8 +31,7 @@ from koord.verify.witness import Reader
 FIRST_TRY = 5_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Inductive:
+class Inductive(Struct, frozen=True):
     """The claims that hold in all rounds, and why the others are still open."""
 
     proved: dict[Claim, Verdict]

@@ -9,8 +9,10 @@ ends of rounds is shown of all instants. Everything else stays as it is: each en
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
 from fractions import Fraction
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.crowds import NotFiniteError
@@ -47,8 +49,7 @@ from koord.verify.terms import Term
 from koord.verify.verdicts import Bounds, Engine, Failure, Outcome, Report, Verdict
 
 
-@dataclass(frozen=True, slots=True)
-class Unsaid:
+class Unsaid(Struct, frozen=True):
     """A module whose model does not say what its sensors are between the ends of rounds."""
 
     module: str
@@ -56,8 +57,7 @@ class Unsaid:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Shadowed:
+class Shadowed(Struct, frozen=True):
     """A system with shadows, and what is to be shown of it.
 
     ``unsaid`` says of claims why nobody knows: they are not among those of the system.
@@ -271,7 +271,6 @@ def _jumps(
     return ""
 
 
-@dataclass(slots=True)
 class _StillOracle(SymbolicOracle):
     """Answers in a turn that takes no time, and in which nothing happens that need not."""
 
@@ -289,7 +288,6 @@ class _StillOracle(SymbolicOracle):
         return SymbolicOracle.external(self, function, key, arguments)
 
 
-@dataclass(slots=True)
 class _Still(SymbolicInputs):
     """Inputs of such a turn."""
 

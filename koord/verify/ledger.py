@@ -8,8 +8,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
 from typing import Protocol, TypeAlias
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import NumberTooLongError
@@ -44,8 +46,7 @@ from koord.verify.verdicts import (
 Judge = Callable[[Recording, Claim, Phase], Counterexample]
 
 
-@dataclass(frozen=True, slots=True)
-class Subject:
+class Subject(Struct, frozen=True):
     """What engines work on, and who replays what they find.
 
     ``original`` is the system without opaque values: the same as ``system`` if it has none.
@@ -60,8 +61,7 @@ class Subject:
         return self.system is not self.original
 
 
-@dataclass(frozen=True, slots=True)
-class Reach:
+class Reach(Struct, frozen=True):
     """How far an engine saw a claim hold that it did not settle, and why it went no further.
 
     ``rounds`` is the last round through which the claim holds; None: not even INIT is known.
@@ -80,8 +80,7 @@ class Reach:
 Interval: TypeAlias = "tuple[float, float]"
 
 
-@dataclass(frozen=True, slots=True)
-class Said:
+class Said(Struct, frozen=True):
     """What was found out about some claims on a ledger of its own, to be put into another one."""
 
     verdicts: Mapping[Claim, Verdict]
@@ -92,8 +91,7 @@ class Said:
     spans: Mapping[Claim, Sequence[Interval]] = field(default_factory=dict)
 
 
-@dataclass(slots=True)
-class Ledger:
+class Ledger(Struct):
     """The state of one verification."""
 
     subject: Subject

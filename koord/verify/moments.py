@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Turn
 from koord.semantics.storage import Storage, merge_storage_known
@@ -16,8 +18,7 @@ from koord.verify.symbols import SymbolicInputs
 from koord.verify.terms import Term, Terms
 
 
-@dataclass(frozen=True, slots=True)
-class Option:
+class Option(Struct, frozen=True):
     """One event of one robot in a round: the Boolean that says it runs, and its turn."""
 
     robot: int
@@ -26,8 +27,7 @@ class Option:
     turned: Turned[Term]
 
 
-@dataclass(slots=True)
-class Moment:
+class Moment(Struct):
     """A configuration at which properties are looked at, with what makes it one.
 
     ``constraints`` of all moments up to here hold together in every run that reaches it. ``fault``
@@ -44,8 +44,7 @@ class Moment:
     real: Term = True
 
 
-@dataclass(slots=True)
-class Opening:
+class Opening(Struct):
     """INIT with its unknowns."""
 
     inputs: SymbolicInputs
@@ -53,8 +52,7 @@ class Opening:
     moment: Moment
 
 
-@dataclass(slots=True)
-class SymbolicRound:
+class SymbolicRound(Struct):
     """A round: the program turns, then the environment's, with the unknowns of both.
 
     ``urgency`` holds of whole rounds only: inside a round, robots that did not move yet may still

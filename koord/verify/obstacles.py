@@ -5,105 +5,93 @@ Engines say which it was when they leave a claim; a verdict that is *unknown* ha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TypeAlias, assert_never
+
+from msgspec import Struct
 
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Engine, Failure, engine_named
 
 
-@dataclass(frozen=True, slots=True)
-class TimeUp:
+class TimeUp(Struct, frozen=True):
     """The time is up."""
 
     engine: Engine
 
 
-@dataclass(frozen=True, slots=True)
-class GaveUp:
+class GaveUp(Struct, frozen=True):
     """An engine has done all the work that it may."""
 
     engine: Engine
 
 
-@dataclass(frozen=True, slots=True)
-class NotInductive:
+class NotInductive(Struct, frozen=True):
     """A step breaks the claim from a configuration that perhaps no run reaches."""
 
     engine: Engine
 
 
-@dataclass(frozen=True, slots=True)
-class Values:
+class Values(Struct, frozen=True):
     """Variables, sensors or functions that may have more values than an engine can follow."""
 
     engine: Engine
     names: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Lengths:
+class Lengths(Struct, frozen=True):
     """Lists and maps of which an engine looked at short ones only, in its words."""
 
     engine: Engine
     what: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Beyond:
+class Beyond(Struct, frozen=True):
     """Something in the program of which an engine knows nothing."""
 
     engine: Engine
     what: str
 
 
-@dataclass(frozen=True, slots=True)
-class TooLong:
+class TooLong(Struct, frozen=True):
     """Exact numbers of some variables grow without end."""
 
     engine: Engine
     names: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Failed:
+class Failed(Struct, frozen=True):
     """An engine ran into something, and gave no answer."""
 
     engine: Engine
     what: str
 
 
-@dataclass(frozen=True, slots=True)
-class Interrupted:
+class Interrupted(Struct, frozen=True):
     """Somebody pressed Ctrl-C."""
 
     engine: Engine = Engine.NONE
 
 
-@dataclass(frozen=True, slots=True)
-class Unshown:
+class Unshown(Struct, frozen=True):
     """Nobody knows what is sensed between the ends of rounds."""
 
     what: str
     engine: Engine = Engine.NONE
 
 
-@dataclass(frozen=True, slots=True)
-class Unreplayed:
+class Unreplayed(Struct, frozen=True):
     """What an engine took for a violation is none: it knows too little of some values."""
 
     engine: Engine
 
 
-@dataclass(frozen=True, slots=True)
-class Elsewhere:
+class Elsewhere(Struct, frozen=True):
     """Another claim is violated, so that nobody waits long for this one."""
 
     engine: Engine
 
 
-@dataclass(frozen=True, slots=True)
-class WholeRuns:
+class WholeRuns(Struct, frozen=True):
     """The engines that were asked know nothing of runs without end."""
 
     engine: Engine = Engine.NONE

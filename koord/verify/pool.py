@@ -15,10 +15,11 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from select import select
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Generic, Protocol, TypeAlias, TypeVar
+
+from msgspec import Struct, field
 
 from koord.syntax.diagnostics import Diagnostic, KoordError
 
@@ -44,8 +45,7 @@ class Teller(Protocol):
         """From now on it is ended at this moment, unless it says another one by then."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Here:
+class _Here(Struct, frozen=True):
     """The teller of work for which there is no process."""
 
     progress: Progress
@@ -95,8 +95,7 @@ def can_fork() -> bool:
     return hasattr(os, "fork")
 
 
-@dataclass(eq=False, slots=True)
-class Job(Generic[T]):
+class Job(Struct, Generic[T], eq=False):
     """Work that was handed in. ``name`` is for who looks on.
 
     ``lasts_s`` is for how long its process may go on, and ``until`` when it is ended if it is not
@@ -136,8 +135,7 @@ class Job(Generic[T]):
         return f"its process was ended by {ended_by}{wanting}"
 
 
-@dataclass(slots=True)
-class Pool:
+class Pool(Struct):
     """Runs up to ``jobs`` processes; the one that asks counts as one unless it waits.
 
     Inside a ``with``, at whose end no process is left. ``interrupted`` is asked while it waits.
@@ -356,8 +354,7 @@ def _join(job: Job[T]) -> None:
 # --- inside a process -----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Found:
+class _Found(Struct, frozen=True):
     """What a process found out, or why it could not."""
 
     answer: object
@@ -412,22 +409,19 @@ def _raised(error: Exception) -> bytes:
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class _Noted:
+class _Noted(Struct, frozen=True):
     """Something that a process knows before it is done."""
 
     value: object
 
 
-@dataclass(frozen=True, slots=True)
-class _Lasting:
+class _Lasting(Struct, frozen=True):
     """When a process is to be ended unless it says something else."""
 
     until: float | None
 
 
-@dataclass(slots=True)
-class _Line:
+class _Line(Struct):
     """The teller of a process. What is being done is told not too often, nor if nobody listens."""
 
     sends: Connection

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, assert_never
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.patience import Patience
@@ -171,8 +173,7 @@ def verify(
     return Report(verdicts, vacuities_, seconds, cut, failed, every_n, hollow.unlooked)
 
 
-@dataclass(frozen=True, slots=True)
-class _Known:
+class _Known(Struct, frozen=True):
     """The verdicts on a subject's claims, in order.
 
     ``suspected`` is the last round in which something seemed violated and was not. ``left`` are
@@ -195,8 +196,7 @@ class _Known:
         return replace(self, suspected=max(rounds, default=None))
 
 
-@dataclass(frozen=True, slots=True)
-class _Hollow:
+class _Hollow(Struct, frozen=True):
     """What makes verdicts say less than they seem to, as far as Ctrl-C did not end the search."""
 
     vacuities: tuple[Vacuity, ...] = ()
@@ -204,8 +204,7 @@ class _Hollow:
     unlooked: tuple[Unlooked, ...] = ()
 
 
-@dataclass(slots=True)
-class _Beside:
+class _Beside(Struct):
     """The search for what never happens, beside other work if there are processes for that."""
 
     pool: Pool

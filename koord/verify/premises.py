@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from enum import Enum
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.source import Span
@@ -18,8 +20,7 @@ class PremiseKind(Enum):
     SUMMARY = "summary"  #: an external function
 
 
-@dataclass(frozen=True, slots=True)
-class Premise:
+class Premise(Struct, frozen=True):
     """Something that proofs may use without proof.
 
     ``name`` is that of the assumption, of the contract with its module, or of the function;

@@ -10,7 +10,8 @@ a solver gave for branches that are not taken, break no promise. [EXTERNAL]
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT, Constant
@@ -29,8 +30,7 @@ from koord.verify.externals import quantifies
 _MOST_TRIED = 20_000
 
 
-@dataclass(frozen=True, slots=True)
-class Unkept:
+class Unkept(Struct, frozen=True):
     """An answer that a promise of its function does not allow."""
 
     function: str
@@ -84,8 +84,7 @@ def _known(
     }
 
 
-@dataclass(slots=True)
-class _Tried:
+class _Tried(Struct):
     """An oracle that knows the answers of a run, and for *every value* tries those it mentions."""
 
     values: dict[Type, list[Concrete]]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from random import Random
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
@@ -80,8 +82,7 @@ def seen(
     return broken
 
 
-@dataclass(frozen=True, slots=True)
-class Unbroken:
+class Unbroken(Struct, frozen=True):
     """Claims that no run breaks within some rounds; ``stuck`` is a round that no run gets through.
 
     ``known`` is False if the solver did not get so far. ``limits`` are runs that were left out.

@@ -8,7 +8,8 @@ next. So N² cases become two.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.search.symmetry import Symmetry, symmetry_of

@@ -8,8 +8,10 @@ others.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.search.limits import Limits
@@ -26,8 +28,7 @@ from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Verdi
 from koord.verify.witness import NotReplayedError
 
 
-@dataclass(frozen=True, slots=True)
-class Resting:
+class Resting(Struct, frozen=True):
     """What the proofs of ``claims`` need, what they do not, and what was not tried in time."""
 
     claims: tuple[str, ...]

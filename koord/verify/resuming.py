@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.patience import OutOfPatienceError
 from koord.verify.ledger import Ledger, Reach, reach_of
@@ -11,8 +13,7 @@ from koord.verify.obstacles import TimeUp
 from koord.verify.verdicts import Failure, Outcome, Verdict, engine_named
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(Struct, frozen=True):
     """What somebody is asked to do; no two steps of a verification are the same."""
 
     stage: str
@@ -20,8 +21,7 @@ class Step:
     who: str
 
 
-@dataclass(frozen=True, slots=True)
-class Past:
+class Past(Struct, frozen=True):
     """What is known of a verification whose process died: the next one goes on behind it.
 
     ``begun`` are the steps that are not taken again, be they done or not.
@@ -67,8 +67,7 @@ class Past:
 SHARE = 0.5
 
 
-@dataclass(slots=True)
-class Steps:
+class Steps(Struct):
     """The steps of a verification, each taken once, whatever its process does not survive.
 
     Whoever looks on is told with ``lasting`` when a step is over, be it that it does not end.

@@ -9,7 +9,8 @@ there is no order at all. A robot that would lose a lock skips, so at most one r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Status, System, Turn
 from koord.semantics.domain import conjunction, disjunction

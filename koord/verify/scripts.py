@@ -7,7 +7,8 @@ are of uninterpreted sorts.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
@@ -16,8 +17,7 @@ from koord.verify.claims import Claim, Phase
 from koord.verify.solving import Layer
 
 
-@dataclass(frozen=True, slots=True)
-class Script:
+class Script(Struct, frozen=True):
     """A script of SMT-LIB 2, and what it does not cover."""
 
     text: str

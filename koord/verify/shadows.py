@@ -6,9 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, Home, PropertyKind
@@ -55,8 +57,7 @@ def with_primed(program: core.Program, slots: set[int]) -> set[int]:
         found |= primed
 
 
-@dataclass(frozen=True, slots=True)
-class Shadows:
+class Shadows(Struct, frozen=True):
     """The shadows of a program: ``slots`` has that of each sensor's shadow, by the sensor's own.
 
     Ports that robots of several kinds have in common stand in the same slots, and so do their

@@ -8,8 +8,9 @@ Effort is counted in work, not in time: what is asked singly is the same on ever
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
+
+from msgspec import Struct
 
 from koord.verify.claims import Claim
 from koord.verify.engines import AFTERWARDS_S, ByUnrolling
@@ -19,8 +20,7 @@ from koord.verify.solving import Effort
 from koord.verify.verdicts import Engine, Failure, Outcome, Verdict
 
 
-@dataclass(frozen=True, slots=True)
-class _Slice:
+class _Slice(Struct, frozen=True):
     """What may be spent on each claim, in about seconds of a solver (None: anything).
 
     ``afresh``: from INIT on, and not from where all claims together were left. What the solver was
@@ -37,8 +37,7 @@ SLICES = (_Slice(5, False), _Slice(2, True), _Slice(50, False), _Slice(20, True)
 AT_LAST = _Slice(None, False)
 
 
-@dataclass(frozen=True, slots=True)
-class _Looked:
+class _Looked(Struct, frozen=True):
     """What was found out about one claim, round by round. ``tired``: there is more to be found."""
 
     said: Said
@@ -46,8 +45,7 @@ class _Looked:
     tired: bool
 
 
-@dataclass(frozen=True, slots=True)
-class ByRounds:
+class ByRounds(Struct, frozen=True):
     """Bounded model checking claim by claim, and proofs of all of them at the same time.
 
     What ``proofs`` say, which are asked in turn, counts first: the rounds that were looked at

@@ -10,6 +10,7 @@ from enum import Enum
 from fractions import Fraction
 
 import z3
+from msgspec import Struct
 
 from koord.semantics.domain import Constant
 from koord.syntax.types import BoolType, OpaqueType, StreamType, StringType, Type
@@ -38,8 +39,7 @@ class Answer(Enum):
     UNKNOWN = "unknown"
 
 
-@dataclass(slots=True)
-class Deadline:
+class Deadline(Struct):
     """A moment after which no question is asked any more; None: never.
 
     ``cpu_at`` is one in the time of this process' own work, which passes no faster where others
@@ -117,8 +117,7 @@ AT_MOST_TIMES = 10
 LONGEST_S, LONGEST_UNLIMITED_S = 10.0, 60.0
 
 
-@dataclass(slots=True)
-class Effort:
+class Effort(Struct):
     """Work that a solver may still do, in its own units: the same on every machine, loaded or not.
 
     So whether a proof is found does not depend on how fast it is looked for.
@@ -136,8 +135,7 @@ class Effort:
         return min(self.left, at_most or self.left)
 
 
-@dataclass(frozen=True, slots=True)
-class Layer:
+class Layer(Struct, frozen=True):
     """A question about what the first so many of the things say that are ``required``."""
 
     required: int
@@ -335,8 +333,7 @@ def _split_one(conjunction: z3.ExprRef) -> Iterator[z3.ExprRef]:
     yield from (z3.And(case, *rest) for case in splits[most])
 
 
-@dataclass(frozen=True, slots=True)
-class Model:
+class Model(Struct, frozen=True):
     """A solver's model, read as Python's own numbers. Terms it leaves open get some value."""
 
     d: Terms

@@ -7,7 +7,8 @@ invariant leaves open, and never passes for a violation.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store, System
 from koord.semantics.domain import Constant

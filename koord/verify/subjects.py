@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 from random import Random
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.rounds import IllegalStepError
@@ -80,8 +82,7 @@ def _lasso(system: System, recording: Recording, claim: Claim) -> Counterexample
     return replayed_lasso(system, recording, claim)
 
 
-@dataclass(slots=True)
-class _Completing:
+class _Completing(Struct):
     """Makes runs of a whole system of those of a slice, and judges them. [T-CONE]"""
 
     system: System

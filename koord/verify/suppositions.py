@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from itertools import count
 from typing import Any, TypeAlias
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, QuantifierKind, UnaryOp
@@ -27,8 +29,7 @@ def _anything(e: core.Expr) -> bool:
     return True
 
 
-@dataclass
-class Reading:
+class Reading(Struct, dict=True):
     """Reads the statements of a program.
 
     A function that is called in one place is read as if it stood there: then the denial calls one

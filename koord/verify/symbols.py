@@ -8,7 +8,8 @@ them down as a recording.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import System
 from koord.semantics.expressions import statement
@@ -24,8 +25,7 @@ from koord.verify.terms import Term
 from koord.verify.unknowns import LIST_CAPACITY, Symbolic, Unknowns
 
 
-@dataclass(frozen=True, slots=True)
-class SymbolicAnswer:
+class SymbolicAnswer(Struct, frozen=True):
     """The term that stands for one answer; see :class:`koord.semantics.traces.recording.Answer`."""
 
     phase: Phase
@@ -36,8 +36,7 @@ class SymbolicAnswer:
     value: Symbolic
 
 
-@dataclass(slots=True)
-class SymbolicOracle:
+class SymbolicOracle(Struct):
     """Answers for one turn as fresh terms."""
 
     inputs: SymbolicInputs
@@ -89,8 +88,7 @@ class _SummaryOracle(SymbolicOracle):
         return True
 
 
-@dataclass(slots=True)
-class SymbolicInputs:
+class SymbolicInputs(Struct):
     """Inputs of one step as fresh terms, in the order in which they were asked for."""
 
     unknowns: Unknowns

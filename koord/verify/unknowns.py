@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from msgspec import Struct
+
 from koord.semantics.configurations import System
 from koord.semantics.domain import conjunction
 from koord.semantics.expressions import statement
@@ -290,8 +292,7 @@ def _part_types(type_: Type, count: int) -> list[tuple[str, Type]]:
     return [(str(position), type_.element) for position in range(count)]
 
 
-@dataclass(frozen=True, slots=True)
-class _Axiom:
+class _Axiom(Struct, frozen=True):
     """An oracle for summaries as axioms: of all arguments, nothing of it to be recorded."""
 
     unknowns: Unknowns

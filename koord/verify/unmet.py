@@ -7,7 +7,9 @@ is looked for in runs.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.verify.claims import Claim
@@ -46,8 +48,7 @@ def unmet(ledger: Ledger, unbroken_: Collection[Claim], effort: Effort) -> Itera
             yield told(wish, rounds, certain=never in sure | proved, blocked=never in blocked)
 
 
-@dataclass(frozen=True, slots=True)
-class _Asking:
+class _Asking(Struct, frozen=True):
     """Asks about wishes, in the system in which they are stated."""
 
     ledger: Ledger

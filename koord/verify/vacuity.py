@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.patience import OutOfPatienceError, Patience
@@ -44,8 +46,7 @@ REGARDLESS_S = 2.0
 _AT_MOST = Effort.of_seconds(0.1).left
 
 
-@dataclass(frozen=True, slots=True)
-class Looked:
+class Looked(Struct, frozen=True):
     """What was found out about what can happen, whatever the verdicts are.
 
     ``never`` are the wishes that no run fulfils; None if no run can start, as ``empty`` says.
@@ -58,8 +59,7 @@ class Looked:
     spent_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Hollow:
+class Hollow(Struct, frozen=True):
     """What makes verdicts say less than they seem to, and what was not looked at to the end."""
 
     vacuities: tuple[Vacuity, ...] = ()

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
+
+from msgspec import Struct
 
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.semantics.traces.recording import Recording
+from koord.syntax.content import ByContent
 from koord.syntax.source import Span
 from koord.verify.claims import Claim, Phase
 
@@ -50,8 +52,7 @@ def engine_named(name: str) -> Engine:
     return next((engine for engine in Engine if engine.value == name), Engine.NONE)
 
 
-@dataclass(frozen=True, slots=True)
-class Bounds:
+class Bounds(Struct, frozen=True):
     """How far to look: rounds, and seconds for everything (None: no limit).
 
     ``violations`` is how many different counterexamples to look for where a claim is violated.
@@ -64,8 +65,7 @@ class Bounds:
     claim_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Counterexample:
+class Counterexample(Struct, frozen=True):
     """A run that breaks a claim, replayed on the exact domain; of a liveness claim a lasso.
 
     ``round`` counts from 1; 0 means INIT; of a lasso it is the last round of its loop. ``robot`` is
@@ -82,8 +82,7 @@ class Counterexample:
     fault: Fault | None = None  #: of the evaluation of a property, which is false for that
 
 
-@dataclass(frozen=True, slots=True)
-class BrokenStep:
+class BrokenStep(Struct, frozen=True):
     """A counterexample to induction: from a configuration in which all claims hold to one that
     breaks a claim. It is no run, since nobody knows whether it can be reached.
 
@@ -96,8 +95,7 @@ class BrokenStep:
     phase: Phase
 
 
-@dataclass(frozen=True, slots=True)
-class Ways:
+class Ways(Struct, frozen=True):
     """What became of the search for different ways to break a claim.
 
     ``complete``: there are no more within the bound. If neither that nor a ``reason`` is said,
@@ -108,8 +106,7 @@ class Ways:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(Struct, frozen=True):
     """The answer to one claim.
 
     ``rounds`` is how far a *holds* reaches (None: all rounds), or, if *unknown*, the last round
@@ -152,8 +149,7 @@ class Emptiness(Enum):
     UNTOUCHED = "untouched"  #: nothing that an invariant reads ever changes, or nothing breaks it
 
 
-@dataclass(frozen=True, slots=True)
-class Vacuity:
+class Vacuity(Struct, frozen=True):
     """Something that makes verdicts say less than they seem to.
 
     ``subject`` is the event or the invariant, if it is about one. A vacuity that is not
@@ -168,16 +164,14 @@ class Vacuity:
     span: Span | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Unlooked:
+class Unlooked(Struct, frozen=True):
     """Something of which nobody knows whether it ever happens: looking for that was given up."""
 
     what: Emptiness
     subject: str
 
 
-@dataclass(frozen=True, slots=True)
-class Failure:
+class Failure(ByContent, frozen=True):
     """What an engine ran into: it gave no answer, and the others were asked instead of it; or what
     something beside the engines ran into.
 
@@ -185,10 +179,12 @@ class Failure:
     how it came there.
     """
 
+    ASIDE: ClassVar[frozenset[str]] = frozenset({"trace"})
+
     who: str
     what: str
     where: str = ""
-    trace: str = field(default="", compare=False, repr=False)
+    trace: str = ""
     names: tuple[str, ...] = ()  #: of variables whose numbers have grown too long for it
 
     def __str__(self) -> str:
@@ -196,8 +192,7 @@ class Failure:
         return f"{self.who} failed: {self.what}{place}"
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
+class Report(Struct, frozen=True):
     """All verdicts on one system; on systems of every size if ``every_n``."""
 
     verdicts: tuple[Verdict, ...]

@@ -11,11 +11,13 @@ supposes never holds as they begin.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from enum import Enum
 from functools import reduce
 from itertools import chain, count
 from typing import Any, TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.syntax import core
@@ -36,8 +38,7 @@ class Aim(Enum):
     CONTRACT = "contract"  #: that what a contract supposes is, as the environment's turn begins
 
 
-@dataclass(frozen=True, slots=True)
-class Wish:
+class Wish(Struct, frozen=True):
     """One wish. ``subject`` is the event, or the property or contract that supposes something.
 
     Where it is ``observed``, it may come true between the ends of rounds, too. If it never does,
@@ -59,8 +60,7 @@ class Wish:
 _Stated: TypeAlias = "tuple[Aim, str, core.Expr, int, Span, bool]"
 
 
-@dataclass(frozen=True, slots=True)
-class Wishes:
+class Wishes(Struct, frozen=True):
     """All that should be possible, and the system in which it is asked for."""
 
     system: System
@@ -164,8 +164,7 @@ def _denials(reading: Reading, stated: core.Property) -> Iterator[Denial]:
 # --- contracts ------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Supposed:
+class _Supposed(Struct, frozen=True):
     """Something that a contract supposes, wherever its module is in use.
 
     ``place`` counts what the contract supposes; 0 is what it requires.

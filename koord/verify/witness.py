@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from itertools import combinations
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 import koord.verify.solving as solving
 from koord.semantics.configurations import Configuration, Fault, System
@@ -40,8 +42,7 @@ from koord.verify.terms import Term
 from koord.verify.verdicts import Counterexample
 
 
-@dataclass(frozen=True, slots=True)
-class Reader:
+class Reader(Struct, frozen=True):
     """Reads concrete values out of a model."""
 
     model: solving.Model
@@ -366,8 +367,7 @@ def _findings(system: System, recording: Recording, steps: list[Step]) -> Findin
     return Findings(False, tuple((name in met, name) for name in names), promises)
 
 
-@dataclass(frozen=True, slots=True)
-class _Meeting:
+class _Meeting(Struct, frozen=True):
     """Two robots wrote one location of an allwrite variable in a round, one of them an update."""
 
     name: str

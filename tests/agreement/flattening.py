@@ -6,11 +6,11 @@ anything behind the first fault.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeAlias, TypeVar
 
 import z3
+from msgspec import Struct
 
 from koord.semantics.configurations import Configuration, Fault, Robot, Store, System, Written
 from koord.semantics.domain import Constant
@@ -71,9 +71,9 @@ def _terms(results: object) -> Iterator[z3.ExprRef]:
             yield from _terms(part)
     elif isinstance(results, dict):
         yield from _terms(tuple(results.values()))
-    elif dataclasses.is_dataclass(results) and not isinstance(results, Fault | type):
-        for field in dataclasses.fields(results):
-            yield from _terms(getattr(results, field.name))
+    elif isinstance(results, Struct) and not isinstance(results, Fault):
+        for name in results.__struct_fields__:
+            yield from _terms(getattr(results, name))
 
 
 # --- values and storage ---------------------------------------------------------------------------

@@ -6,10 +6,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from random import Random
 
 import pytest
+from msgspec.structs import replace
 
 from koord.refinement.generating.drafts import Draft
 from koord.refinement.generating.palette import palette

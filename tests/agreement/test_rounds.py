@@ -6,10 +6,10 @@ snapshot and puts the writes into the store in the order of the running robots.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import permutations
 
 import pytest
+from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Status, Turn
 from koord.semantics.domain import EXACT, Constant

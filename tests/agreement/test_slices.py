@@ -47,7 +47,7 @@ ENGINES = [choice for choice in Choice if choice is not Choice.ABC]
 Told = dict[str, tuple[Outcome, int | None]]
 
 
-class Wholes(Slices):
+class Wholes(Slices, frozen=True):
     """Slices that leave out nothing."""
 
     def common(self) -> System:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from random import Random
+
+from msgspec import Struct
 
 from koord.refinement.generating.profiles import GENERAL, WILD
 from koord.refinement.generating.programs import system
@@ -17,8 +18,7 @@ from tests.generators.configurations import configuration
 from tests.generators.runs import Player
 
 
-@dataclass(frozen=True, slots=True)
-class Triple:
+class Triple(Struct, frozen=True):
     """A configuration at the start of a round, and one round from it, which is legal."""
 
     seed: int

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
 from fractions import Fraction
 from random import Random
 from typing import Any
+
+from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE, Profile
 from koord.refinement.generating.programs import system
@@ -52,9 +53,9 @@ def extreme(random: Random) -> int:
 def _grown(node: Any, random: Random) -> Any:
     """The same with large numbers in sums, in comparisons, and where values are assigned."""
     changed = {
-        field.name: _part(getattr(node, field.name), random)
-        for field in fields(node)
-        if field.init and field.name != "span"
+        name: _part(getattr(node, name), random)
+        for name in node.__struct_fields__
+        if name != "span"
     }
     grown = replace(node, **changed)
     match grown:

@@ -7,9 +7,11 @@ or assumed of it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
+
+from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
@@ -119,12 +121,12 @@ def _of_node(node: Any) -> Iterator[_Changed]:
     """The node itself changed, then what is below it."""
     for mistake, changed in _itself(node):
         yield mistake, node.span, changed
-    for field in fields(node):
-        part = getattr(node, field.name)
-        if field.name == "span":
+    for name in node.__struct_fields__:
+        part = getattr(node, name)
+        if name == "span":
             continue
         for mistake, span, changed in _of_part(part):
-            yield mistake, span, replace(node, **{field.name: changed})
+            yield mistake, span, replace(node, **{name: changed})
 
 
 def _of_part(part: Any) -> Iterator[_Changed]:

@@ -6,8 +6,9 @@ shared number counts up, one step a round at most; events wait for it, and so do
 
 from __future__ import annotations
 
-from dataclasses import replace
 from random import Random
+
+from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE, Profile
 from koord.refinement.generating.programs import system

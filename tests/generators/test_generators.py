@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
-from dataclasses import replace
 from enum import Enum
 from functools import cache
 from random import Random
@@ -12,6 +10,8 @@ from typing import get_args
 
 import pytest
 from hypothesis import given, settings
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE, GENERAL, Profile
 from koord.refinement.generating.programs import system
@@ -44,9 +44,9 @@ def parts(node: object) -> Iterator[object]:
     if isinstance(node, tuple | frozenset):
         for part in node:
             yield from parts(part)
-    elif dataclasses.is_dataclass(node) and not isinstance(node, type):
-        for field in dataclasses.fields(node):
-            yield from parts(getattr(node, field.name))
+    elif isinstance(node, Struct):
+        for name in node.__struct_fields__:
+            yield from parts(getattr(node, name))
 
 
 @PROFILES

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ast
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from tests.mutants.patterns import definitions, replace
 
@@ -14,8 +15,7 @@ ROOT = Path(__file__).parents[2]
 VARIABLE = "KOORD_MUTANT"
 
 
-@dataclass(frozen=True, slots=True)
-class Mutant:
+class Mutant(Struct, frozen=True):
     """In ``place``, ``new`` stands instead of ``old``; ``tests`` are those of which one must fail.
 
     ``place`` is a function below ``koord``, such as ``recheck.settling.Settling.settle``; where the

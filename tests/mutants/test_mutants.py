@@ -6,9 +6,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from tests.mutants.catalogue import MUTANTS
 from tests.mutants.harness import tried, untouched

@@ -9,10 +9,11 @@ outside of SPIN's state, so that one search answers for all claims.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from itertools import count
 from pathlib import Path
+
+from msgspec import Struct
 
 from koord.syntax import core
 from koord.syntax.core import Direction, Home, PropertyKind, Start
@@ -31,8 +32,7 @@ NO_FAULT = "no fault"
 _ANSWERS = 40
 
 
-@dataclass(frozen=True)
-class Model:
+class Model(Struct, frozen=True):
     """Two files for SPIN, and the names of the claims by number."""
 
     promela: str

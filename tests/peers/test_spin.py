@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 from random import Random
 from textwrap import dedent
 
 import pytest
+from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system

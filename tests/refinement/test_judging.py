@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from koord.refinement.cases import Policy, Tried, generated, tried
 from koord.refinement.judging import judge
@@ -27,7 +26,7 @@ def outcome() -> Tried:
 def changed(trace: Trace, number: int, **fields: object) -> Trace:
     """The trace with another round."""
     rounds = list(trace.recording.rounds)
-    rounds[number] = replace(rounds[number], **fields)  # type: ignore[arg-type]
+    rounds[number] = replace(rounds[number], **fields)
     return replace(trace, recording=replace(trace.recording, rounds=tuple(rounds)))
 
 

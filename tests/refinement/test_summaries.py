@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from koord.refinement.judging import judge, judge_robots
 from koord.refinement.running import Ran

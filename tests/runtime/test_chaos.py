@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
 from koord.runtime.chaos.storm import Course, Weathered, weather

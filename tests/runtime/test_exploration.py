@@ -6,9 +6,8 @@ timers run down whenever they like; robots crash and come back empty.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 from msgspec.structs import replace as changed
 
 from koord.runtime.exploration.claims import (

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import permutations, product
 from typing import TypeVar
+
+from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, System, Turn
 from koord.semantics.domain import EXACT, Constant

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from fractions import Fraction
 from random import Random
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, FaultKind, System, dealt
 from koord.semantics.domain import Constant
@@ -43,7 +43,7 @@ def with_round(trace: Trace, number: int, **changed: object) -> Trace:
     """The trace with one round of its recording changed."""
 
     def change(rounds: tuple[Round, ...]) -> tuple[Round, ...]:
-        one = replace(rounds[number], **changed)  # type: ignore[arg-type]
+        one = replace(rounds[number], **changed)
         return (*rounds[:number], one, *rounds[number + 1 :])
 
     return with_rounds(trace, change)
@@ -163,8 +163,7 @@ def test_a_round_behind_one_that_was_cut() -> None:
 
 def changed_answers(trace: Trace, number: int, change: Callable[[object], object]) -> Trace:
     answers = tuple(
-        replace(a, value=change(a.value))  # type: ignore[arg-type]
-        for a in trace.recording.rounds[number].answers
+        replace(a, value=change(a.value)) for a in trace.recording.rounds[number].answers
     )
     return with_round(trace, number, answers=answers)
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Drone

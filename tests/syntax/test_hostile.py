@@ -5,12 +5,12 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import Struct
 
 from koord.syntax import ast
 from koord.syntax.lines import MAX_BRACKETS
@@ -50,8 +50,8 @@ def depth(node: object) -> int:
         deepest = max(deepest, level)
         if isinstance(item, tuple):
             waiting += [(child, level) for child in item]
-        elif is_dataclass(item) and not isinstance(item, Span | ast.Comment):
-            waiting += [(getattr(item, f.name), level + 1) for f in fields(item)]
+        elif isinstance(item, Struct) and not isinstance(item, Span | ast.Comment):
+            waiting += [(getattr(item, name), level + 1) for name in item.__struct_fields__]
     return deepest
 
 

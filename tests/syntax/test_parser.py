@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
 from fractions import Fraction
 from pathlib import Path
 
 import pytest
+from msgspec import Struct
 
 import koord
 from koord.syntax import ast
@@ -402,14 +402,14 @@ def spans(node: object) -> None:
     elif isinstance(node, ast.Node):
         assert node.span.file != NOWHERE.file, node
         assert (node.span.line, node.span.column) < (node.span.end_line, node.span.end_column)
-        for field in fields(node):
-            child = getattr(node, field.name)
+        for name in node.__struct_fields__:
+            child = getattr(node, name)
             if isinstance(child, ast.Node):
                 assert node.span.line <= child.span.line
                 assert child.span.end_line <= node.span.end_line, (node, child)
             spans(child)
     else:
-        assert not is_dataclass(node) or isinstance(node, ast.Comment) or field_free(node)
+        assert not isinstance(node, Struct) or isinstance(node, ast.Comment) or field_free(node)
 
 
 def field_free(node: object) -> bool:

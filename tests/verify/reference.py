@@ -7,10 +7,12 @@ shares with the engines the rules of a single step, and nothing else.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import permutations, product
 from typing import TypeAlias, TypeVar
+
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Status, System, Turn
 from koord.semantics.domain import EXACT, Constant

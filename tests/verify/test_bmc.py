@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from koord.semantics.configurations import FaultKind, Status, dealt
 from koord.semantics.domain import EXACT

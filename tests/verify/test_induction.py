@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System, dealt
 from koord.semantics.traces.recording import Recording

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from random import Random
 
 import pytest
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System, dealt
 from koord.semantics.patience import OutOfPatienceError, Patience

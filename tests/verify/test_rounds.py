@@ -7,9 +7,9 @@ turns. [T-ONE-WINNER] [T-PREFIX] [T-COMMIT] [SHARED-ASSIGN]
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System, dealt
 from koord.semantics.storage import Cell

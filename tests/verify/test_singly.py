@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from textwrap import dedent
 
 import pytest
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System, dealt
 from koord.syntax.load import load

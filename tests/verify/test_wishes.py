@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from random import Random
 
 import pytest
+from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system

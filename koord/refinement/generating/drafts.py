@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from enum import IntEnum
 from random import Random
 from typing import TypeVar
+
+from msgspec import Struct, field
 
 from koord.refinement.generating.palette import Palette
 from koord.refinement.generating.profiles import Profile
@@ -26,8 +27,7 @@ class Reach(IntEnum):
     ROBOT = 2  #: ``pid`` too: from events
 
 
-@dataclass(slots=True)
-class Draft:
+class Draft(Struct):
     """A program as it grows: its chance, its counters, and what may be called so far."""
 
     random: Random
@@ -76,8 +76,7 @@ class Draft:
         return self.pick(self.palette.scalars)
 
 
-@dataclass(slots=True)
-class Slots:
+class Slots(Struct):
     """The BOUND slots of one body."""
 
     used: int = 0
@@ -89,8 +88,7 @@ class Slots:
         return variable
 
 
-@dataclass(slots=True)
-class Context:
+class Context(Struct):
     """Where an expression or a statement is to stand.
 
     ``bound`` are the bound variables that hold a value there. In a property, ``robots`` are those

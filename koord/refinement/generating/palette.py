@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import Enum
 from random import Random
+
+from msgspec import Struct
 
 from koord.syntax.types import (
     BOOL,
@@ -23,8 +24,7 @@ from koord.syntax.types import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Palette:
+class Palette(Struct, frozen=True):
     """Types to choose from: ``scalars`` for keys and leaves, ``all`` for variables."""
 
     scalars: tuple[Type, ...]
@@ -67,8 +67,7 @@ class Way(Enum):
     KEY = "key"
 
 
-@dataclass(frozen=True, slots=True)
-class Stage:
+class Stage(Struct, frozen=True):
     """One step of a path: ``above`` is the type it starts from, ``type`` the one it leads to."""
 
     way: Way

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from msgspec import Struct
+from msgspec.structs import replace
 
 
-@dataclass(frozen=True, slots=True)
-class Profile:
+class Profile(Struct, frozen=True):
     """Sizes are inclusive ranges; rates are probabilities.
 
     ``finite`` programs have finitely many reachable configurations: integers stay in a small range,

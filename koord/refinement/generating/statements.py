@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.refinement.generating import places
 from koord.refinement.generating.drafts import Context
@@ -265,8 +266,7 @@ def _signal(c: Context, depth: int) -> core.Stmt:
 # --- functions ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Signature:
+class Signature(Struct, frozen=True):
     """What a function takes and gives."""
 
     parameters: tuple[Type, ...]

@@ -17,10 +17,12 @@ import struct
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush
 from pathlib import Path
 from random import Random
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.runtime.chaos.faults import Faults
 from koord.runtime.transports.udp import Plan, Reach, Udp
@@ -120,8 +122,7 @@ def card() -> int:
 # --- the hub --------------------------------------------------------------------------------------
 
 
-@dataclass
-class Hub:
+class Hub(Struct):
     """Carries frames between the cards, badly. One process, until somebody ends it."""
 
     path: Path

@@ -6,10 +6,10 @@ would lose in a crash and what it keeps in a journal on disk are as on a real ro
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from random import Random
 
 import msgspec
+from msgspec import Struct, field
 
 from koord.runtime.chaos.network import Newborn
 from koord.runtime.proposals import INIT_ROUND, Attempt, Plain, Proposal, Taken, Write
@@ -43,8 +43,7 @@ def proposal_of(robot: int, round_: int) -> Proposal:
             return Proposal(robot, round_, (Attempt(3, (shared, own), (choice % CLASSES,)),))
 
 
-@dataclass(slots=True)
-class Journal:
+class Journal(Struct):
     """What a crash does not take: the last proposal made, and the rounds that were kept."""
 
     proposed: Proposal | None = None

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from random import Random
 
+from msgspec import Struct
+
 from koord.runtime.chaos.faults import Faults
 from koord.runtime.node import Node, Robot
 from koord.runtime.protocol.messages import Message
@@ -23,8 +25,7 @@ class Due:
     what: Delivery | Wake | Birth | Weather = field(compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Delivery:
+class Delivery(Struct, frozen=True):
     """A message arrives."""
 
     sender: int
@@ -33,27 +34,23 @@ class Delivery:
     message: Message
 
 
-@dataclass(frozen=True, slots=True)
-class Wake:
+class Wake(Struct, frozen=True):
     """A robot's timer may have run down."""
 
     robot: int
 
 
-@dataclass(frozen=True, slots=True)
-class Birth:
+class Birth(Struct, frozen=True):
     """A robot that was down is switched on."""
 
     robot: int
 
 
-@dataclass(frozen=True, slots=True)
-class Weather:
+class Weather(Struct, frozen=True):
     """Time to draw crashes and cuts."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sent:
+class Sent(Struct, frozen=True):
     """A datagram that was sent, whether or not it arrives; ``to`` is None for a multicast."""
 
     sender: int
@@ -62,8 +59,7 @@ class Sent:
     message: Message
 
 
-@dataclass(frozen=True, slots=True)
-class Newborn:
+class Newborn(Struct, frozen=True):
     """A robot as it is switched on, and how its part of the protocol begins."""
 
     robot: Robot
@@ -225,8 +221,7 @@ class Network:
         return self.now < self._cut_until and (one in self._cut) != (other in self._cut)
 
 
-@dataclass(frozen=True, slots=True)
-class _Outbox:
+class _Outbox(Struct, frozen=True):
     network: Network
     robot: int
 

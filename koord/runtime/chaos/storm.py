@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.runtime.chaos.faults import CALM, Faults
 from koord.runtime.chaos.ledger import Ledgers, proposal_of
@@ -23,8 +25,7 @@ from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Coordinator, State
 
 
-@dataclass(frozen=True, slots=True)
-class Weathered:
+class Weathered(Struct, frozen=True):
     """What a storm left: how far the robots came, and what is broken, if anything."""
 
     seed: int
@@ -37,8 +38,7 @@ class Weathered:
     broken: Broken | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Course:
+class Course(Struct, frozen=True):
     """How long it blows, and how long it may take to recover."""
 
     storm_s: float = 5.0

@@ -7,8 +7,10 @@ that checks it, and operands stand in the order in which the rules evaluate them
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
 from typing import assert_never
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.runtime.compile.knowledge import Knowledge
 from koord.runtime.compile.naming import Names
@@ -36,8 +38,7 @@ from koord.syntax.types import (
 OR, AND, NOT, COMPARE, ADD, MULTIPLY, NEGATE, ATOM = range(8)
 
 
-@dataclass(frozen=True, slots=True)
-class Code:
+class Code(Struct, frozen=True):
     """A piece of Python: its text, how tightly it binds, and whether it may fault."""
 
     text: str
@@ -49,8 +50,7 @@ class Code:
         return self.text if self.level >= level else f"({self.text})"
 
 
-@dataclass
-class Scope:
+class Scope(Struct):
     """Where an expression stands: what variables are called, and what is known of them.
 
     ``trail`` are the loops, quantifiers and calls around, outermost first, as Python expressions.

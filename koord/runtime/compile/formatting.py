@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 WIDTH = 88
 _STEP = "    "
@@ -40,8 +41,7 @@ def _laid_out(line: str) -> list[str]:
     return list(_Layout(source, word).statement(statement, indent))
 
 
-@dataclass(frozen=True, slots=True)
-class _Layout:
+class _Layout(Struct, frozen=True):
     """Breaks one logical line; ``source`` is the line without its indentation.
 
     It holds ``if`` where the line has another ``word``.

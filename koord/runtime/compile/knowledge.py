@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import Struct, field
 
 from koord.syntax import core
 from koord.syntax.core import Home, Start
@@ -10,8 +10,7 @@ from koord.syntax.types import ArrayType, RecordType, Robots, Type
 from koord.syntax.walk import nodes, statements, written
 
 
-@dataclass
-class Knowledge:
+class Knowledge(Struct):
     """Facts of a program that spare its compiled form checks and arguments."""
 
     program: core.Program

@@ -13,9 +13,11 @@ answer. So with slack a claim never says more than without.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
@@ -34,8 +36,7 @@ class Side(Enum):
         return Side(-self.value)
 
 
-@dataclass
-class Loosening:
+class Loosening(Struct):
     """Loosens the claims of a program; the functions that this takes are gathered."""
 
     program: core.Program

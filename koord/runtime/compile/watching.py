@@ -7,9 +7,11 @@ has them looks at robots from outside (:class:`koord.runtime.watch.Watch`).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.runtime.compile.expressions import Scope
 from koord.runtime.compile.naming import Names
@@ -34,8 +36,7 @@ class Sort(Enum):
     SUMMARY = "summary"
 
 
-@dataclass(frozen=True, slots=True)
-class Claim:
+class Claim(Struct, frozen=True):
     """A claim: the method that says whether it holds, and what it is given.
 
     An invariant is given robots, of the ``agents`` that it is about (None: of any); a contract is
@@ -51,8 +52,7 @@ class Claim:
     looks: Looks | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Looks:
+class Looks(Struct, frozen=True):
     """Where an invariant looks: at what a robot it is given holds, and at what is shared.
 
     Attributes of robots, by the position of the robot among those that are given; allread variables
@@ -64,8 +64,7 @@ class Looks:
     shared: frozenset[str]
 
 
-@dataclass
-class Watched:
+class Watched(Struct):
     """The claims of a program, and the text of the module that has them."""
 
     claims: tuple[Claim, ...]
@@ -77,8 +76,7 @@ def watched(program: core.Program, slack: Fraction) -> Watched:
     return _Gathering(program, slack).watched()
 
 
-@dataclass
-class _Gathering:
+class _Gathering(Struct):
     program: core.Program
     slack: Fraction
     claims: list[Claim] = field(default_factory=list)

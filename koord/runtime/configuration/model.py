@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
+
+from msgspec import Struct, field
 
 from koord.runtime.configuration.forms import BotType, Carrier, MonitorForm, SimulationForm, Topic
 from koord.runtime.configuration.reading import Document, Path
 from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Point, World
+from koord.syntax.content import ByContent
 from koord.syntax.source import Source, Span
 
 
-@dataclass(frozen=True, slots=True)
-class Vehicle:
+class Vehicle(Struct, frozen=True):
     """What a robot runs on."""
 
     name: str
@@ -30,8 +31,7 @@ class Vehicle:
     path: Path = ()  #: where it stands in the file
 
 
-@dataclass(frozen=True, slots=True)
-class RobotPlace:
+class RobotPlace(Struct, frozen=True):
     """A robot: what it runs on, where it is, and where it listens."""
 
     pid: int
@@ -44,16 +44,14 @@ class RobotPlace:
     path: Path = ()  #: where its position stands in the file, or it itself
 
 
-@dataclass(frozen=True, slots=True)
-class Scatter:
+class Scatter(Struct, frozen=True):
     """What the seed of a simulated run decides: where tasks are, and robots begin."""
 
     tasks: int = 0
     start: tuple[Point, Point] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Talk:
+class Talk(Struct, frozen=True):
     """How robots talk."""
 
     carrier: Carrier
@@ -66,9 +64,10 @@ class Talk:
     listen: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Configuration:
+class Configuration(ByContent, frozen=True):
     """A run. ``robots[i]`` has pid i."""
+
+    ASIDE: ClassVar[frozenset[str]] = frozenset({"document"})
 
     name: str
     robots: tuple[RobotPlace, ...]
@@ -81,9 +80,7 @@ class Configuration:
     scatter: Scatter = Scatter()
     bounded: bool = False  #: whether it is said how large the world is
     monitor: MonitorForm = field(default_factory=MonitorForm)
-    document: Document = field(
-        default_factory=lambda: Document(Source("", ""), {}), compare=False, repr=False
-    )
+    document: Document = field(default_factory=lambda: Document(Source("", ""), {}))
 
     def place(self, *path: str | int) -> Span:
         """Where something stands in the file."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
+from msgspec import Struct, field
 
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Source, Span
@@ -20,8 +20,7 @@ MOST_VALUES = 200_000
 _DEEPEST = 50
 
 
-@dataclass(slots=True)
-class Document:
+class Document(Struct):
     """The values of a file, and where they stand."""
 
     source: Source

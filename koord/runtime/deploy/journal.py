@@ -7,11 +7,11 @@ to nobody else. A journal is one file that is replaced whole, so it is never hal
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec import Struct
 
 from koord.runtime.encoding import (
     FlatProposal,
@@ -28,8 +28,7 @@ from koord.runtime.proposals import Proposal
 Attributes = tuple[Any, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Page:
+class Page(Struct, frozen=True):
     """Where a robot was.
 
     It had acted on all rounds before ``round``; ``turns`` environment turns are still to come.

@@ -7,9 +7,10 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+
+from msgspec import Struct, field
 
 from koord.runtime.deploy.running import Job, Make, Moment, Runner, ideal_member
 from koord.runtime.deploy.status import Status
@@ -26,8 +27,7 @@ _STOP = b"stop"
 Carry = Callable[[Plan, int], Transport]
 
 
-@dataclass(frozen=True, slots=True)
-class Launch:
+class Launch(Struct, frozen=True):
     """What a robot's process needs to know."""
 
     job: Job
@@ -37,8 +37,7 @@ class Launch:
     keeps_moments: bool = False
 
 
-@dataclass(slots=True)
-class Fleet:
+class Fleet(Struct):
     """The processes, and what they said last."""
 
     launch: Launch

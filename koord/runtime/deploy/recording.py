@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import IO, Any
+
+from msgspec import to_builtins
 
 from koord.runtime.deploy.running import Moment
 from koord.runtime.deploy.status import Status
@@ -56,7 +57,7 @@ class Record:
 
     def status(self, status: Status, now_ns: int) -> None:
         """How a robot is doing."""
-        message = asdict(status)
+        message = to_builtins(status)
         message["holding"] = None if status.holding is None else status.holding.value
         self._file.add("/status", _STATUS, message, now_ns, status.round)
 

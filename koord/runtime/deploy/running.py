@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.runtime.configuration.model import Configuration
 from koord.runtime.deploy.ideal import Ideal
@@ -32,8 +34,7 @@ REPORT_S = 0.25
 LINGERING = 8
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
+class Job(Struct, frozen=True):
     """A run, as every robot of it has to know it."""
 
     classes: tuple[type[Robot], ...]
@@ -70,8 +71,7 @@ class Job:
         return Journal(self.journals / f"{name}-{pid}.journal")
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(Struct, frozen=True):
     """What a robot did in a round, for the record."""
 
     pid: int

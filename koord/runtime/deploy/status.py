@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from koord.runtime.deploy.member import Member
 from koord.runtime.peer import Peer
@@ -10,8 +10,7 @@ from koord.runtime.protocol.coordinating import waiting_for
 from koord.runtime.protocol.events import Reason
 
 
-@dataclass(frozen=True, slots=True)
-class Status:
+class Status(Struct, frozen=True):
     """One robot at one moment. Rounds count from 0; -1 is INIT."""
 
     pid: int
@@ -38,8 +37,7 @@ class Status:
     trouble: str | None = None  #: why it had to stop, if that is not the program's doing
 
 
-@dataclass(slots=True)
-class Tally:
+class Tally(Struct):
     """What a robot counts while it runs."""
 
     ran: int = 0

@@ -8,7 +8,8 @@ at: a round takes as long as it takes, and δ is a number.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.runtime.deciding import decide
 from koord.runtime.engine.schedules import Schedule
@@ -18,16 +19,14 @@ from koord.runtime.robot import Host, Robot, Status, Written
 from koord.runtime.store import Store
 
 
-@dataclass(frozen=True, slots=True)
-class Ended:
+class Ended(Struct, frozen=True):
     """The fault that ended a run; ``robot`` is None where a shared variable's start is to blame."""
 
     robot: int | None
     fault: Fault
 
 
-@dataclass(frozen=True, slots=True)
-class Shown:
+class Shown(Struct, frozen=True):
     """What a robot wrote to streams in one turn; ``round`` is INIT_ROUND for INIT."""
 
     round: int

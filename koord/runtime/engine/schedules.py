@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from random import Random
 from typing import Protocol
+
+from msgspec import Struct, field
 
 from koord.runtime.deciding import rotating
 from koord.runtime.proposals import Proposal
@@ -48,8 +49,7 @@ class Deployed:
         return True
 
 
-@dataclass(frozen=True, slots=True)
-class AtRandom:
+class AtRandom(Struct, frozen=True):
     """Any order, any enabled event, now and then a skip: all that the rules allow."""
 
     rng: Random
@@ -76,8 +76,7 @@ class AtRandom:
 _GOES_PERCENT, _LONGEST_AWAY = 10, 5
 
 
-@dataclass(slots=True)
-class Unheard:
+class Unheard(Struct):
     """A schedule on a bad network: proposals are lost, and robots are away for some rounds."""
 
     inner: Schedule

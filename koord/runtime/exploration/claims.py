@@ -6,7 +6,8 @@ They look at the entries and messages themselves and not at how the machine came
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.runtime.proposals import INIT_ROUND, Attempt, Proposal
 from koord.runtime.protocol.entries import Entry, Held
@@ -17,8 +18,7 @@ from koord.runtime.protocol.state import Coordinator, State
 ProposalOf = Callable[[int, int], Proposal]
 
 
-@dataclass(frozen=True, slots=True)
-class Broken:
+class Broken(Struct, frozen=True):
     """An invariant that does not hold: its id, and what was seen."""
 
     claim: str
@@ -64,8 +64,7 @@ def agree(first: Entry, second: Entry) -> Iterable[Broken]:
         yield Broken("I-AGREE", f"round {first.round}: both {first} and {second} are committed")
 
 
-@dataclass(frozen=True, slots=True)
-class Accepted:
+class Accepted(Struct, frozen=True):
     """An acknowledgement: in the epoch, this incarnation of this robot held the entry."""
 
     epoch: int

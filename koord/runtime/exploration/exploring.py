@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
 from random import Random
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.runtime.exploration.claims import (
     Accepted,
@@ -26,16 +28,14 @@ from koord.runtime.protocol.setup import Setup, Timing
 CRASHES, TIMERS = 0.03, 0.1
 
 
-@dataclass(frozen=True, slots=True)
-class Violation:
+class Violation(Struct, frozen=True):
     """An invariant that does not hold, and what led to it."""
 
     broken: Broken
     story: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Explored:
+class Explored(Struct, frozen=True):
     """What was seen."""
 
     bounds: Bounds

@@ -11,11 +11,11 @@ is then a look-up in tables.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from enum import Enum
 from typing import assert_never
 
 import msgspec
+from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.runtime.exploration.claims import ProposalOf
@@ -51,8 +51,7 @@ DOWN = -1
 _TIMERS = frozenset({Timer.DEADLINE, Timer.SILENCE})
 
 
-@dataclass(frozen=True, slots=True)
-class Bounds:
+class Bounds(Struct, frozen=True):
     """How much may happen. Nothing is explored past them; everything is before."""
 
     robots: int = 3
@@ -107,8 +106,7 @@ class World(msgspec.Struct, frozen=True):
     acted: int = 0  #: which history: from INIT on, what anybody has ever committed first
 
 
-@dataclass(frozen=True, slots=True)
-class Move:
+class Move(Struct, frozen=True):
     """What one robot does about one cause."""
 
     local: int
@@ -116,8 +114,7 @@ class Move:
     committed: tuple[Held, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Transition:
+class Transition(Struct, frozen=True):
     """Something that may happen."""
 
     robot: int

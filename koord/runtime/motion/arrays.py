@@ -6,10 +6,10 @@ for it find out first.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -24,8 +24,7 @@ def lengths(vectors: Floats) -> Floats:
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class Products:
+class Products(Struct, frozen=True):
     """Sums of products of the rows of two arrays, as in cross products and those of quaternions.
 
     Of each row of the answer, and of each product in it: its sign, and whose rows are multiplied.

@@ -8,10 +8,10 @@ nothing left to reach, so it has reached as well.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 
@@ -29,8 +29,7 @@ class State(IntEnum):
     STOPPED = 4  #: for good
 
 
-@dataclass(frozen=True, slots=True)
-class Visit:
+class Visit(Struct, frozen=True):
     """When a place counts as visited."""
 
     epsilon_m: float = 0.2  #: ε_v
@@ -42,8 +41,7 @@ class Visit:
         return 2 * self.epsilon_m
 
 
-@dataclass(frozen=True, slots=True)
-class Automata:
+class Automata(Struct, frozen=True):
     """The states of robots; every array has one entry for each."""
 
     state: Ints
@@ -53,8 +51,7 @@ class Automata:
     resumes: Ints  #: what a robot that holds goes back to
 
 
-@dataclass(frozen=True, slots=True)
-class Orders:
+class Orders(Struct, frozen=True):
     """What came in since the last step: masks over robots. What stands later here counts first."""
 
     asked: Bools  #: a target was given, for which a path is to be planned

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TypeAlias
 
+from msgspec import Struct
 
-@dataclass(frozen=True, slots=True)
-class Car:
+
+class Car(Struct, frozen=True):
     """A car of the size of the F1/10 and RACECAR platforms (paper, VI-A).
 
     Its position is the middle of its rear axle, as in those platforms: that point goes where the
@@ -42,8 +42,7 @@ class Car:
         return math.hypot(self.length_m / 2 + self.middle_m, self.width_m / 2)
 
 
-@dataclass(frozen=True, slots=True)
-class Drone:
+class Drone(Struct, frozen=True):
     """A quadrotor with a footprint of 40 × 40 cm (paper, VI-A)."""
 
     radius_m: float = 0.29
@@ -61,8 +60,7 @@ class Drone:
     above_ground_m: float = 0.1  #: goals lower than this are on the ground
 
 
-@dataclass(frozen=True, slots=True)
-class Ideal:
+class Ideal(Struct, frozen=True):
     """A point that goes exactly where it is told, at one speed."""
 
     radius_m: float = 0.2

@@ -9,9 +9,9 @@ rate controller for torques. Shapes are ``(3, n)`` and ``(4, n)``, quaternions h
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion.arrays import Floats, products
 from koord.runtime.motion.bodies import Drone
@@ -30,8 +30,7 @@ _ERROR = products(
 _SHARES: Floats = np.array([[1.0], [1.0], [0.4]])
 
 
-@dataclass(frozen=True, slots=True)
-class Gains:
+class Gains(Struct, frozen=True):
     """Gains of the loops, from outside to inside; each is several times quicker than the last."""
 
     position: float = 6.25  #: per s²

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from itertools import combinations
+
+from msgspec import Struct
 
 from koord.runtime.motion import shapes
 from koord.runtime.motion.bodies import Body, Car
@@ -30,8 +31,7 @@ class Part(Enum):
     ROBOT = "robot"
 
 
-@dataclass(frozen=True, slots=True)
-class Complaint:
+class Complaint(Struct, frozen=True):
     """One thing that is wrong: with the ``index``-th obstacle, task or robot."""
 
     part: Part

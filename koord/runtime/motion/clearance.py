@@ -17,11 +17,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion import shapes
 from koord.runtime.motion.arrays import Floats
@@ -35,8 +35,7 @@ Path: TypeAlias = tuple[Point, ...]
 _ROUNDING_M = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class Clearance:
+class Clearance(Struct, frozen=True):
     """The distances that count."""
 
     safety_m: float = 0.6
@@ -94,8 +93,7 @@ def clearance_of(bodies: Sequence[Body], tracking_m: float, ground_m: float = 0.
     return Clearance(sum(largest), tracking_m, min(0.1, tracking_m), ground_m)
 
 
-@dataclass(frozen=True, slots=True)
-class _Known:
+class _Known(Struct, frozen=True):
     """What is asked again and again of a path."""
 
     points: Floats

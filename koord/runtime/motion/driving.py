@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion import automaton, pursuit
 from koord.runtime.motion.arrays import Bools, Floats, Ints
@@ -37,8 +37,7 @@ class Steering(Enum):
     PURSUIT = "PURSUIT"
 
 
-@dataclass(frozen=True, slots=True)
-class Measured:
+class Measured(Struct, frozen=True):
     """What cars know of themselves: position ``(n, 3)``, where they point, their speed (signed)."""
 
     position: Floats
@@ -46,16 +45,14 @@ class Measured:
     speed_mps: Floats
 
 
-@dataclass(frozen=True, slots=True)
-class Horizon:
+class Horizon(Struct, frozen=True):
     """How far a controller looks: so many steps of so long."""
 
     steps: int = 8
     step_s: float = 0.1
 
 
-@dataclass(frozen=True, slots=True)
-class Course:
+class Course(Struct, frozen=True):
     """What cars are to follow, from now on: arrays ``(m, steps)``.
 
     They may go more slowly than told, to keep to the path, but not more slowly than ``slowest``.

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import assert_never
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion import shapes
 from koord.runtime.motion.arrays import Bools, Floats
@@ -23,8 +23,7 @@ from koord.runtime.motion.world import Box, Disc, Flat, Obstacle, Polygon, World
 GROUND_ROBOT_M = 0.35
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+class Field(Struct, frozen=True):
     """The world as a body sees it. ``flat``: the body stays on the ground."""
 
     world: World

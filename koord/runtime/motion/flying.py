@@ -6,9 +6,8 @@ robot is at it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Floats, bounded, lengths
@@ -25,8 +24,7 @@ _CREEP_MPS = 0.05
 _LAG_M = 0.5
 
 
-@dataclass(frozen=True, slots=True)
-class Reference:
+class Reference(Struct, frozen=True):
     """Where robots are to be, how fast to move and to change that: shape ``(n, 3)`` each."""
 
     position: Floats

@@ -9,9 +9,9 @@ on. Where no way is found, the answer is a path of no points.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct, field
 
 from koord.runtime.motion import mapping
 from koord.runtime.motion.clearance import Clearance, Path
@@ -24,16 +24,14 @@ _SAME_PLACE_M = 0.03
 _SAME_HEADING_RAD = 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class Chart:
+class Chart(Struct, frozen=True):
     """How maps are drawn: their cells, and how far the scanners reach that they are drawn from."""
 
     grid: Grid
     range_m: float = 4.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Kept:
+class _Kept(Struct, frozen=True):
     """What was planned from a pose, and in which round; None: no way was found."""
 
     pose: Pose
@@ -41,8 +39,7 @@ class _Kept:
     round: int
 
 
-@dataclass(slots=True)
-class _Robot:
+class _Robot(Struct):
     planner: Planner
     seed: int
     plans: int = 0  #: so many were made in all

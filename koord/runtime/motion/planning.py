@@ -9,11 +9,12 @@ ground.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Protocol, assert_never
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
@@ -25,16 +26,14 @@ from koord.runtime.motion.world import Disc, Point, World
 _ON_PLANE_M = 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class Pose:
+class Pose(Struct, frozen=True):
     """Where a robot is, and where it points (counter-clockwise from the x axis)."""
 
     position: Point
     heading_rad: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Effort:
+class Effort(Struct, frozen=True):
     """How long a planner may try: in steps, not in time, so that a seed repeats a run."""
 
     steps: int = 1000
@@ -56,8 +55,7 @@ class Hindrance(Enum):
     NO_HEADWAY = "its vehicle makes no headway, though nothing is near"
 
 
-@dataclass(frozen=True, slots=True)
-class Plight:
+class Plight(Struct, frozen=True):
     """A robot stays where it is: what hinders it, and where it was to go, if anybody said."""
 
     hindrance: Hindrance
@@ -132,8 +130,7 @@ def suits(body: Body, world: World, goal: Point) -> bool:
     return hindrance(body, world, goal) is None
 
 
-@dataclass(frozen=True, slots=True)
-class Ground:
+class Ground(Struct, frozen=True):
     """What planners know: the world, the body, and the radius of what stands at points to avoid."""
 
     world: World
@@ -152,8 +149,7 @@ class Ground:
         return field(replace(self.world, obstacles=self.world.obstacles + extra), flat=self.flat)
 
 
-@dataclass(frozen=True, slots=True)
-class Straight:
+class Straight(Struct, frozen=True):
     """The straight line, where nothing is in the way."""
 
     ground: Ground

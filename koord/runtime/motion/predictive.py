@@ -15,10 +15,10 @@ once; each car has its own solver, which starts from its last answer. (Kong et a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.bodies import Car
@@ -33,8 +33,7 @@ except ImportError as error:
     raise missing("osqp", "sim") from error
 
 
-@dataclass(frozen=True, slots=True)
-class Weights:
+class Weights(Struct, frozen=True):
     """What errors and inputs cost."""
 
     along: float = 0.05

@@ -7,10 +7,10 @@ allows, elsewhere the cruising speed; and never more than the robot can slow dow
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion.arrays import Bools, Floats, Ints, bounded, lengths
 from koord.runtime.motion.geometry import wrapped
@@ -22,8 +22,7 @@ _CUSP_RAD = np.radians(110.0)
 _CORNER_RAD = np.radians(25.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Pace:
+class Pace(Struct, frozen=True):
     """How fast robots of a kind follow paths."""
 
     cruise_mps: float
@@ -32,8 +31,7 @@ class Pace:
     turns_about: bool = False  #: whether legs are driven forwards and backwards in turn
 
 
-@dataclass(frozen=True, slots=True)
-class Spot:
+class Spot(Struct, frozen=True):
     """Where some robots are along their routes: arrays with one entry each."""
 
     position: Floats  #: (m, 3)
@@ -213,8 +211,7 @@ class Routes:
             setattr(self, name, np.concatenate([old, np.repeat(old[:, -1:], short, 1)], axis=1))
 
 
-@dataclass(frozen=True, slots=True)
-class _Bends:
+class _Bends(Struct, frozen=True):
     """Of each segment: the course at its start and how much it turns; the curvature at points."""
 
     course: Floats

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car
@@ -50,8 +50,7 @@ _HERE_M = 0.01
 _LEAVING_M = 0.5
 
 
-@dataclass(frozen=True, slots=True)
-class SpacePlanner:
+class SpacePlanner(Struct, frozen=True):
     """Paths through space for what can move in every direction: trees in R³."""
 
     ground: Ground
@@ -94,8 +93,7 @@ class SpacePlanner:
         return _pinned(np.array([(s[0], s[1], s[2]) for s in states]), start.position, goal)
 
 
-@dataclass(frozen=True, slots=True)
-class CurvePlanner:
+class CurvePlanner(Struct, frozen=True):
     """Paths that a car can drive, forwards and backwards: trees of Reeds–Shepp curves."""
 
     ground: Ground
@@ -140,8 +138,7 @@ class CurvePlanner:
         return _pinned(points, start.position, goal)
 
 
-@dataclass(slots=True)
-class _Query:
+class _Query(Struct):
     """One question to OMPL: a space, what is valid in it, and how long to try."""
 
     space: Any

@@ -7,16 +7,16 @@ obstacle is an upright prism that stands between two heights.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TypeAlias
+
+from msgspec import Struct
 
 #: x, y, z in metres, in the one coordinate system that all robots share (paper, VI-B).
 Point: TypeAlias = tuple[float, float, float]
 Flat: TypeAlias = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Box:
+class Box(Struct, frozen=True):
     """An upright box between two opposite corners."""
 
     low: Point
@@ -36,8 +36,7 @@ class Box:
         return self.high[2]
 
 
-@dataclass(frozen=True, slots=True)
-class Disc:
+class Disc(Struct, frozen=True):
     """An upright cylinder."""
 
     centre: Flat
@@ -46,8 +45,7 @@ class Disc:
     high_z: float = math.inf
 
 
-@dataclass(frozen=True, slots=True)
-class Polygon:
+class Polygon(Struct, frozen=True):
     """An upright prism over a simple polygon (no edge crosses another), either way round."""
 
     corners: tuple[Flat, ...]
@@ -58,8 +56,7 @@ class Polygon:
 Obstacle: TypeAlias = Box | Disc | Polygon
 
 
-@dataclass(frozen=True, slots=True)
-class Grid:
+class Grid(Struct, frozen=True):
     """The cells of a map: ``columns`` along x, ``rows`` along y, numbered row by row from 0."""
 
     origin: Flat
@@ -93,8 +90,7 @@ class Grid:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class World:
+class World(Struct, frozen=True):
     """Where robots move. The defaults are the 7 × 8 × 3 m arena of the paper (VI-B).
 
     The plane that cars drive on is ``low[2]``.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.runtime.deciding import decide, rotating
 from koord.runtime.proposals import Decision, Proposal
@@ -19,8 +20,7 @@ def decided(round_: int, proposals: Sequence[Proposal | None]) -> Decision:
     return decide(round_, there, rotating(max(round_, 0), len(proposals)))
 
 
-@dataclass(frozen=True, slots=True)
-class Timing:
+class Timing(Struct, frozen=True):
     """How long to wait for what, in seconds. Safety depends on none of these."""
 
     delta_s: float  #: the length of a round; 0: as fast as it goes
@@ -52,8 +52,7 @@ class Timing:
         return Timing(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Setup:
+class Setup(Struct, frozen=True):
     """The run: how many robots, how they wait, who must be heard."""
 
     robots: int

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
+from msgspec import Struct
+
 
 @dataclass(slots=True)
 class Hub:
@@ -27,8 +29,7 @@ class Hub:
         return InProcess(self, pid)
 
 
-@dataclass(slots=True)
-class InProcess:
+class InProcess(Struct):
     """One robot's end. Waiting is pointless: nobody else moves meanwhile."""
 
     hub: Hub

@@ -5,9 +5,10 @@ from __future__ import annotations
 import select
 import socket
 import struct
-from dataclasses import dataclass
 from enum import Enum
 from ipaddress import IPv4Address
+
+from msgspec import Struct
 
 from koord.runtime.transports.transport import TransportError
 from koord.runtime.wire.frames import LONGEST
@@ -29,8 +30,7 @@ class Reach(Enum):
     SUBNET = "broadcast"  #: once, to everyone on the network
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
+class Plan(Struct, frozen=True):
     """Who is where. ``shared`` is the group's or the broadcast address, unless all get their own.
 
     ``interface`` is the address of the network card for multicast.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from koord.runtime.protocol.messages import Message
 from koord.runtime.wire.bodies import kind_and_body, message_of
@@ -15,8 +15,7 @@ from koord.runtime.wire.replays import Window
 LONG_PAST = 10_000
 
 
-@dataclass(slots=True)
-class Letter:
+class Letter(Struct):
     """A message with who sent it."""
 
     sender: int
@@ -24,8 +23,7 @@ class Letter:
     message: Message
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
+class Run(Struct, frozen=True):
     """What all robots of a run share: its id, its key, how many they are."""
 
     id: str

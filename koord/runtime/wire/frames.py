@@ -9,10 +9,11 @@ that comes before it: so it covers the run, the round, and the number that keeps
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from hashlib import blake2b
 from hmac import compare_digest
-from struct import Struct
+from struct import Struct as Layout
+
+from msgspec import Struct
 
 from koord.runtime.wire.drops import Drop
 
@@ -24,7 +25,7 @@ LONGEST = 1400
 
 PROOF_BYTES = 16
 
-_HEADER = Struct("!BBBHQQiHH")
+_HEADER = Layout("!BBBHQQiHH")
 HEADER_BYTES = _HEADER.size
 ROOM = LONGEST - HEADER_BYTES - PROOF_BYTES  #: for the body
 _SHORTEST = HEADER_BYTES + PROOF_BYTES
@@ -32,8 +33,7 @@ _SHORTEST = HEADER_BYTES + PROOF_BYTES
 MOST_ROBOTS = 1 << 16
 
 
-@dataclass(slots=True)
-class Frame:
+class Frame(Struct):
     """A piece of a message. ``number`` counts the datagrams of the sender."""
 
     kind: int

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.runtime.wire.drops import Drop
 from koord.runtime.wire.frames import ROOM, Frame
@@ -27,8 +28,7 @@ def cut(body: bytes) -> list[bytes]:
 Key = tuple[int, int, int, int, int]
 
 
-@dataclass(slots=True)
-class Unfinished:
+class Unfinished(Struct):
     """A message of which some pieces are missing."""
 
     pieces: dict[int, bytes] = field(default_factory=dict)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 #: How far a datagram may be behind the newest of its sender.
 WIDTH = 4096
 _MASK = (1 << WIDTH) - 1
 
 
-@dataclass(slots=True)
-class Window:
+class Window(Struct):
     """The datagrams of one sender: the newest number, and a bit for each of those before it."""
 
     incarnation: int = 0

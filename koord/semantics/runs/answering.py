@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 from typing import TypeAlias
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
@@ -47,8 +48,7 @@ _DEEPEST = 4
 _SAMPLES = 6
 
 
-@dataclass
-class SampledInputs:
+class SampledInputs(Struct):
     """Answers from a sampler. What was answered once is answered alike until it is forgotten."""
 
     sampler: Sampler
@@ -275,8 +275,7 @@ class SampledInputs:
                 return self.sampler.numbers.domain.const(value, FLOAT)
 
 
-@dataclass(frozen=True, slots=True)
-class _Draws:
+class _Draws(Struct, frozen=True):
     """Candidates for an answer: the library's own, then random ones, so many in all."""
 
     sampler: Sampler
@@ -312,8 +311,7 @@ def _no_answer(function: core.External, arguments: tuple[Concrete, ...]) -> Koor
     )
 
 
-@dataclass(slots=True)
-class _SampledOracle:
+class _SampledOracle(Struct):
     """The answers for one turn of one robot, made up when first asked for."""
 
     inputs: SampledInputs
@@ -351,8 +349,7 @@ class _SampledOracle:
         return True
 
 
-@dataclass(slots=True)
-class _TrialOracle:
+class _TrialOracle(Struct):
     """Answers while a summary is looked at: nothing is recorded."""
 
     inputs: SampledInputs

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fractions import Fraction
+
+from msgspec.structs import replace
 
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Key, Phase
@@ -67,7 +69,6 @@ def _joined(made: tuple[Answer, ...], given: tuple[Answer, ...]) -> tuple[Answer
     return (*made, *(a for a in given if (a.phase, a.robot, a.key) not in asked))
 
 
-@dataclass
 class _Given(SampledInputs):
     """Inputs of which some are given, step by step, and the others made up."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
@@ -37,8 +37,7 @@ def _check_all(before: tuple[Storage[Constant], ...], after: tuple[Storage[Const
             )
 
 
-@dataclass(slots=True)
-class _Scale:
+class _Scale(Struct):
     """Counts the parts of lists, those of lists within lists too.
 
     A list may hold one and the same list many times over, and that one another: each is counted

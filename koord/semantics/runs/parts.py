@@ -7,8 +7,9 @@ all of its parts do, and a part can change only if a place changes that it reads
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import TypeAlias, TypeVar
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant
@@ -28,8 +29,7 @@ Place: TypeAlias = tuple[Home | None, int, int]
 """A place of a configuration: home, slot, robot or entry. No home: how a robot's turn went."""
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
+class Part(Struct, frozen=True):
     """A part of a property: what it says, for which robots, and the places where it looks.
 
     ``robots`` are by bound slot. Of places that are not known beforehand, such as ``x[y@i]``, it
@@ -106,8 +106,7 @@ def _differ(old: Storage[Constant], new: Storage[Constant]) -> bool:
 # --- what is read ---------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Read:
+class _Read(Struct, frozen=True):
     """A place that a statement reads, as the text has it; ``index`` tells the robot or entry."""
 
     home: Home | None
@@ -116,8 +115,7 @@ class _Read:
     called: bool  #: in a function, where a bound slot stands for something else
 
 
-@dataclass
-class _Splitting:
+class _Splitting(Struct):
     """Splits properties; what a statement reads is found out once for all of its instances."""
 
     system: System

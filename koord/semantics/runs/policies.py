@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from random import Random
 from typing import Protocol
+
+from msgspec import Struct
 
 from koord.semantics.execution import Step
 from koord.semantics.rounds import IllegalStepError
@@ -32,8 +33,7 @@ class First:
         return Move(robot, events[0] if events else None)
 
 
-@dataclass(frozen=True, slots=True)
-class AtRandom:
+class AtRandom(Struct, frozen=True):
     """Any allowed move: any robot, any of its enabled events, now and then a skip."""
 
     rng: Random
@@ -46,8 +46,7 @@ class AtRandom:
         return Move(robot, None if skips or not events else self.rng.choice(events))
 
 
-@dataclass(frozen=True, slots=True)
-class Taken:
+class Taken(Struct, frozen=True):
     """A step of a run, and the event that the robot could not run because a lock was taken."""
 
     step: Step
@@ -75,8 +74,7 @@ def take(run: Run, move: Move) -> Taken:
     raise AssertionError("a robot can neither skip nor run an event")
 
 
-@dataclass
-class Play:
+class Play(Struct):
     """A run by a policy, watched: ``steps`` makes it, and then ``violation`` is known."""
 
     run: Run

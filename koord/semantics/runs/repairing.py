@@ -6,9 +6,11 @@ Only a guide for a search by trying: every guess is checked by evaluating the st
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
 from typing import TypeGuard, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.domain import Constant
 from koord.semantics.expressions import evaluate, statement
@@ -20,8 +22,8 @@ from koord.semantics.traces.recording import Concrete
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, QuantifierKind, UnaryOp
-from koord.syntax.source import Span
 from koord.syntax.types import FLOAT, INT, ArrayType, ListType, QueueType
+from koord.syntax.walk import rebuilt
 
 #: How far apart the sides of an order may be put.
 _MARGINS = (Fraction(0), Fraction(1), Fraction(1, 10))
@@ -32,8 +34,7 @@ _LONGEST = 1000
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
-class Repair:
+class Repair(Struct, frozen=True):
     """A part of a variable, and a value for it. ``path`` are positions of fields and elements.
 
     The answer of an external function is a bound variable in its summary, of no robot.
@@ -248,19 +249,11 @@ def _inlined(m: Machine[Constant], e: core.Call) -> core.Expr | None:
 
 def _substituted(node: T, arguments: dict[int, core.Expr]) -> T:
     """A part of a function's body with its parameters replaced."""
-    if isinstance(node, tuple):
-        return tuple(_substituted(item, arguments) for item in node)  # type: ignore[return-value]
     if isinstance(node, core.Read) and node.place.variable.home is Home.BOUND:
         found = arguments.get(node.place.variable.slot)
         return node if found is None else _reached(found, node.place.steps)  # type: ignore[return-value]
-    if not is_dataclass(node) or isinstance(node, type | Span | core.Variable):
-        return node
-    changed = {
-        field.name: _substituted(getattr(node, field.name), arguments)
-        for field in fields(node)
-        if field.name not in ("type", "span")
-    }
-    return replace(node, **changed)
+    changed: T = rebuilt(node, lambda part: _substituted(part, arguments))
+    return changed
 
 
 def _reached(base: core.Expr, steps: tuple[core.Step, ...]) -> core.Expr:

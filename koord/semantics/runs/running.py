@@ -6,8 +6,11 @@ and :func:`koord.semantics.traces.recording.execute` makes the same run of it ag
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from random import Random
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Status, System, Turn
 from koord.semantics.domain import Constant, Domain
@@ -30,16 +33,14 @@ from koord.semantics.traces.recording import Answer, Opening, Recording, Round
 from koord.semantics.traces.trace import Numbers
 
 
-@dataclass(frozen=True, slots=True)
-class Move:
+class Move(Struct, frozen=True):
     """A program turn: the position of the event, None for a skip."""
 
     robot: int
     event: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(Struct, frozen=True):
     """A run so far: where it is, how many rounds are behind it, and what the open one recorded."""
 
     configuration: Configuration[Constant]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.semantics.configurations import Configuration, Robot, System
 from koord.semantics.domain import Constant, Domain
@@ -226,8 +227,7 @@ def settle_robot(
         _Search(d, system, inputs, configuration.round, robot, state).run(free)
 
 
-@dataclass(slots=True)
-class _Search:
+class _Search(Struct):
     """The search for one robot's readings in one round."""
 
     d: Domain[Constant]

@@ -7,7 +7,7 @@ still; so of a thousand parts a step has a few looked at.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant, Domain
@@ -23,8 +23,7 @@ from koord.syntax import core
 from koord.syntax.core import PropertyKind
 
 
-@dataclass(slots=True)
-class _Watched:
+class _Watched(Struct):
     """A property in parts. ``stale`` are those not known to hold: all others hold still."""
 
     parts: list[Part]
@@ -41,8 +40,7 @@ class _Watched:
         return cls(parts, set(range(len(parts))), readers)
 
 
-@dataclass
-class Watch:
+class Watch(Struct):
     """Looks at the observed configurations of a run."""
 
     d: Domain[Constant]

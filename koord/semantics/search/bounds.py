@@ -8,11 +8,13 @@ them are legal, so it is enough that none is forgotten.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import reduce
 from itertools import product
 from math import ceil, floor
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.domain import Constant
 from koord.semantics.traces.recording import Concrete
@@ -35,8 +37,7 @@ from koord.syntax.walk import nodes
 Number = int | Fraction
 
 
-@dataclass(frozen=True, slots=True)
-class Bounds:
+class Bounds(Struct, frozen=True):
     """The values from ``low`` to ``high``, both included; of those, the ``only`` ones if given."""
 
     low: Number | None = None
@@ -96,8 +97,7 @@ Found = Mapping[Location, Bounds]
 _UNKNOWN = (core.ExternalCall, core.Choose, core.Call, core.Ran, core.Stopped)
 
 
-@dataclass(frozen=True, slots=True)
-class Reader:
+class Reader(Struct, frozen=True):
     """Reads statements. ``bound`` are the values of quantified variables, by slot.
 
     ``is_open`` says whether a place is left open, and ``address`` where a variable stands (the

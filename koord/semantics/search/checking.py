@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration, Robot, Store, System
 from koord.semantics.domain import Constant
@@ -48,8 +49,7 @@ class View(NamedTuple):
     codes: tuple[Codes, ...]
 
 
-@dataclass(slots=True)
-class Check:
+class Check(Struct):
     """A closed statement with what it reads, and its value for whatever it was asked about."""
 
     statement: Closed

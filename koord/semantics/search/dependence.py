@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields, is_dataclass
+
+from msgspec import Struct, field
 
 from koord.semantics.places import slot_in
 from koord.syntax import core
 from koord.syntax.core import Home
-from koord.syntax.source import Span
 
 
-@dataclass(frozen=True, slots=True)
-class Reads:
+class Reads(Struct, frozen=True):
     """Slots that are read, by home.
 
     ``entries`` are allread variables read at the robot's own entry, ``arrays`` those read anywhere
@@ -71,8 +70,7 @@ def _ordered(slots: Iterable[int]) -> tuple[int, ...]:
     return tuple(sorted(set(slots)))
 
 
-@dataclass(slots=True)
-class _Reader:
+class _Reader(Struct):
     program: core.Program
     agent: core.Agent | None
     found: dict[Home, set[int]] = field(default_factory=lambda: {home: set() for home in Home})
@@ -106,10 +104,10 @@ class _Reader:
             case core.Stopped():
                 self.status = True
                 self.visit(part.robot)
-            case _ if is_dataclass(part) and not isinstance(part, Span | type | core.Variable):
-                for child in fields(part):
-                    if child.name not in ("type", "span"):
-                        self.visit(getattr(part, child.name))
+            case Struct() if not isinstance(part, core.Variable):
+                for name in part.__struct_fields__:
+                    if name not in ("type", "span"):
+                        self.visit(getattr(part, name))
 
     def _read(self, place: core.Place) -> None:
         variable = place.variable

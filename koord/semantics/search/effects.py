@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
 from typing import Any
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Fault, Robot, Status, System
 from koord.semantics.domain import EXACT, Constant
@@ -26,8 +28,7 @@ from koord.syntax import core
 from koord.syntax.walk import reached
 
 
-@dataclass(frozen=True, slots=True)
-class Guard:
+class Guard(Struct, frozen=True):
     """Whether an event may be selected, and whether it must be if it is urgent.
 
     ``is_off`` holds if the guard is false, and does not fault, with all answers; ``is_on`` if it is
@@ -38,8 +39,7 @@ class Guard:
     is_on: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Effect:
+class Effect(Struct, frozen=True):
     """What an event does to a robot and to the store, in terms of what it found there.
 
     ``status`` is the least that the robot's status is afterwards; ``entered`` has a bit for each
@@ -57,8 +57,7 @@ class Effect:
     answers: tuple[Answer, ...] = ()
 
 
-@dataclass(slots=True)
-class EventOf:
+class EventOf(Struct):
     """An event of one kind of robot, with what it looks at.
 
     ``asks`` and ``guard_asks`` say whether the event, or its guard alone, leaves something open.

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import product
+
+from msgspec import Struct
 
 from koord.semantics.configurations import System
 from koord.semantics.patience import OutOfPatienceError
@@ -131,8 +132,7 @@ def begun(
     return Search(system, tuple(properties), meter, subjects, symmetry, order_reduction, progress)
 
 
-@dataclass(frozen=True, slots=True)
-class _Found:
+class _Found(Struct, frozen=True):
     """A violation as the search sees it: by the representatives on the way to it.
 
     ``last`` is the check that fails inside the round behind the path; None if the path's last state

@@ -7,9 +7,10 @@ value is given. The answers are noted, so that each outcome comes with what a re
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from itertools import islice
 from typing import Generic, TypeVar
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT, Constant
@@ -38,8 +39,7 @@ class _DeadEndError(Exception):
     """Something that is left open has no value at all."""
 
 
-@dataclass(slots=True)
-class Chooser:
+class Chooser(Struct):
     """Walks through a tree of choices, depth first."""
 
     _path: list[tuple[int, int]] = field(default_factory=list)
@@ -73,8 +73,7 @@ class Chooser:
         return True
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
+class Given(Struct, frozen=True):
     """What one outcome was told."""
 
     starts: tuple[Start, ...] = ()
@@ -82,8 +81,7 @@ class Given:
     answers: tuple[Answer, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Explored(Generic[T]):
+class Explored(Struct, Generic[T], frozen=True):
     """One outcome of a turn."""
 
     outcome: T
@@ -106,8 +104,7 @@ def explored(
         more = chooser.restart()
 
 
-@dataclass(slots=True)
-class ExploringInputs:
+class ExploringInputs(Struct):
     """Inputs of one step that try everything. ``ports`` are the robot's before the step.
 
     ``starting`` says what the assumptions say about arbitrary starts.
@@ -185,8 +182,7 @@ class ExploringInputs:
         return sensors_reader(m).restrictions(ensured)
 
 
-@dataclass(slots=True)
-class _ExploringOracle:
+class _ExploringOracle(Struct):
     """The answers of one turn."""
 
     inputs: ExploringInputs

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+
+from msgspec import Struct
 
 from koord.semantics.search.finite import NotFinite
 from koord.semantics.traces.recording import Recording
@@ -18,16 +19,14 @@ class Subject(Enum):
     LOST_UPDATE = "lost update"
 
 
-@dataclass(frozen=True, slots=True)
-class Claim:
+class Claim(Struct, frozen=True):
     """One thing that can be violated; ``name`` is that of the property, contract or variable."""
 
     subject: Subject
     name: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Exhausted:
+class Exhausted(Struct, frozen=True):
     """Every reachable configuration has been looked at.
 
     ``states`` counts them at the starts of rounds, up to symmetry; none is more than ``depth``
@@ -38,8 +37,7 @@ class Exhausted:
     depth: int
 
 
-@dataclass(frozen=True, slots=True)
-class OutOfBounds:
+class OutOfBounds(Struct, frozen=True):
     """A limit was reached; everything up to ``depth`` rounds has been looked at.
 
     None: not even all ways to start have been.
@@ -50,8 +48,7 @@ class OutOfBounds:
     depth: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class Violated:
+class Violated(Struct, frozen=True):
     """A claim that does not hold: the run ends in a configuration that shows it.
 
     No run with fewer rounds shows it.
@@ -69,8 +66,7 @@ class Violated:
 Outcome = Exhausted | Violated | OutOfBounds | NotFinite
 
 
-@dataclass(frozen=True, slots=True)
-class Survey:
+class Survey(Struct, frozen=True):
     """All claims that do not hold, each once, and how the search ended."""
 
     violated: tuple[Violated, ...]

@@ -7,7 +7,8 @@ finitely many states can be reached it finds out by itself.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT, Constant
@@ -27,8 +28,7 @@ from koord.syntax.types import INT, Type
 from koord.syntax.walk import nodes, reached, statements, written
 
 
-@dataclass(frozen=True, slots=True)
-class NotFinite:
+class NotFinite(Struct, frozen=True):
     """Why a system cannot be searched, and the place in the text.
 
     ``name`` is what has the values that are too many: a variable, ``Module.sensor`` or a function.

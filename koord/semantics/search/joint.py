@@ -7,8 +7,9 @@ lock class is entered twice, and tells how the store may end.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
+
+from msgspec import Struct
 
 from koord.semantics.configurations import System
 from koord.semantics.search.canonical import State, Vault
@@ -18,8 +19,7 @@ from koord.syntax import core
 from koord.syntax.walk import nodes
 
 
-@dataclass(frozen=True, slots=True)
-class Joint:
+class Joint(Struct, frozen=True):
     """One course of each robot.
 
     ``writers`` are the robots that write, in the order to which the ends of the store refer.

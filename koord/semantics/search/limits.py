@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 _STATM = Path("/proc/self/statm")
 _PAGE_BYTES = 4096
@@ -26,8 +27,7 @@ HANDFUL = 2_000
 FEW_STATES = 20_000
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
+class Limits(Struct, frozen=True):
     """Bounds of a search. ``deadline_s`` is a time on the search's clock; None means no bound."""
 
     states: int = 2_000_000

@@ -9,9 +9,11 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import NamedTuple
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.liveness import Response, expected, locks_of, reads_ran, responses
@@ -46,8 +48,7 @@ from koord.syntax.source import NOWHERE
 Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Fairness:
+class Fairness(Struct, frozen=True):
     """Which fairness a proof needs: that of robots, that of locks, and named expectations."""
 
     robots: bool = False
@@ -55,8 +56,7 @@ class Fairness:
     expectations: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Lively:
+class Lively(Struct, frozen=True):
     """What a search for fair cycles says of each property.
 
     ``violated`` has a lasso for each that is, ``needs`` what the proof of each that holds rests on;
@@ -115,8 +115,7 @@ class _LimitError(Exception):
     """A limit is reached."""
 
 
-@dataclass(slots=True)
-class _Nodes:
+class _Nodes(Struct):
     """The graph, node by node. ``owed`` has a bit for each expectation that a node owes."""
 
     states: list[State] = field(default_factory=list)
@@ -369,8 +368,7 @@ class _Search:
         return sum(1 << k for k in event.lock_classes)
 
 
-@dataclass(frozen=True, slots=True)
-class _Region:
+class _Region(Struct, frozen=True):
     """The nodes that a run which breaks a response may stay in for ever, and where it enters.
 
     ``roots`` is where runs start that come to enter it.

@@ -13,7 +13,8 @@ conditions must not fault; then all that matters is whether *some* trip takes th
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.semantics.search.sureness import Sure
 from koord.syntax import core
@@ -39,8 +40,7 @@ def is_order_free(body: core.Block, loop: frozenset[core.Variable], sure: Sure) 
     return _gathers(body, _Loop(loop, frozenset(changed), sure))
 
 
-@dataclass(frozen=True, slots=True)
-class _Loop:
+class _Loop(Struct, frozen=True):
     variables: frozenset[core.Variable]
     changed: frozenset[core.Variable]
     sure: Sure

@@ -7,9 +7,11 @@ together in a *course*.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Fault, Status, Store, System
 from koord.semantics.domain import EXACT, Constant
@@ -50,8 +52,7 @@ class Failure(NamedTuple):
     answers: tuple[Answer, ...]
 
 
-@dataclass(frozen=True)
-class Course:
+class Course(Struct, frozen=True, dict=True):
     """Entries with the same writes and lock classes; ``runs`` says whether any of them may count
     as a run, ``skips`` whether any may count as a skip.
     """
@@ -139,8 +140,7 @@ class Menu(NamedTuple):
     asks: int
 
 
-@dataclass(slots=True)
-class _Kind:
+class _Kind(Struct):
     """One kind of robot with what its events read together."""
 
     events: list[EventOf]

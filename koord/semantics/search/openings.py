@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
+
+from msgspec import Struct
 
 from koord.semantics.configurations import Fault, Store, System
 from koord.semantics.domain import EXACT, Constant
@@ -17,8 +18,7 @@ from koord.semantics.traces.recording import Opening
 from koord.semantics.turns import declared, initial_turn
 
 
-@dataclass(frozen=True, slots=True)
-class _Beginning:
+class _Beginning(Struct, frozen=True):
     """One way in which one robot's INIT may go."""
 
     robot: int  #: the robot's number after it
@@ -27,8 +27,7 @@ class _Beginning:
     given: Given
 
 
-@dataclass(frozen=True, slots=True)
-class Opened:
+class Opened(Struct, frozen=True):
     """One way in which INIT may go, whether or not the assumptions hold after it."""
 
     state: State

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from msgspec import Struct
+
 from koord.semantics.configurations import Store
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.masks import Mask, joined
@@ -87,8 +89,7 @@ class Part:
         return cells.number(joined(EXACT, cells.storage(target), source, self.mask))
 
 
-@dataclass(frozen=True, slots=True)
-class PartRecipe:
+class PartRecipe(Struct, frozen=True):
     """The recipe of a part. ``mask`` may hold places, in the keys of maps."""
 
     slot: int

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.search.sureness import Sure
 from koord.syntax import core
 from koord.syntax.core import Home
 
 
-@dataclass(frozen=True, slots=True)
-class Risks:
+class Risks(Struct, frozen=True):
     """What may fault in a place of the program of which this much is known."""
 
     sure: Sure

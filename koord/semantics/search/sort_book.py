@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import Struct, field
 
 from koord.semantics.configurations import System
 from koord.semantics.places import slot_in
@@ -13,8 +13,7 @@ from koord.syntax.core import Home
 from koord.syntax.types import Type
 
 
-@dataclass(slots=True)
-class Body:
+class Body(Struct):
     """Where expressions stand: whose body it is, and its bound variables' shapes.
 
     ``strict`` holds where a statement is false if the expression is: there it does not matter
@@ -31,8 +30,7 @@ class Body:
         return self.sure.kind
 
 
-@dataclass(frozen=True, slots=True)
-class Range:
+class Range(Struct, frozen=True):
     """A range over all robots, if its variable turns out to be one; ``is_free`` of any order."""
 
     variable: Sort

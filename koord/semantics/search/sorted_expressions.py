@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.search.sort_book import Body, Range, SortBook, be_number, number_robots
 from koord.semantics.search.sorts import Entries, Fields, Items, Scalar, Shape, Sort, unify
@@ -18,8 +20,7 @@ _CONNECTIVES = (BinaryOp.AND, BinaryOp.OR, BinaryOp.IMPLIES)
 RunBlock = Callable[[core.Block, Body], None]
 
 
-@dataclass
-class Expressions:
+class Expressions(Struct):
     """Finds the shapes of expressions, and writes down in the book what they say of integers.
 
     ``run_block`` goes through the body of a function that is called.

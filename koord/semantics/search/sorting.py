@@ -6,7 +6,7 @@ See :mod:`koord.semantics.search.sorts` for what sorts are, and
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.search.loops import is_order_free

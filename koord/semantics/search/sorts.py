@@ -8,7 +8,7 @@ inferred). A sort is one of numbers if it is calculated with, ordered, or chosen
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import Struct, field
 
 from koord.syntax.types import (
     ArrayType,
@@ -22,8 +22,7 @@ from koord.syntax.types import (
 )
 
 
-@dataclass(slots=True, eq=False)
-class Sort:
+class Sort(Struct, eq=False):
     """One sort, or what another one has been unified with.
 
     ``number`` says why its values cannot be robots, and ``constants`` are those of the text that
@@ -60,22 +59,19 @@ class Sort:
         root.number = root.number or reason
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Scalar:
+class Scalar(Struct, frozen=True, eq=False):
     """The sort of an integer; None for scalars that are no integers."""
 
     sort: Sort | None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Fields:
+class Fields(Struct, frozen=True, eq=False):
     """The sorts of a record."""
 
     parts: tuple[Shape, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Items:
+class Items(Struct, frozen=True, eq=False):
     """The sorts of a list or array: of its indices, and of its elements.
 
     ``is_over_robots`` says whether it has one element for each robot, always.
@@ -86,8 +82,7 @@ class Items:
     is_over_robots: bool
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Entries:
+class Entries(Struct, frozen=True, eq=False):
     """The sorts of a map."""
 
     key: Shape

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.places import slot_in
@@ -11,8 +12,7 @@ from koord.syntax.core import BinaryOp, Home, ListOp, Start
 from koord.syntax.types import ArrayType, RecordType, Robots, Type
 
 
-@dataclass(frozen=True, slots=True)
-class Sure:
+class Sure(Struct, frozen=True):
     """What is known where an expression stands.
 
     ``filled`` are the slots of bound variables that hold a value; ``robots`` those that range over

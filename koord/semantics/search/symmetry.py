@@ -32,7 +32,7 @@ are part of the text.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from koord.semantics.configurations import System
 from koord.semantics.search.sorting import Sorting
@@ -40,8 +40,7 @@ from koord.semantics.search.sorts import Items, Shape, has_robots
 from koord.syntax import core
 
 
-@dataclass(frozen=True, slots=True)
-class Symmetry:
+class Symmetry(Struct, frozen=True):
     """Robots that may change places: ``groups`` of interchangeable ones, by number.
 
     The shapes tell what is renamed in what a variable holds; None where nothing is. Locals and
@@ -61,8 +60,7 @@ class Symmetry:
         return all(part is None for parts in nested for part in parts)
 
 
-@dataclass(frozen=True, slots=True)
-class Asymmetry:
+class Asymmetry(Struct, frozen=True):
     """Why robots may not change places."""
 
     reason: str

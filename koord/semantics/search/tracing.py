@@ -8,8 +8,9 @@ the right representative.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from itertools import product
+
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.search.canonical import State, Vault

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Status, Store
 from koord.semantics.domain import Constant
@@ -24,8 +25,7 @@ from koord.syntax.types import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
+class Change(Struct, frozen=True):
     """One location and what it held before and after. ``robot`` is None for what all share."""
 
     robot: int | None

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.traces.codec_values import Json, decode_fraction, encode_fraction
@@ -139,8 +141,7 @@ def _encode_param(value: object) -> Json:
 # --- decoding -----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Header:
+class Header(Struct, frozen=True):
     """What a trace says before its run: enough to get the program that the run is typed by."""
 
     sources: Sources

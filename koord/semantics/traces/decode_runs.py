@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.semantics.configurations import (
     NO_EVENT,
@@ -56,8 +57,7 @@ def decode_run(reader: Reader, sources: Sources, system: System, numbers: Number
     return _Decoding(Names(system), numbers).trace(reader, sources)
 
 
-@dataclass(frozen=True, slots=True)
-class _Decoding:
+class _Decoding(Struct, frozen=True):
     """What the values of a run are decoded by."""
 
     names: Names

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from enum import Enum
 from typing import TypeVar
+
+from msgspec import Struct
 
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import Span
@@ -17,8 +18,7 @@ WRITE_ANEW = "the file was changed or damaged; write the trace anew"
 M = TypeVar("M", bound=Enum)
 
 
-@dataclass(frozen=True, slots=True)
-class Reader:
+class Reader(Struct, frozen=True):
     """A part of a JSON document: its value and where it stands (``$.rounds[3].order``)."""
 
     value: object

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.traces.occurrences import choice_types, output_types
@@ -12,8 +15,7 @@ from koord.syntax import core
 from koord.syntax.types import ArrayType, Type
 
 
-@dataclass(frozen=True, slots=True)
-class Named:
+class Named(Struct, frozen=True):
     """A variable under its name, with the type of what one robot holds of it."""
 
     name: str
@@ -22,8 +24,7 @@ class Named:
     older: str = ""  #: another name, which older traces have
 
 
-@dataclass(frozen=True, slots=True)
-class KindNames:
+class KindNames(Struct, frozen=True):
     """The names of one kind of robot. Ports bear that of their module: ``Motion.psn``."""
 
     locals: tuple[Named, ...]

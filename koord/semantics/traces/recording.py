@@ -5,8 +5,9 @@ A recording and a system determine a run, see :mod:`koord.semantics.execution`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TypeAlias
+
+from msgspec import Struct
 
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Key, Phase
@@ -16,8 +17,7 @@ from koord.syntax.core import Home
 Concrete: TypeAlias = "Value[Constant]"
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(Struct, frozen=True):
     """What one ``choose`` (``function`` is None) or one external call gave, and to whom."""
 
     phase: Phase
@@ -28,8 +28,7 @@ class Answer:
     value: Concrete
 
 
-@dataclass(frozen=True, slots=True)
-class Start:
+class Start(Struct, frozen=True):
     """What an arbitrary variable started with; ``robot`` is None for allwrite variables."""
 
     home: Home
@@ -38,8 +37,7 @@ class Start:
     value: Concrete
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(Struct, frozen=True):
     """What a sensor without a model read after a round."""
 
     robot: int
@@ -47,8 +45,7 @@ class Reading:
     value: Concrete
 
 
-@dataclass(frozen=True, slots=True)
-class Opening:
+class Opening(Struct, frozen=True):
     """All that INIT leaves open."""
 
     order: tuple[int, ...]
@@ -56,8 +53,7 @@ class Opening:
     answers: tuple[Answer, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Round:
+class Round(Struct, frozen=True):
     """All that one round leaves open.
 
     ``order`` is the order of the robots' program turns; ``events[i]`` the position of the event
@@ -72,8 +68,7 @@ class Round:
     cut: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Recording:
+class Recording(Struct, frozen=True):
     """A run from INIT on. Of a lasso, the rounds from number ``loop`` on repeat for ever."""
 
     opening: Opening

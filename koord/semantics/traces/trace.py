@@ -7,11 +7,12 @@ the configurations that the run went through, so that the replay has something t
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from hashlib import sha256
 from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration, System, Written
 from koord.semantics.domain import DOUBLES, EXACT, Constant, Domain
@@ -40,8 +41,7 @@ class Numbers(Enum):
         return EXACT if self is Numbers.EXACT else DOUBLES
 
 
-@dataclass(frozen=True, slots=True)
-class Sources:
+class Sources(Struct, frozen=True):
     """The texts that a program was read from, and the values that were set for it."""
 
     program: Source
@@ -67,8 +67,7 @@ class ViolationKind(Enum):
     LOST_UPDATE = "lost update"
 
 
-@dataclass(frozen=True, slots=True)
-class Violation:
+class Violation(Struct, frozen=True):
     """What does not hold at the end of a trace.
 
     ``name`` is that of the property, the contract or the variable. ``robot`` is the one whose turn
@@ -81,8 +80,7 @@ class Violation:
     robot: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class Emitted:
+class Emitted(Struct, frozen=True):
     """What a step wrote to streams; ``robot`` is None for INIT."""
 
     round: int
@@ -90,8 +88,7 @@ class Emitted:
     written: Written[Constant]
 
 
-@dataclass(frozen=True, slots=True)
-class Trace:
+class Trace(Struct, frozen=True):
     """A run of a system.
 
     ``configurations[k]`` is the one before round k; the last one is where the run ended, be it
@@ -120,8 +117,7 @@ class Trace:
         return Problem(names, self.system.program, self.system.kinds, self.system.delta_s)
 
 
-@dataclass(slots=True)
-class Tracer:
+class Tracer(Struct):
     """Gathers what a trace holds from the steps of a run."""
 
     configurations: list[Configuration[Constant]] = field(default_factory=list)

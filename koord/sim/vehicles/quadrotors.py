@@ -13,9 +13,9 @@ The level ``simple`` leaves out attitude and rotors: the acceleration asked for 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion import cascade
 from koord.runtime.motion.arrays import Floats, products
@@ -46,8 +46,7 @@ _AXIS = products(
 )
 
 
-@dataclass(slots=True)
-class FlightState:
+class FlightState(Struct):
     """The state of drones: ``(3, n)``, the quaternion ``(4, n)``, the thrust ``(n,)``."""
 
     position: Floats

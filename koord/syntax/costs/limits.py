@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.syntax import core
 from koord.syntax.costs.sizes import Sizes
@@ -50,8 +51,7 @@ def excesses(program: core.Program, kinds: Sequence[int]) -> tuple[Diagnostic, .
 # --- storage ------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Holding:
+class _Holding(Struct, frozen=True):
     """What a declaration holds, in a run of so many robots."""
 
     declaration: core.Declaration
@@ -150,8 +150,7 @@ def _bound(ledger: Ledger) -> Iterator[tuple[Type, str, Span]]:
 # --- bodies -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Body:
+class _Body(Struct, frozen=True):
     """What a run evaluates as one."""
 
     what: str

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.syntax import core
 from koord.syntax.types import ArrayType, Robots
@@ -14,8 +15,7 @@ Range = tuple[int, int]
 Key = tuple[core.Home, int, str]
 
 
-@dataclass(frozen=True, slots=True)
-class Ranges:
+class Ranges(Struct, frozen=True):
     """The bounds of loops, given the lengths that lists start with and the number of robots."""
 
     lengths: Mapping[Key, int]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import Struct, field
 
 from koord.syntax.types import (
     ArrayType,
@@ -15,8 +15,7 @@ from koord.syntax.types import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Size:
+class Size(Struct, frozen=True):
     """``parts`` counts scalars, and a list as if it had one element; ``depth`` counts types."""
 
     parts: int
@@ -26,8 +25,7 @@ class Size:
 _SCALAR = Size(1, 1)
 
 
-@dataclass(slots=True)
-class Sizes:
+class Sizes(Struct):
     """Sizes of types for a number of robots.
 
     They are remembered by identity: records may share their parts so often that whoever walks

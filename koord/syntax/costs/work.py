@@ -12,6 +12,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import assert_never
 
+from msgspec import Struct
+
 from koord.syntax import core
 from koord.syntax.costs.ranges import Range, Ranges, starting_lengths
 from koord.syntax.costs.sizes import Sizes
@@ -32,8 +34,7 @@ class TooLargeError(Exception):
     """A program has more places than anybody looks through."""
 
 
-@dataclass(frozen=True, slots=True)
-class Work:
+class Work(Struct, frozen=True):
     """``steps`` of a body, and how ``deep`` its parts stand inside each other, calls followed."""
 
     steps: int

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.syntax import core
 
@@ -16,8 +17,7 @@ def key(variable: core.Variable, kind: int | None) -> Key:
     return (variable.home, kind if local else None, variable.slot)
 
 
-@dataclass(frozen=True, slots=True)
-class Assumed:
+class Assumed(Struct, frozen=True):
     """The variables that the assumptions read, and the lengths of lists that they fix."""
 
     read: frozenset[Key]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from enum import Enum
+
+from msgspec import Struct, field
 
 from koord.syntax import ast, core
 from koord.syntax.elaborate.findings import Findings
@@ -49,8 +50,7 @@ SEES_PORTS = SEES_VARIABLES | CONTRACT | {Where.ENVIRONMENT}
 SEES_PID = SEES_PORTS | {Where.INITIAL}
 
 
-@dataclass(slots=True)
-class Robot:
+class Robot(Struct):
     """The robot that ``… @ i`` names; ``kind`` if all that it can be are of one kind."""
 
     expr: core.Expr
@@ -58,8 +58,7 @@ class Robot:
     used: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Write:
+class Write(Struct, frozen=True):
     """A write of a shared variable; ``block`` is the atomic block around it."""
 
     variable: core.Variable
@@ -68,8 +67,7 @@ class Write:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Loop:
+class Loop(Struct, frozen=True):
     """A loop around a statement: ``over`` is the list whose positions or elements it visits."""
 
     variable: str
@@ -78,8 +76,7 @@ class Loop:
     by_position: bool
 
 
-@dataclass(slots=True)
-class Body:
+class Body(Struct):
     """One body being elaborated: its names, its slots, and what it was seen to do."""
 
     session: Session

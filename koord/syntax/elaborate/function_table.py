@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import Struct, field
 
 from koord.syntax import ast, core
 from koord.syntax.source import Span
 from koord.syntax.types import Type
 
 
-@dataclass(slots=True)
-class Signature:
+class Signature(Struct):
     """A function as its callers see it. A type that is None is wrong, which was told."""
 
     name: str  #: in the core program, where names are unique
@@ -28,8 +27,7 @@ class Signature:
         return isinstance(self.definition.body, ast.External)
 
 
-@dataclass(slots=True)
-class FunctionTable:
+class FunctionTable(Struct):
     """Signatures by written name, and which of them are wanted in the core program.
 
     A function of the library is elaborated when it is first called; ``pending`` holds those that

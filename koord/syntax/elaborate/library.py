@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+
+from msgspec import Struct
 
 from koord.syntax import ast
 from koord.syntax.elaborate.body import Body, Where
@@ -29,8 +30,7 @@ PORT_ALIASES: Mapping[str, Mapping[str, str]] = {
 _INTERNAL = frozenset({"negatedPos", "addedPos", "subtractedPos", "scaledPos", "dividedPos"})
 
 
-@dataclass(frozen=True, slots=True)
-class Library:
+class Library(Struct, frozen=True):
     """The definitions of the prelude by name."""
 
     functions: Mapping[str, tuple[ast.FunDef, ...]]

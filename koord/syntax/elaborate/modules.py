@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
@@ -27,16 +28,14 @@ from koord.syntax.source import Span
 from koord.syntax.types import BOOL, STREAM, Type
 
 
-@dataclass(slots=True)
-class _Port:
+class _Port(Struct):
     decl: ast.VarDecl
     direction: core.Direction
     own: bool  #: declared by the program, not the library
     spelling: str  #: of its names the one that the program uses
 
 
-@dataclass(slots=True)
-class UsedModule:
+class UsedModule(Struct):
     """A module in use by one kind of robot, its sections merged."""
 
     name: str

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import PurePath
+
+from msgspec import Struct
 
 from koord.syntax import ast, core
 from koord.syntax.costs import excesses
@@ -70,8 +71,7 @@ def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborate
     return Elaborated(None if found else made, findings.in_order())
 
 
-@dataclass(slots=True)
-class _Robots:
+class _Robots(Struct):
     """One kind of robot: its names, and its sections."""
 
     scope: AgentScope

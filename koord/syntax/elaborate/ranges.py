@@ -8,8 +8,10 @@ wherever it is written alike; deeper contradictions are left to the verifier.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
 from fractions import Fraction
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, QuantifierKind, UnaryOp
@@ -20,8 +22,7 @@ from koord.syntax.walk import nodes
 Number = int | Fraction
 
 
-@dataclass(frozen=True, slots=True)
-class _Range:
+class _Range(Struct, frozen=True):
     """The values that something may still have; a bound comes with whether it is left out."""
 
     low: tuple[Number, bool] | None = None

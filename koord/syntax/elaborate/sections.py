@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from typing import assert_never
+
+from msgspec import Struct, field
 
 from koord.syntax import ast
 from koord.syntax.elaborate.findings import Findings
@@ -15,8 +16,7 @@ Stated = ast.Invariant | ast.Eventually | ast.LeadsTo
 FLAGS = {"numAgents": "--robots", "Nsys": "--robots", "delta": "--delta"}
 
 
-@dataclass(slots=True)
-class Kind:
+class Kind(Struct):
     """What one kind of robot has; also what stands outside of `agent` blocks, for all kinds."""
 
     name: str
@@ -31,8 +31,7 @@ class Kind:
     of_run: list[ast.VarDecl] = field(default_factory=list)  #: params that state the instance
 
 
-@dataclass(slots=True)
-class Sections:
+class Sections(Struct):
     """A whole program, sorted."""
 
     common: Kind = field(default_factory=lambda: Kind(""))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
 
 from koord.syntax import ast, core
 from koord.syntax.elaborate.findings import Findings
@@ -25,8 +26,7 @@ if TYPE_CHECKING:
     from koord.syntax.elaborate.function_table import FunctionTable
 
 
-@dataclass(frozen=True, slots=True)
-class Confusion:
+class Confusion(Struct, frozen=True):
     """An ``allread`` variable used as if each robot's entry were a list of what it is."""
 
     variable: core.Variable
@@ -34,16 +34,14 @@ class Confusion:
     stored: bool
 
 
-@dataclass(frozen=True, slots=True)
-class AtomicBlock:
+class AtomicBlock(Struct, frozen=True):
     """An atomic block met: which allwrite variables it writes. One per block of the text."""
 
     number: int
     writes: dict[int, core.Variable] = field(default_factory=dict)
 
 
-@dataclass(slots=True)
-class Counter:
+class Counter(Struct):
     """Hands out 0, 1, 2, …"""
 
     next: int = 0
@@ -53,8 +51,7 @@ class Counter:
         return self.next - 1
 
 
-@dataclass(slots=True)
-class Types:
+class Types(Struct):
     """The types of a program by name, and what is known about its records and enumerations."""
 
     named: dict[str, Type | None] = field(default_factory=dict)
@@ -67,8 +64,7 @@ Expression = Callable[["Body", ast.Expr, "Type | None"], "core.Expr | None"]
 Block = Callable[["Body", ast.Block], core.Block]
 
 
-@dataclass(slots=True)
-class Session:
+class Session(Struct):
     """The state of one elaboration: names declared so far, findings, counters.
 
     ``partial`` is set for a file of properties on its own: names that it does not declare belong to

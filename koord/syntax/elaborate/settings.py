@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic
 from koord.syntax.literals import ParamValue as ParamValue
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
+class Settings(Struct, frozen=True):
     """The choices of a run.
 
     ``params`` replaces the values of ``param`` declarations. ``tasks`` are the places of the
@@ -23,8 +23,7 @@ class Settings:
     tasks: core.Places | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Elaborated:
+class Elaborated(Struct, frozen=True):
     """The core program, unless there are errors or the file holds properties alone."""
 
     program: core.Program | None

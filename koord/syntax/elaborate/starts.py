@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from koord.syntax import ast, core
 from koord.syntax.elaborate.assumed import Assumed, key

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
 from itertools import islice
+
+from msgspec import Struct
 
 #: Words of other languages for what Koord has under another name.
 _ELSEWHERE = {
@@ -85,8 +86,7 @@ def _is_cut(one: str, other: str) -> bool:
     return len(short) >= _SHORTEST_CUT and long.startswith(short)
 
 
-@dataclass(frozen=True, slots=True)
-class _Index:
+class _Index(Struct, frozen=True):
     """Names in small letters, and those that become alike without one letter.
 
     Comparing is slow, and a program with thousands of names may misspell thousands.

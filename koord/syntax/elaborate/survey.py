@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator
-from dataclasses import fields
 from enum import Enum
 from fractions import Fraction
 
 from koord.syntax import ast
+from koord.syntax.content import content_fields
 from koord.syntax.source import Span
 
 _LEAVES = (str, int, Fraction, Enum, type(None), Span, ast.Comment)
@@ -67,4 +67,4 @@ def _parts(node: object) -> tuple[str, ...]:
     if isinstance(node, ast.Ident):
         return ()
     assert isinstance(node, ast.Node)
-    return tuple(field.name for field in fields(node) if field.name != "span")
+    return content_fields(type(node))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import Enum
+
+from msgspec import Struct, field
 
 from koord.syntax import ast, core
 from koord.syntax.source import Span
@@ -13,8 +14,7 @@ from koord.syntax.types import EnumType, RecordType
 RESERVED = frozenset({"pid", "numAgents", "Nsys"})
 
 
-@dataclass(frozen=True, slots=True)
-class VariableSymbol:
+class VariableSymbol(Struct, frozen=True):
     """A local or shared variable. ``declared`` is the declaration's name."""
 
     variable: core.Variable
@@ -22,8 +22,7 @@ class VariableSymbol:
     type_span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class PortSymbol:
+class PortSymbol(Struct, frozen=True):
     """A port of a module in use."""
 
     variable: core.Variable
@@ -32,8 +31,7 @@ class PortSymbol:
     declared: ast.Ident
 
 
-@dataclass(frozen=True, slots=True)
-class StreamSymbol:
+class StreamSymbol(Struct, frozen=True):
     """A port that ``<<`` writes to. It holds no value and is no part of a configuration."""
 
     stream: str
@@ -41,16 +39,14 @@ class StreamSymbol:
     declared: ast.Ident
 
 
-@dataclass(frozen=True, slots=True)
-class ParamSymbol:
+class ParamSymbol(Struct, frozen=True):
     """A constant of the run, with its value; None if it has none that is right."""
 
     value: core.Expr | None
     declared: ast.Ident
 
 
-@dataclass(frozen=True, slots=True)
-class MemberSymbol:
+class MemberSymbol(Struct, frozen=True):
     """A member of an enumeration."""
 
     type: EnumType
@@ -69,8 +65,7 @@ class Role(Enum):
     RESULT = "the result of the function"
 
 
-@dataclass(frozen=True, slots=True)
-class BoundSymbol:
+class BoundSymbol(Struct, frozen=True):
     """A name bound in a body. ``variable`` is None if its type is wrong (told already).
 
     ``kind`` is the kind of robot that a quantified variable ranges over, if it is one kind.
@@ -82,15 +77,13 @@ class BoundSymbol:
     kind: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Poisoned:
+class Poisoned(Struct, frozen=True):
     """A name whose declaration is wrong, which was told: using it is no further error."""
 
     declared: ast.Ident
 
 
-@dataclass(frozen=True, slots=True)
-class Pending:
+class Pending(Struct, frozen=True):
     """A name whose declaration is still to be read: it has no meaning in other declarations yet."""
 
     declared: ast.Ident
@@ -101,8 +94,7 @@ Named = VariableSymbol | ParamSymbol | MemberSymbol | Poisoned | Pending
 PortNamed = PortSymbol | StreamSymbol | Poisoned
 
 
-@dataclass(slots=True)
-class ModuleScope:
+class ModuleScope(Struct):
     """A module in use: its ports by every name that they go by."""
 
     name: str
@@ -110,8 +102,7 @@ class ModuleScope:
     ports: dict[str, PortNamed] = field(default_factory=dict)
 
 
-@dataclass(slots=True)
-class AgentScope:
+class AgentScope(Struct):
     """The names that only one kind of robot has."""
 
     index: int
@@ -123,8 +114,7 @@ class AgentScope:
     events: dict[str, int] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class RecordInfo:
+class RecordInfo(Struct, frozen=True):
     """A record: its type and the values of fields that a construction leaves out."""
 
     type: RecordType

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
@@ -27,8 +28,7 @@ from koord.syntax.source import whole_file
 from koord.syntax.types import STREAM, ArrayType, EnumType, ListType, Robots, Type, show
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """A declaration, and the scopes that it enters: those of some kinds of robot, or all."""
 
     decl: ast.VarDecl

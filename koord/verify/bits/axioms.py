@@ -9,8 +9,9 @@ instances is sound: it allows more.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple, cast
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import conjunction
@@ -32,8 +33,7 @@ PATTERNS = -1
 Binding = dict[int, Argument]
 
 
-@dataclass(frozen=True, slots=True)
-class Axiom:
+class Axiom(Struct, frozen=True):
     """A formula over atoms of variables, each given by the literal that stands for it."""
 
     function: str
@@ -42,8 +42,7 @@ class Axiom:
     variables: frozenset[int]
 
 
-@dataclass(slots=True)
-class Axioms:
+class Axioms(Struct):
     """The axioms of a system, and where they were required so far."""
 
     system: System
@@ -166,8 +165,7 @@ class Made(NamedTuple):
     function: str
 
 
-@dataclass(slots=True)
-class _Known:
+class _Known(Struct):
     """The atoms that were asked about, by relation and argument."""
 
     d: BitDomain
@@ -317,8 +315,7 @@ def _read(
     return Axiom(external.name, holds, used, tokens)
 
 
-@dataclass(slots=True)
-class _Promised:
+class _Promised(Struct):
     """Answers within a summary that is read as an axiom."""
 
     unknowns: BitUnknowns

@@ -8,11 +8,13 @@ at.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import zip_longest
 from math import lcm
 from typing import Generic, TypeAlias, TypeVar
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Robot, Store
 from koord.semantics.domain import Constant
@@ -24,20 +26,17 @@ from koord.verify.bits.numbers import Number
 from koord.verify.bits.opaque import Choice
 
 
-@dataclass(frozen=True, slots=True)
-class Fixed:
+class Fixed(Struct, frozen=True):
     """Always this constant."""
 
     value: Constant
 
 
-@dataclass(frozen=True, slots=True)
-class Truth:
+class Truth(Struct, frozen=True):
     """A Boolean."""
 
 
-@dataclass(frozen=True, slots=True)
-class Ranged:
+class Ranged(Struct, frozen=True):
     """A number of a range, before it is divided by ``scale``; any at all where it ``strays``."""
 
     low: int
@@ -46,15 +45,13 @@ class Ranged:
     strays: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Wild:
+class Wild(Struct, frozen=True):
     """A number of which nothing is ever known."""
 
     scale: int
 
 
-@dataclass(frozen=True, slots=True)
-class Token:
+class Token(Struct, frozen=True):
     """An opaque value."""
 
     sort: str
@@ -66,8 +63,7 @@ Leaf: TypeAlias = "Fixed | Truth | Ranged | Wild | Token"
 FINEST = 1 << 12
 
 
-@dataclass(slots=True)
-class Joining:
+class Joining(Struct):
     """Finds leaves that cover all values that were seen.
 
     Ranges that keep growing go on to the next of the ``landmarks``, and never beyond the last.
@@ -157,8 +153,7 @@ B = TypeVar("B")
 C = TypeVar("C")
 
 
-@dataclass(slots=True)
-class Pairing(Generic[A, B, C]):
+class Pairing(Struct, Generic[A, B, C]):
     """Goes through two configurations of one system at once, and makes a third.
 
     ``pair`` gets the path of a scalar with the scalars of both; one of them is None where a list is
@@ -238,8 +233,7 @@ class Pairing(Generic[A, B, C]):
         return Table(length, entries)
 
 
-@dataclass(frozen=True, slots=True)
-class Names:
+class Names(Struct, frozen=True):
     """What variables are called: shared ones by slot, own ones by kind and slot."""
 
     allread: tuple[str, ...]

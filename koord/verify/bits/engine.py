@@ -5,7 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.machine import NotFiniteError
 from koord.syntax.core import Declaration
@@ -38,8 +41,7 @@ FEW_QUESTIONS = 30_000
 FEW_HARD = 40
 
 
-@dataclass(slots=True)
-class ByBits:
+class ByBits(Struct):
     """Verdicts from a circuit. ``sparing``: only where it promises to be quick.
 
     ``abc``: its PDR is asked in the place of IC3. With ``names`` those claims alone are asked.

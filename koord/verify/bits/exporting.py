@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from enum import Enum
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.verify.bits.graph import FALSE, Graph
 from koord.verify.bits.pdr import Question
@@ -26,8 +28,7 @@ class Format(Enum):
     SMT2 = "smt2"  #: the question whether a claim breaks within the bound, for any SMT solver
 
 
-@dataclass(frozen=True, slots=True)
-class Machine:
+class Machine(Struct, frozen=True):
     """A transition system whose latches all start false, with what is never to hold, by name."""
 
     graph: Graph

@@ -7,7 +7,8 @@ A *literal* is an even number for a node and the odd one behind it for its negat
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 FALSE = 0
 TRUE = 1
@@ -16,8 +17,7 @@ TRUE = 1
 _LEAF = -1
 
 
-@dataclass(slots=True)
-class Graph:
+class Graph(Struct):
     """One graph. ``names`` are those of its inputs, by node."""
 
     left: list[int] = field(default_factory=lambda: [_LEAF])

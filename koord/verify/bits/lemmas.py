@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.semantics.configurations import System
 from koord.semantics.search.symmetry import Symmetry, symmetry_of
@@ -20,8 +21,7 @@ from koord.verify.solving import Deadline
 from koord.verify.verdicts import AT_ROUND
 
 
-@dataclass(frozen=True, slots=True)
-class Lemmas:
+class Lemmas(Struct, frozen=True):
     """Statements that make claims inductive; or why there are none."""
 
     statements: tuple[str, ...] = ()

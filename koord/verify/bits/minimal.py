@@ -7,7 +7,10 @@ of an inductive invariant that is inductive itself.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.verify.bits.checking import keeps
 from koord.verify.bits.clauses import QUICK, TRUE_SIDE, Clauses
@@ -26,8 +29,7 @@ Goal = tuple[Phase, int]
 MOST_TRIALS = 300
 
 
-@dataclass(frozen=True, slots=True)
-class Needed:
+class Needed(Struct, frozen=True):
     """Orbits of cubes that are left out, and the places whose ranges count."""
 
     orbits: tuple[Orbit, ...]

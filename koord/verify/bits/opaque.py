@@ -9,9 +9,10 @@ for each relation and each tuple of tokens that somebody asks about.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from itertools import product
 from typing import NamedTuple, TypeAlias
+
+from msgspec import Struct, field
 
 from koord.semantics.domain import Constant
 from koord.verify.bits.graph import FALSE, TRUE, Graph
@@ -54,8 +55,7 @@ Argument: TypeAlias = "int | Known"
 Atom: TypeAlias = "tuple[str, tuple[Argument, ...]]"
 
 
-@dataclass(slots=True)
-class Opaques:
+class Opaques(Struct):
     """All tokens and atoms of one system, over one graph."""
 
     graph: Graph

@@ -9,11 +9,12 @@ Brayton, *Efficient implementation of property directed reachability* (2011).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
 from heapq import heappop, heappush
 
+from msgspec import Struct, field
+
 from koord.verify.bits.clauses import BOTH_SIDES, QUICK, TRUE_SIDE, Clauses, NoAnswerError
-from koord.verify.bits.graph import FALSE
+from koord.verify.bits.graph import FALSE, Graph
 from koord.verify.bits.transition import Latch
 from koord.verify.solving import Deadline
 
@@ -21,8 +22,7 @@ from koord.verify.solving import Deadline
 Cube = tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
+class Question(Struct, frozen=True):
     """What is asked of a circuit: whether ``bad`` can ever hold. All are literals of the graph.
 
     ``given`` holds of every state that can be reached, as was shown before.
@@ -35,30 +35,26 @@ class Question:
     given: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Invariant:
+class Invariant(Struct, frozen=True):
     """Clauses, as cubes of states that cannot be reached, that hold always and keep ``bad`` out."""
 
     cubes: tuple[Cube, ...]
     rounds: int  #: frames that were needed
 
 
-@dataclass(frozen=True, slots=True)
-class Reached:
+class Reached(Struct, frozen=True):
     """``bad`` can hold in the round with that number, counted from 1."""
 
     rounds: int
 
 
-@dataclass(frozen=True, slots=True)
-class Unfinished:
+class Unfinished(Struct, frozen=True):
     """Time ran out; ``bad`` does not hold in so many rounds."""
 
     rounds: int
 
 
-@dataclass(slots=True)
-class Search:
+class Search(Struct):
     """One run of IC3.
 
     ``images`` gives what a cube becomes when robots change places; None if that is not to be said
@@ -395,23 +391,15 @@ MISSES = 6
 OBSTACLES = 3
 
 
-@dataclass(slots=True)
 class _Start:
     """A solver that knows INIT alone."""
 
-    graph: object
-    question: Question
-    clauses: Clauses = field(init=False)
-    _then: list[int] = field(default_factory=list)
-    _met: dict[Cube, bool] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        from koord.verify.bits.graph import Graph
-
-        assert isinstance(self.graph, Graph)
-        self.clauses = Clauses(self.graph, QUICK)
-        self.clauses.require(self.question.opens)
-        self._then = [self.clauses.of(latch.init) for latch in self.question.latches]
+    def __init__(self, graph: Graph, question: Question) -> None:
+        self.question = question
+        self.clauses = Clauses(graph, QUICK)
+        self.clauses.require(question.opens)
+        self._then = [self.clauses.of(latch.init) for latch in question.latches]
+        self._met: dict[Cube, bool] = {}
 
     def meets(self, cube: Cube) -> bool:
         return self.clauses.solve([self._signed(x) for x in cube])
@@ -428,32 +416,21 @@ class _Start:
         return number if x > 0 else -number
 
 
-@dataclass(slots=True)
 class _Lifting:
     """A solver that tells which part of a state is enough to lead where it leads."""
 
-    graph: object
-    question: Question
-    clauses: Clauses = field(init=False)
-    _latch: list[int] = field(default_factory=list)
-    _next: list[int] = field(default_factory=list)
-    _inputs: list[tuple[int, int]] = field(default_factory=list)
-    _inputs_bad: list[tuple[int, int]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        from koord.verify.bits.graph import Graph
-
-        g = self.graph
-        assert isinstance(g, Graph)
+    def __init__(self, g: Graph, q: Question) -> None:
+        self.question = q
         self.clauses = Clauses(g, QUICK)
-        q = self.question
         self._latch = [self.clauses.of(latch.literal) for latch in q.latches]
         self._next = [self.clauses.of(latch.next) for latch in q.latches]
         own = {latch.literal >> 1 for latch in q.latches}
         roots = [q.steps, q.bad, *(latch.next for latch in q.latches)]
-        for node in g.cone(roots):
-            if g.is_input(node) and node not in own:
-                self._inputs.append((node, self.clauses.of(2 * node)))
+        self._inputs = [
+            (node, self.clauses.of(2 * node))
+            for node in g.cone(roots)
+            if g.is_input(node) and node not in own
+        ]
 
     def bad(self, of: Clauses, latches: list[int]) -> Cube:
         """The part of the state in the last model that is enough to be bad."""

@@ -9,9 +9,10 @@ is.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias, TypeVar
+
+from msgspec import Struct
 
 from koord.semantics.configurations import Status, System
 from koord.semantics.domain import Constant
@@ -52,15 +53,13 @@ MANY_VALUES = 300
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
-class Robot:
+class Robot(Struct, frozen=True):
     """The number of a robot, as a part of a name."""
 
     number: int
 
 
-@dataclass(frozen=True, slots=True)
-class Index:
+class Index(Struct, frozen=True):
     """A number in brackets, as a part of a name."""
 
     number: int
@@ -69,8 +68,7 @@ class Index:
 Piece: TypeAlias = "str | Robot | Index"
 
 
-@dataclass(frozen=True, slots=True)
-class Outside:
+class Outside(Struct, frozen=True):
     """What a place holds where it is not inside."""
 
 
@@ -80,8 +78,7 @@ OUTSIDE = Outside()
 Held: TypeAlias = "Constant | Outside"
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(Struct, frozen=True):
     """A scalar of a configuration. Two are the same if their names are.
 
     ``type`` is None for a robot's status and for the event that it ran last. ``may_fault`` says
@@ -137,8 +134,7 @@ def _matches(g: Graph, literals: tuple[int, ...], code: int) -> int:
     return g.all_of(x if (code >> k) & 1 else x ^ 1 for k, x in enumerate(literals))
 
 
-@dataclass(frozen=True, slots=True)
-class _Where:
+class _Where(Struct, frozen=True):
     """What is known of a place from the variable that it is in."""
 
     d: BitDomain

@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from itertools import permutations, product
 from math import perm, prod
 
+from msgspec import Struct
+
 from koord.verify.bits import numbers
 from koord.verify.bits.clauses import QUICK, TRUE_SIDE, Clauses
 from koord.verify.bits.domain import BitDomain
@@ -29,8 +31,7 @@ Values = tuple[tuple[int, frozenset[Held]], ...]
 MANY_IMAGES = 2_000
 
 
-@dataclass(frozen=True, slots=True)
-class Orbit:
+class Orbit(Struct, frozen=True):
     """States that are left out: those of a cube, and of what it may be renamed to."""
 
     first: Values

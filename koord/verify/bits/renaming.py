@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
 from itertools import permutations
 from math import perm
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.search.symmetry import Symmetry, symmetry_of
@@ -45,16 +47,14 @@ def speaking_last(system: System) -> System:
     return replace(system, program=replace(system.program, externals=externals))
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
+class _Place(Struct, frozen=True):
     """A bit's name with its robots left out, and those robots."""
 
     name: str
     robots: tuple[int, ...]
 
 
-@dataclass(slots=True)
-class _Renaming:
+class _Renaming(Struct):
     system: System
     symmetry: Symmetry
     latches: Sequence[Latch]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any, cast
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import Constant
@@ -20,8 +21,7 @@ from koord.verify.claims import Phase
 from koord.verify.witness import Reader, opening_of, round_of
 
 
-@dataclass(slots=True)
-class Assignment:
+class Assignment(Struct):
     """The inputs of a graph in one step. Those that are not given are false."""
 
     d: BitDomain
@@ -80,8 +80,7 @@ class Assignment:
         return f"{value.sort}!0"
 
 
-@dataclass(frozen=True, slots=True)
-class Told:
+class Told(Struct, frozen=True):
     """What a step of a run (0: INIT) says of a relation between values, which go by their names."""
 
     relation: str
@@ -91,8 +90,7 @@ class Told:
     holds: bool
 
 
-@dataclass(slots=True)
-class Names:
+class Names(Struct):
     """What opaque values are called: those that are equal alike, from one step to the next."""
 
     opaques: Opaques

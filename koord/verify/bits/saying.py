@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Status, System
 from koord.syntax import core
@@ -25,16 +28,14 @@ NUMBERS = ("k", "l", "number1", "number2")
 ANY_NUMBER = -10_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Said:
+class Said(Struct, frozen=True):
     """A statement in Koord; ``at_round``: it holds of the ends of rounds, maybe not within them."""
 
     text: str
     at_round: bool
 
 
-@dataclass(frozen=True, slots=True)
-class _Clause:
+class _Clause(Struct, frozen=True):
     """What is not so: some places with values, and two places that are ``alike``.
 
     ``over`` is the range of numbers that a quantifier goes through; what is there said of the least
@@ -261,8 +262,7 @@ def _called(program: core.Program) -> Iterator[str]:
                 yield from members
 
 
-@dataclass(frozen=True, slots=True)
-class _Speaking:
+class _Speaking(Struct, frozen=True):
     """How places and values are called in one statement."""
 
     names: Mapping[int, str]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import Any, cast
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.machine import NotFiniteError
@@ -45,8 +46,7 @@ LEVELS = ((63, 8), (1023, 12), (16383, 16))
 PASSES = (3, 8, 20)
 
 
-@dataclass(frozen=True, slots=True)
-class Latch:
+class Latch(Struct, frozen=True):
     """One bit of the state: its input, what it is after INIT, and after a round."""
 
     name: str
@@ -55,8 +55,7 @@ class Latch:
     next: int
 
 
-@dataclass(frozen=True, slots=True)
-class Circuit:
+class Circuit(Struct, frozen=True):
     """The circuit of a system.
 
     ``opens`` holds of the inputs of INIT that lead to a configuration, ``steps`` of a state and
@@ -98,8 +97,7 @@ def circuit_of(system: System, claims: Sequence[Claim], level: int = 0) -> Circu
     return builder.finished()
 
 
-@dataclass(slots=True)
-class _Builder:
+class _Builder(Struct):
     """Looks for what the state is made of, round after round, until nothing new comes up."""
 
     system: System
@@ -276,8 +274,7 @@ class _Builder:
         return when, [cast(Bits, x) for _, needed in asked.values() for x in needed]
 
 
-@dataclass(frozen=True, slots=True)
-class _Parts:
+class _Parts(Struct, frozen=True):
     """What one try made: INIT and a round, each with its unknowns."""
 
     opening: Opening
@@ -345,8 +342,7 @@ def _in_range(d: BitDomain, leaf: Leaf, value: Bits) -> list[int]:
     return []
 
 
-@dataclass(slots=True)
-class _Landing:
+class _Landing(Struct):
     """Where values go at the end of INIT and of a round: latch by latch, what it will be."""
 
     d: BitDomain

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.verify.bits.clauses import OTHER, TRUE_SIDE, Clauses
 from koord.verify.bits.graph import FALSE, TRUE, Graph
@@ -12,8 +13,7 @@ from koord.verify.claims import Claim, Phase
 from koord.verify.solving import Answer, Deadline
 
 
-@dataclass(slots=True)
-class Copy:
+class Copy(Struct):
     """One copy of a circuit's nodes in another graph: of INIT, or of a round."""
 
     source: Graph
@@ -57,8 +57,7 @@ class Copy:
         return None if found is None else found ^ (literal & 1)
 
 
-@dataclass(frozen=True, slots=True)
-class Witnessed:
+class Witnessed(Struct, frozen=True):
     """A run of a circuit: what its inputs and latches are, in INIT and in each round.
 
     A node that is not mentioned may be anything.
@@ -68,21 +67,16 @@ class Witnessed:
     rounds: tuple[dict[int, bool], ...]
 
 
-@dataclass(slots=True)
 class Unrolled:
     """A circuit unrolled so far. ``completed`` rounds were looked at and found to break nothing."""
 
-    circuit: Circuit
-    graph: Graph = field(default_factory=Graph)
-    clauses: Clauses = field(init=False)
-    opening: Copy = field(init=False)
-    rounds: list[Copy] = field(default_factory=list)
-    lost: int = FALSE
-
-    def __post_init__(self) -> None:
+    def __init__(self, circuit: Circuit) -> None:
+        self.circuit = circuit
+        self.graph = Graph()
         self.clauses = Clauses(self.graph, OTHER)
-        source = self.circuit.d.graph
-        self.opening = Copy(source, self.graph, "#init")
+        self.opening = Copy(circuit.d.graph, self.graph, "#init")
+        self.rounds: list[Copy] = []
+        self.lost = FALSE
 
     def begin(self) -> Copy:
         """One more round, behind those that are there."""

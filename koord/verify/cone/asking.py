@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from typing import TypeVar
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.auxiliary import Var
 from koord.semantics.traces.recording import Recording
@@ -21,8 +23,7 @@ from koord.verify.witness import NotReplayedError
 T = TypeVar("T")
 
 
-@dataclass(slots=True)
-class Doubts:
+class Doubts(Struct):
     """Claims that something seemed to break which is no run, with its number of rounds."""
 
     rounds: dict[Identity, int] = field(default_factory=dict)
@@ -40,8 +41,7 @@ class Doubts:
         return replace(subject, judge=judge)
 
 
-@dataclass(slots=True)
-class _Part:
+class _Part(Struct):
     """A slice, and the claims that have just this cone of influence."""
 
     name: str
@@ -51,8 +51,7 @@ class _Part:
     is_alone: bool  #: no invariant that speaks of more can help to prove them
 
 
-@dataclass(slots=True)
-class _Asking:
+class _Asking(Struct):
     """Engines that are asked about a slice, one after the other."""
 
     part: _Part
@@ -123,8 +122,7 @@ class _Asking:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class BySlices:
+class BySlices(Struct, frozen=True):
     """Engines on slices that are smaller than what a ledger is about, for the claims of these.
 
     Of all slices the first engine is asked before the next one, so that no claim waits long for

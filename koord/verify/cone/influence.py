@@ -7,9 +7,10 @@ The *cone of influence* of a claim is the least set with what the claim reads th
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 from enum import Enum
 from typing import TypeAlias
+
+from msgspec import Struct, field
 
 from koord.semantics.auxiliary import Var, variables_of
 from koord.semantics.configurations import System
@@ -21,24 +22,21 @@ from koord.syntax.walk import nodes, reached, statements, written
 from koord.verify.claims import Claim, ClaimKind
 
 
-@dataclass(frozen=True, slots=True)
-class Bound:
+class Bound(Struct, frozen=True):
     """A bound variable of one body; bodies are numbered."""
 
     body: int
     slot: int
 
 
-@dataclass(frozen=True, slots=True)
-class Happens:
+class Happens(Struct, frozen=True):
     """That robots of a kind run an event, by its position."""
 
     kind: int
     position: int
 
 
-@dataclass(frozen=True, slots=True)
-class Answers:
+class Answers(Struct, frozen=True):
     """What an external function answers."""
 
     function: str
@@ -61,8 +59,7 @@ _STATED = 0
 Cone: TypeAlias = frozenset[Part]
 
 
-@dataclass(frozen=True, slots=True)
-class Site:
+class Site(Struct, frozen=True):
     """A statement, with the expressions that decide whether it is run."""
 
     statement: core.Stmt
@@ -70,8 +67,7 @@ class Site:
     sure: Sure
 
 
-@dataclass(slots=True)
-class Influence:
+class Influence(Struct):
     """The influences in the program of one system: what has one on each part of it."""
 
     system: System

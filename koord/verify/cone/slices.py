@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from functools import cached_property
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.auxiliary import Var, auxiliary, variables
 from koord.semantics.configurations import System
@@ -15,8 +17,7 @@ from koord.verify.cone.slicing import sliced
 from koord.verify.subjects import Identity, identity
 
 
-@dataclass(frozen=True)
-class Slices:
+class Slices(Struct, frozen=True, dict=True):
     """The slices of one system, by the claims that they are for."""
 
     system: System

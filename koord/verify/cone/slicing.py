@@ -7,8 +7,10 @@ that is never enabled. So slots, sites and events mean the same in slice and pro
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from functools import cached_property
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.auxiliary import Var
 from koord.syntax import core
@@ -27,8 +29,7 @@ def sliced(influence: Influence, cone: Cone) -> core.Program:
     return _Slicer(influence, cone).program()
 
 
-@dataclass(frozen=True)
-class _Slicer:
+class _Slicer(Struct, frozen=True, dict=True):
     influence: Influence
     cone: Cone
 

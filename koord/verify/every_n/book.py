@@ -13,8 +13,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from itertools import product
+
+from msgspec import Struct, field
 
 from koord.semantics.domain import conjunction
 from koord.syntax.core import BinaryOp, UnaryOp
@@ -25,8 +26,7 @@ from koord.verify.terms import Term
 Names = tuple[Term, ...]
 
 
-@dataclass(slots=True)
-class Scheme:
+class Scheme(Struct):
     """Facts about blanks: ``outer`` are given by where the scheme stands, ``own`` range over names.
 
     ``contexts`` are what the outer blanks stand for, each with its generation. In each context the
@@ -47,8 +47,7 @@ class Scheme:
     said: set[tuple[object, ...]] = field(default_factory=set)
 
 
-@dataclass(slots=True)
-class Book:
+class Book(Struct):
     """Facts, names, and the schemes by which the one gives the other. ``facts`` only grows.
 
     So many things are said of names at ``most``: a proof that needs more is not found.

@@ -8,9 +8,11 @@ guards, who holds an allwrite variable, and how the numbers of two robots compar
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import product
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, PropertyKind, UnaryOp
@@ -27,7 +29,7 @@ from koord.syntax.types import (
     Robots,
     Type,
 )
-from koord.syntax.walk import nodes
+from koord.syntax.walk import nodes, rebuilt
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.every_n.wording import NoWordsError, worded
 
@@ -87,8 +89,7 @@ def _conditions(v: Vocabulary) -> Iterator[core.Expr]:
             yield _of_pairs(_binary(BinaryOp.IMPLIES, pair, relation))
 
 
-@dataclass(frozen=True, slots=True)
-class Vocabulary:
+class Vocabulary(Struct, frozen=True):
     """What a program speaks of."""
 
     program: core.Program
@@ -256,16 +257,7 @@ def _for_robot(node: Any, robot: core.Expr) -> Any:
     """An expression of a robot's turn, as a property says it of a robot."""
     if isinstance(node, core.Pid):
         return robot
-    if isinstance(node, tuple):
-        return tuple(_for_robot(part, robot) for part in node)
-    if not is_dataclass(node) or isinstance(node, core.Variable | type):
-        return node
-    changes = {
-        field.name: _for_robot(getattr(node, field.name), robot)
-        for field in fields(node)
-        if field.name not in ("span", "type")
-    }
-    made: Any = replace(node, **changes)
+    made = rebuilt(node, lambda part: _for_robot(part, robot))
     if isinstance(made, core.Place) and made.variable.home in (Home.LOCAL, Home.PORT):
         return replace(made, robot=robot)
     return made

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import TypeAlias
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import Store
 from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.masks import Mask, joined, restricted
-from koord.semantics.storage import Many, Storage, Tree, merge_storage_known
+from koord.semantics.storage import Many, Storage, Tree, many_of, merge_storage_known
 from koord.semantics.turns import Turned
 from koord.syntax import core
 from koord.syntax.core import BinaryOp
@@ -27,8 +28,7 @@ MOST_RACING = 4
 LastWrite: TypeAlias = "tuple[int, tuple[int, ...], Term]"
 
 
-@dataclass(frozen=True, slots=True)
-class Move:
+class Move(Struct, frozen=True):
     """A turn that a robot may take: of which kind it is then, which event, and whether it does."""
 
     kind: int
@@ -37,8 +37,7 @@ class Move:
     turned: Turned[Term]
 
 
-@dataclass(frozen=True, slots=True)
-class Guards:
+class Guards(Struct, frozen=True):
     """Which locations only atomic blocks write: then one robot at most does so in a round.
 
     ``classes`` are the lock classes of the blocks that write a slot; ``racy`` are the places that
@@ -71,8 +70,7 @@ def _way(place: core.Place) -> tuple[int, tuple[int | None, ...]]:
     return place.variable.slot, tuple(way)
 
 
-@dataclass(slots=True)
-class Commits:
+class Commits(Struct):
     """The writes of all robots, put into a store.
 
     ``moves`` are the turns that a robot may take; ``everybody`` takes one of them in INIT.
@@ -122,7 +120,7 @@ class Commits:
                 entry = own if certain else merge_storage_known(d, move.chosen, own, entry)
             return entry
 
-        return Many(before.crowd, at)
+        return many_of(before.crowd, at)
 
     def everything(self, slot: int) -> Storage[Term]:
         """An allwrite variable after the round. [T-ONE-WINNER] [T-COMMIT]"""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.domain import conjunction
@@ -19,8 +21,7 @@ from koord.verify.every_n.sums import Sums
 from koord.verify.terms import Term
 
 
-@dataclass(slots=True)
-class Everyone:
+class Everyone(Struct):
     """A crowd. ``count`` is the unknown number of robots, one at least.
 
     ``overlooked`` are loops that were not understood: what they change may then be anything.
@@ -93,8 +94,7 @@ class Everyone:
         Loop(self, m, low, high, body, span).run()
 
 
-@dataclass(slots=True)
-class World:
+class World(Struct):
     """One program with a crowd, and what is said of it."""
 
     system: System

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.verify.every_n.candidates import candidates
 from koord.verify.every_n.proving import AFTER_INIT, GENEROUS, Thrift, infer, prove
@@ -16,8 +17,7 @@ from koord.verify.verdicts import Engine, Outcome, Verdict
 FEW = 64
 
 
-@dataclass(frozen=True, slots=True)
-class ByEveryN:
+class ByEveryN(Struct, frozen=True):
     """Proofs for every number of robots, which are proofs for the number that was asked about."""
 
     thrift: Thrift = GENEROUS
@@ -45,8 +45,7 @@ class ByEveryN:
             ledger.leave([claim], reach)
 
 
-@dataclass(frozen=True, slots=True)
-class ByInference:
+class ByInference(Struct, frozen=True):
     """The same with the help of invariants that nobody gave: found among likely ones.
 
     Where something is violated, rounds that were looked at are enough of the rest. Nothing is done

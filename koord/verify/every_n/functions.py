@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
+from msgspec import Struct
+
 from koord.semantics.crowds import Crowd, NotFiniteError
 from koord.semantics.oracle import Key, Oracle, Phase
 from koord.semantics.patience import ENDLESS, Patience
-from koord.semantics.storage import Many, Storage
-from koord.semantics.values import Family, Value, scalar
+from koord.semantics.storage import Many, Storage, many_of
+from koord.semantics.values import Family, Value, family_of, scalar
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import NOWHERE
@@ -92,7 +94,7 @@ class Functions(Unknowns):
             return Unknowns.value(self, name, type_, length, scalar)
         outer, element, crowd = self.terms.arguments or (), type_.element, self.crowd
         assert crowd is not None
-        return Family(crowd, lambda i: self.of(f"{name}[]", element, (*outer, i)))
+        return family_of(crowd, lambda i: self.of(f"{name}[]", element, (*outer, i)))
 
     def storage(
         self, name: str, type_: Type, initial: Storage[Term], written: Written
@@ -105,7 +107,7 @@ class Functions(Unknowns):
         def at(i: Term) -> Storage[Term]:
             return self.storage_of(f"{name}[]", element, like(i), written, (*outer, i))
 
-        return Many(initial.crowd, at)
+        return many_of(initial.crowd, at)
 
     def storage_of(
         self,
@@ -144,8 +146,7 @@ class Functions(Unknowns):
         return self.terms.depending_on(arguments)
 
 
-@dataclass(slots=True)
-class RobotInputs:
+class RobotInputs(Struct):
     """What one step leaves open of one robot, as functions of its number (None: of nothing)."""
 
     unknowns: Functions
@@ -173,8 +174,7 @@ class RobotInputs:
         return () if self.robot is None else (self.robot,)
 
 
-@dataclass(slots=True)
-class RobotOracle:
+class RobotOracle(Struct):
     """Answers for one turn of one robot. [CHOOSE] [EXTERNAL]"""
 
     inputs: RobotInputs
@@ -206,8 +206,7 @@ class RobotOracle:
         return f"{self.inputs.label} {self.phase.value} {'.'.join(map(str, key))}"
 
 
-@dataclass(slots=True)
-class TripOracle:
+class TripOracle(Struct):
     """Answers in a trip of a loop over all robots: of functions only, which answer alike."""
 
     unknowns: Functions

@@ -12,6 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
+from msgspec import Struct
+
 from koord.semantics.configurations import FaultKind
 from koord.semantics.crowds import NotFiniteError
 from koord.semantics.domain import conjunction, disjunction
@@ -264,8 +266,7 @@ class Loop:
         return dict(scalars(self._trip(number).memory))[path]
 
 
-@dataclass(slots=True)
-class Change:
+class Change(Struct):
     """How a loop changes one scalar."""
 
     loop: Loop

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
+
+from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store, Turn
 from koord.semantics.domain import conjunction, disjunction
-from koord.semantics.storage import Many, Storage
+from koord.semantics.storage import Many, Storage, many_of
 from koord.semantics.turns import declared, initial_turn
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
@@ -184,7 +186,7 @@ class Anywhere:
             shape = self._shape((Home.ALLREAD, 0, slot), initial.at)
             return self._some("", entry, element, shape, written, (robot,))
 
-        return Many(initial.crowd, at)
+        return many_of(initial.crowd, at)
 
     def _shape(
         self, key: tuple[Home, int, int], of: Callable[[Term], Storage[Term]]

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+from msgspec import Struct
+
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.crowds import NotFiniteError
 from koord.semantics.domain import conjunction, disjunction
@@ -28,8 +30,7 @@ from koord.verify.solving import Answer, Deadline, Effort, Solver
 from koord.verify.terms import Term
 
 
-@dataclass(frozen=True, slots=True)
-class Thrift:
+class Thrift(Struct, frozen=True):
     """What may be spent: so many generations of names, so many things said of them, so many
     seconds of a solver in all (about), and so many units of its work on one question; fewer if
     unknown reals are multiplied.
@@ -59,8 +60,7 @@ HASTY = replace(SPARING, seconds=1.0)
 _STEPS_PER_SECOND = 10_000
 
 
-@dataclass(frozen=True, slots=True)
-class Proof:
+class Proof(Struct, frozen=True):
     """The claims that hold for every number of robots, and why the others are still open."""
 
     proved: tuple[Claim, ...]
@@ -104,8 +104,7 @@ def prove(
     return Proof(tuple(candidates), reasons)
 
 
-@dataclass(frozen=True, slots=True)
-class Inferred:
+class Inferred(Struct, frozen=True):
     """The claims that hold with the help of invariants that were found, and these."""
 
     proved: tuple[Claim, ...]
@@ -168,8 +167,7 @@ def _beyond(program: core.Program) -> str:
 # --- questions ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Means:
+class _Means(Struct, frozen=True):
     """What questions may cost."""
 
     deadline: Deadline

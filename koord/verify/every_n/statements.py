@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import conjunction
@@ -17,8 +17,7 @@ from koord.verify.every_n.functions import RobotInputs
 from koord.verify.terms import Term
 
 
-@dataclass(frozen=True, slots=True)
-class Universal:
+class Universal(Struct, frozen=True):
     """``forall x1, …, xk: body`` over robots: the slots and kinds of the x, and the body.
 
     A statement that holds of some robots and faults of none of them holds; so the quantifiers may

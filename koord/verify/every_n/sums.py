@@ -7,11 +7,12 @@ changes if one part does, and what it is where all parts are a polynomial of the
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import pairwise
 from math import lcm
 from typing import TypeAlias
+
+from msgspec import Struct, field
 
 from koord.semantics.domain import conjunction
 from koord.syntax.core import BinaryOp, UnaryOp
@@ -25,8 +26,7 @@ Part: TypeAlias = "Callable[[Term], Term]"
 MOST_DEGREE = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Sum:
+class Sum(Struct, frozen=True):
     """``total`` is the sum of ``part`` over the integers from ``low`` up to ``high``."""
 
     total: Term
@@ -35,8 +35,7 @@ class Sum:
     part: Part
 
 
-@dataclass(slots=True)
-class Sums:
+class Sums(Struct):
     """The sums met so far. What is known of each, and of any two, goes into the book."""
 
     book: Book

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import z3
+from msgspec import Struct
 
 from koord.semantics.crowds import NotFiniteError
 from koord.semantics.domain import Constant
@@ -24,15 +25,13 @@ from koord.verify.terms import Term, Terms, parts_of
 State: TypeAlias = "tuple[Constant, ...]"
 
 
-@dataclass(frozen=True, slots=True)
-class Safe:
+class Safe(Struct, frozen=True):
     """What is bad cannot be reached: ``kept``, a formula of a state's unknowns, holds of all."""
 
     kept: Term
 
 
-@dataclass(frozen=True, slots=True)
-class Reached:
+class Reached(Struct, frozen=True):
     """What is bad can be reached: by way of these states, from INIT on."""
 
     states: tuple[State, ...]

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.crowds import NotFiniteError
@@ -47,8 +48,7 @@ CHECKING_S = 20.0
 SOONER_S, SOONER_ROUNDS = 5.0, 40
 
 
-@dataclass(slots=True)
-class BySpacer:
+class BySpacer(Struct):
     """Invariants of reals and integers that nobody gave, and runs that break claims late.
 
     With ``waits`` proofs are kept back, for others to say more than that: see :class:`KeptBack`.
@@ -138,8 +138,7 @@ class BySpacer:
             self.unreplayed.update(claims)
 
 
-@dataclass(frozen=True, slots=True)
-class KeptBack:
+class KeptBack(Struct, frozen=True):
     """What Spacer proved, of claims of which nobody could say more in the meantime."""
 
     spacer: BySpacer
@@ -153,8 +152,7 @@ class KeptBack:
         ledger.settle(still)
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
+class Question(Struct, frozen=True):
     """Whether some claims hold in all rounds.
 
     ``opens`` holds of INIT, one of ``false_starts`` of one that breaks a claim; ``goes`` holds of a
@@ -256,8 +254,7 @@ class Question:
         return all(self.clauses.impossible(body, deadline, effort) for body in bodies)
 
 
-@dataclass(frozen=True, slots=True)
-class _First:
+class _First(Struct, frozen=True):
     """A violation, and whether it is known that none has fewer rounds."""
 
     counterexample: Counterexample

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from functools import partial
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.liveness import Response, expected, reads_ran, responses
@@ -38,8 +40,7 @@ from koord.verify.witness import NotReplayedError, OnlyOfSliceError
 FIRST_ROUNDS = 4
 
 
-@dataclass(frozen=True, slots=True)
-class _Try:
+class _Try(Struct, frozen=True):
     """One way to look for a proof; ``most`` times fairness is counted, by so many questions."""
 
     locks: bool
@@ -63,8 +64,7 @@ AT_LENGTH = (
 )
 
 
-@dataclass(slots=True)
-class LiveByBits:
+class LiveByBits(Struct):
     """Verdicts on whole runs from circuits. ``lemmas`` are claims that hold in every round."""
 
     pool: Pool  #: where claims are asked each by itself
@@ -136,8 +136,7 @@ def _leave(
     ledger.leave(claims, reach)
 
 
-@dataclass(slots=True)
-class _Run:
+class _Run(Struct):
     """One claim, asked of one circuit."""
 
     ledger: Ledger

@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from koord.verify.bits.clauses import OTHER, QUICK, Clauses
 from koord.verify.bits.graph import FALSE, TRUE, Graph
@@ -17,8 +18,7 @@ from koord.verify.live.monitors import Watched
 from koord.verify.solving import Deadline
 
 
-@dataclass(frozen=True, slots=True)
-class Counting:
+class Counting(Struct, frozen=True):
     """What is counted: the part of a circuit that it is about, and when the count starts anew.
 
     ``met`` are the conditions of fairness by name; ``on`` holds of rounds that count.

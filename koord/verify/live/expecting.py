@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import reduce
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant
@@ -36,8 +38,7 @@ MOST, TRIED = 2, 24
 CHECKING_S = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
+class Text(Struct, frozen=True):
     """What a program is read from."""
 
     source: Source
@@ -45,8 +46,7 @@ class Text:
     properties: tuple[Source, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Lassoed:
+class Lassoed(Struct, frozen=True):
     """A lasso that breaks a property, with its configurations and with why it is fair."""
 
     system: System

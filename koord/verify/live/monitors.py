@@ -8,8 +8,10 @@ strength of it, and asks for nothing. That makes more runs fair, never fewer.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any, cast
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Status, System
 from koord.semantics.liveness import Response, expected, locks_of, responses
@@ -26,8 +28,7 @@ from koord.verify.claims import Claim, ClaimKind
 from koord.verify.symbols import SymbolicInputs
 
 
-@dataclass(frozen=True, slots=True)
-class Condition:
+class Condition(Struct, frozen=True):
     """Something that a fair run does again and again: ``met`` in a round.
 
     ``kind`` is the fairness that it belongs to: robots, or the name of an expectation.
@@ -38,8 +39,7 @@ class Condition:
     met: int
 
 
-@dataclass(frozen=True, slots=True)
-class Grant:
+class Grant(Struct, frozen=True):
     """Something that a fair run grants again and again if it is asked for again and again."""
 
     name: str
@@ -47,8 +47,7 @@ class Grant:
     granted: int
 
 
-@dataclass(frozen=True, slots=True)
-class Watched:
+class Watched(Struct, frozen=True):
     """A circuit with what one response is about.
 
     The latches of ``circuit`` include those of the monitors. ``pending`` holds of a round if the
@@ -87,8 +86,7 @@ def _claim(statement: core.Property) -> Claim:
     return Claim(statement.name, ClaimKind.PROPERTY, statement)
 
 
-@dataclass(slots=True)
-class Watching:
+class Watching(Struct):
     """The circuit of a system, to which monitors of one response after the other are added."""
 
     system: System

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from koord.semantics.configurations import System
 from koord.semantics.search.findings import Exhausted, OutOfBounds
@@ -22,8 +23,7 @@ from koord.verify.witness import NotReplayedError
 FEW_EDGES = 100_000
 
 
-@dataclass(frozen=True, slots=True)
-class LiveBySearch:
+class LiveBySearch(Struct, frozen=True):
     """All configurations one by one, where they are few."""
 
     limits: Limits

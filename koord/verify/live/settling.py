@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import partial
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.semantics.search.limits import FEW_STATES, Limits
@@ -42,8 +44,7 @@ class Ways(Enum):
     NONE = "none"
 
 
-@dataclass(frozen=True, slots=True)
-class Settled:
+class Settled(Struct, frozen=True):
     """Verdicts on all liveness claims, in order, and what makes them say less."""
 
     verdicts: tuple[Verdict, ...]
@@ -102,8 +103,7 @@ def settled(
     return Settled(verdicts, unique, ledger.interrupted, tuple(ledger.failures))
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
+class _Part(Struct, frozen=True):
     """A slice, and the claims that have just this cone of influence. [T-CONE]"""
 
     system: System
@@ -125,8 +125,7 @@ def _parts(slices: Slices, cones: Mapping[Claim, Cone]) -> list[_Part]:
     return parts
 
 
-@dataclass(slots=True)
-class _Asking:
+class _Asking(Struct):
     """Engines that are asked about slices; what they find counts as a run of the whole system."""
 
     ledger: Ledger

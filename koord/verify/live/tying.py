@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from koord.semantics.traces.recording import Answer, Concrete, Recording
 from koord.semantics.values import Rec, Seq, Table

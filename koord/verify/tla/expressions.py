@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from itertools import count
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, UnaryOp
@@ -84,8 +86,7 @@ _KINDS = {
 }
 
 
-@dataclass(frozen=True)
-class Scope:
+class Scope(Struct, frozen=True):
     """Where an expression stands: ``memory`` is the text of what the robot sees, ``me`` of its
     number (empty in properties), ``picks`` of what is chosen in INIT (empty elsewhere), ``bound``
     of variables that quantifiers bind, by slot. ``blank`` are variables that may be unset.

@@ -8,8 +8,9 @@ and what a function returns ``v``. A statement is an expression over one memory 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from itertools import count
+
+from msgspec import Struct, field
 
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home
@@ -17,8 +18,7 @@ from koord.syntax.walk import statements
 from koord.verify.tla.expressions import Scope, check_type, field_name, name_of, refused, text
 
 
-@dataclass
-class Writer:
+class Writer(Struct):
     """Writes bodies, with a fresh name for each memory. No list has more than ``longest`` items."""
 
     longest: int

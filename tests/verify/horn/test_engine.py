@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System
 from koord.verify.claims import claims_of

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from random import Random
 from textwrap import dedent
 
 import pytest
+from msgspec.structs import replace
 
 from koord.semantics.configurations import System, dealt
 from koord.semantics.domain import EXACT
