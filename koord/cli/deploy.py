@@ -15,7 +15,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.cli.arguments import (
@@ -172,11 +171,12 @@ def _diagnostic(code: str, name: str, story: str, hint: str | None) -> Diagnosti
 # --- running it -----------------------------------------------------------------------------------
 
 
-class Interrupts(Struct):
+class Interrupts:
     """How often Ctrl-C was pressed: first it stops safely, then at once."""
 
-    count: int = 0
-    at_once: Callable[[], None] = lambda: None
+    def __init__(self, at_once: Callable[[], None] = lambda: None) -> None:
+        self.count = 0
+        self.at_once = at_once
 
     def __enter__(self) -> Interrupts:
         self._before = signal.signal(signal.SIGINT, self._pressed)

@@ -112,22 +112,24 @@ Told: TypeAlias = (
 # --- robots that tell ---------------------------------------------------------------------------
 
 
-class Scribe(Struct):
+class Scribe:
     """Puts what one robot does into values of the semantics, and hands it on."""
 
-    system: System
-    names: Names
-    places: Mapping[str, core.Output]
-    pid: int
-    tell: Callable[[Told], None]
-
-    def __post_init__(self) -> None:
-        self.kind = self.system.kinds[self.pid]
-        self.observer = Observer(self.system, self.names)
-        self._starts = dict(starting(self.system.program, self.names))
+    def __init__(
+        self,
+        system: System,
+        names: Names,
+        places: Mapping[str, core.Output],
+        pid: int,
+        tell: Callable[[Told], None],
+    ) -> None:
+        self.system, self.names, self.places, self.pid, self.tell = system, names, places, pid, tell
+        self.kind = system.kinds[pid]
+        self.observer = Observer(system, names)
+        self._starts = dict(starting(system.program, names))
         self._sensors = {
-            self.names.attribute(port.declaration.variable, self.kind): port.declaration.variable
-            for port in self.system.program.agents[self.kind].ports
+            names.attribute(port.declaration.variable, self.kind): port.declaration.variable
+            for port in system.program.agents[self.kind].ports
         }
 
     def start(self, robot: int | None, name: str, value: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from textwrap import dedent
 
@@ -213,8 +212,7 @@ def test_numbers_are_shown_so_that_one_can_read_them() -> None:
 # --- what is counted ----------------------------------------------------------------------------
 
 
-@dataclass(slots=True, eq=False)
-class Counting(Patience):
+class Counting(Patience, eq=False):
     """Counts how often evaluation asks whether to go on."""
 
     spent: int = 0

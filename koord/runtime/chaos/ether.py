@@ -21,7 +21,6 @@ from heapq import heappop, heappush
 from pathlib import Path
 from random import Random
 
-from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.runtime.chaos.faults import Faults
@@ -122,20 +121,18 @@ def card() -> int:
 # --- the hub --------------------------------------------------------------------------------------
 
 
-class Hub(Struct):
+class Hub:
     """Carries frames between the cards, badly. One process, until somebody ends it."""
 
-    path: Path
-    faults: Faults
-    seed: int
-    cards: dict[int, int] = field(default_factory=dict)  #: files by pid
-    _under_way: list[tuple[float, int, int, bytes]] = field(default_factory=list)
-    _number: int = 0
-
-    def __post_init__(self) -> None:
-        self._random = Random(self.seed)
+    def __init__(self, path: Path, faults: Faults, seed: int) -> None:
+        self.path = path
+        self.faults = faults
+        self.cards: dict[int, int] = {}  #: files by pid
+        self._under_way: list[tuple[float, int, int, bytes]] = []
+        self._number = 0
+        self._random = Random(seed)
         self._line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._line.bind(str(self.path))
+        self._line.bind(str(path))
         self._line.listen(MOST_ROBOTS)
 
     def close(self) -> None:
