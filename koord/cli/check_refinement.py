@@ -78,8 +78,7 @@ class Totals(Struct):
             self.gave_up += one.ran.gave_up is not None
 
 
-@dataclass(frozen=True, slots=True)
-class _Run:
+class _Run(Struct, frozen=True):
     """What became of a run, its place among those of its program, and what that was compiled to."""
 
     outcome: Tried

@@ -7,8 +7,9 @@ import os
 import shlex
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from koord.cli.files import DASH, write_atomically
 from koord.refinement.cases import Case, Tried
@@ -21,8 +22,7 @@ from koord.syntax.problem import Problem
 _SHOWN = 8
 
 
-@dataclass(slots=True)
-class RefusedRun:
+class RefusedRun(Struct):
     """A failing run and its file: kept at once as it was found, then each smaller one in its place.
 
     What is kept is a trace, or, of a generated program, what was made of it.

@@ -37,8 +37,7 @@ class Patience(Struct, eq=False):
         return Patience(_Ration(self, most).is_over)
 
 
-@dataclass(slots=True)
-class _Ration:
+class _Ration(Struct):
     """What is left of some work, of which others may grow tired sooner."""
 
     whole: Patience

@@ -7,6 +7,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from koord.semantics.machine import NotFiniteError
 from koord.semantics.patience import OutOfPatienceError

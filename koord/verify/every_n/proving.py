@@ -8,9 +8,10 @@ whatever was said of whom; what is not proved is *unknown*, never violated.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.crowds import NotFiniteError
