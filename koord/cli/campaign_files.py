@@ -77,7 +77,7 @@ class RunFile:
             self._file.close()
 
     def begin(self, wanted: Collection[tuple[str, int]]) -> None:
-        """Look at what is there of the wanted runs, and be ready for more. Raises KoordError."""
+        """Look at what is there of the wanted runs. Nothing is written yet. Raises KoordError."""
         there = self._there()
         self.rows = tuple(row for row in there or () if row.key in wanted)
         if self._resumes and there is None:
@@ -89,16 +89,17 @@ class RunFile:
             raise refusal("K937", self._path, story, hint)
         if not self._resumes:
             self.rows = ()
-        write_atomically(self._path, self._written(self.rows))
-        try:
-            self._file = open(self._path, "ab", buffering=0)  # noqa: SIM115
-        except OSError as error:
-            raise refusal("K903", self._path, f"cannot be written: {error.strerror}") from None
 
     def add(self, row: Row) -> None:
-        """A run has ended: its line is written at once, and as a whole."""
-        assert self._file is not None
-        self._file.write(_lines([self._cells(row)]))
+        """A run has ended: its line is written at once, and as a whole. Raises KoordError."""
+        if self._file is None:
+            write_atomically(self._path, self._written(self.rows))
+        try:
+            if self._file is None:
+                self._file = open(self._path, "ab", buffering=0)  # noqa: SIM115
+            self._file.write(_lines([self._cells(row)]))
+        except OSError as error:
+            raise refusal("K903", self._path, f"cannot be written: {error.strerror}") from None
 
     def finish(self, rows: Sequence[Row]) -> None:
         """All runs are there: put them in order. Raises KoordError."""
@@ -113,8 +114,11 @@ class RunFile:
             return []
         text = read_written(self._path).decode("utf-8", "replace")
         whole = text[: text.rfind("\n") + 1]  # the last line may have been cut off
+        lines = csv.DictReader(io.StringIO(whole))
+        if text and lines.fieldnames != _COLUMNS:
+            return None
         rows = []
-        for cells in csv.DictReader(io.StringIO(whole)):
+        for cells in lines:
             campaign = cells.pop("campaign", None)
             if campaign != self._campaign:
                 return None

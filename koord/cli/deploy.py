@@ -8,8 +8,8 @@ import signal
 import sys
 import time
 from argparse import ArgumentTypeError
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
@@ -38,7 +38,7 @@ from koord.runtime.deploy.ideal import unanswered
 from koord.runtime.deploy.local import Launch, launched
 from koord.runtime.deploy.networks import local_plan, transport_of
 from koord.runtime.deploy.recording import Record
-from koord.runtime.deploy.running import Job, Runner
+from koord.runtime.deploy.running import Job, Moment, Runner
 from koord.runtime.deploy.status import Status
 from koord.runtime.robot import Robot
 from koord.runtime.transports.transport import TransportError
@@ -92,6 +92,8 @@ def main(arguments: argparse.Namespace) -> int:
         raise ArgumentTypeError("say --pid I for one robot, or --all-local for all of them")
     if arguments.record is not None:
         check_writable(arguments.record)
+        if find_spec("mcap") is None:
+            raise ArgumentTypeError("--record needs the MCAP library: pip install 'koord[record]'")
     report = Report()
     wanted = None
     try:
@@ -199,24 +201,24 @@ def _one(arguments: argparse.Namespace, job: Job, problem: Problem) -> int:
         story = f"there is no robot {pid}"
         hint = f"the pids are 0 to {job.robots - 1}"
         raise refusal("K932", job.configuration.name, story, hint)
-    job = replace(job, journals=_folder(arguments.state or ".koord"))
-    journal = job.journal(pid)
-    if arguments.fresh and journal is not None:
-        journal.forget()
-    runner = Runner(job, pid, transport_of(job.configuration, job.run, pid))
+    # Nothing is written before it is sure that this robot can talk to the others.
+    transport = transport_of(job.configuration, job.run, pid)
     with ExitStack() as stack:
-        record = _recording(arguments, stack, problem)
-        runner.keeps_moments = record is not None
+        stack.callback(transport.close)
+        job = stack.enter_context(_noting(job, arguments.state or ".koord"))
+        journal = job.journal(pid)
+        if arguments.fresh and journal is not None:
+            journal.forget()
+        recorder = _recorder(arguments, problem, stack)
+        runner = Runner(job, pid, transport)
+        runner.keeps_moments = recorder is not None
         interrupts = stack.enter_context(Interrupts())
         board = stack.enter_context(Board(job.robots, job.rounds))
 
         def report(status: Status) -> None:
             board.show({pid: status})
-            if record is not None:
-                now = time.time_ns()
-                record.moments(tuple(runner.moments), now)
-                record.status(status, now)
-                record.flush()
+            if recorder is not None:
+                recorder.hear([(status, tuple(runner.moments))], is_sure=True)
                 runner.moments.clear()
 
         last = runner.run(lambda: interrupts.count > 0, report)
@@ -225,57 +227,90 @@ def _one(arguments: argparse.Namespace, job: Job, problem: Problem) -> int:
     return _ended({pid: last}, job, interrupts)
 
 
-def _folder(path: str) -> Path:
-    """The folder of journals, made if need be. Raises KoordError."""
+def _recorder(
+    arguments: argparse.Namespace, problem: Problem, stack: ExitStack
+) -> _Recorder | None:
+    return None if arguments.record is None else _Recorder(arguments.record, problem, stack)
+
+
+@contextmanager
+def _noting(job: Job, path: str, of: Iterable[int] = ()) -> Iterator[Job]:
+    """The run with a folder of journals, made if need be.
+
+    A start that is refused leaves none: neither the folder nor journals ``of`` these robots, of
+    which this is the first start. Raises KoordError.
+    """
     folder = Path(path)
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise refusal("K903", path, f"cannot be written: {error.strerror}", None) from None
-    return folder
+    job = replace(job, journals=folder)
+    try:
+        yield job
+    except (KoordError, TransportError):
+        for journal in map(job.journal, of):
+            if journal is not None:
+                journal.forget()
+        for one in made:
+            with suppress(OSError):  # others may have noted something
+                one.rmdir()
+        raise
 
 
 def _all(arguments: argparse.Namespace, job: Job, problem: Problem) -> int:
     """All robots, each in a process."""
     with ExitStack() as stack:
-        record = _recording(arguments, stack, problem)
         if arguments.state is not None:
-            job = replace(job, journals=_folder(arguments.state))
+            job = stack.enter_context(_noting(job, arguments.state, of=range(job.robots)))
+        recorder = _recorder(arguments, problem, stack)
         plan = local_plan(job.configuration, job.robots)
-        fleet = launched(Launch(job, plan, keeps_moments=record is not None))
+        fleet = launched(Launch(job, plan, keeps_moments=recorder is not None))
         stack.callback(fleet.join)
         stack.callback(fleet.kill)
         interrupts = stack.enter_context(Interrupts(at_once=fleet.kill))
         board = stack.enter_context(Board(job.robots, job.rounds))
         while not fleet.is_over:
-            for status, moments in fleet.news(0.2):
-                if record is not None:
-                    now = time.time_ns()
-                    record.moments(moments, now)
-                    record.status(status, now)
-            if record is not None:
-                record.flush()
+            news = list(fleet.news(0.2))
+            if fleet.failures:
+                raise fleet.failures[0]
+            if recorder is not None:
+                heard = fleet.statuses.keys() | set(fleet.died)
+                recorder.hear(news, is_sure=len(heard) == job.robots or fleet.is_over)
             board.show(fleet.statuses)
             if interrupts.count and not board.is_stopping:
                 board.is_stopping = True
                 fleet.stop()
-            if fleet.failures:
-                raise fleet.failures[0]
         board.show(fleet.statuses)
     _tell(fleet.statuses, job, problem, as_json=arguments.json)
     return _ended(fleet.statuses, job, interrupts)
 
 
-def _recording(arguments: argparse.Namespace, stack: ExitStack, problem: Problem) -> Record | None:
-    if arguments.record is None:
-        return None
-    if find_spec("mcap") is None:  # before there is a file
-        raise ArgumentTypeError("--record needs the MCAP library: pip install 'koord[record]'")
-    file = stack.enter_context(Path(arguments.record).open("wb"))  # noqa: SIM115
-    record = Record(file)
-    stack.callback(record.close)
-    record.describe(problem)
-    return record
+class _Recorder:
+    """The record of a run, begun when it is sure that it is not refused, with all told by then."""
+
+    def __init__(self, path: str, problem: Problem, stack: ExitStack) -> None:
+        self._path, self._problem, self._stack = path, problem, stack
+        self._record: Record | None = None
+        self._early: list[tuple[Status, tuple[Moment, ...]]] = []
+
+    def hear(self, news: Iterable[tuple[Status, tuple[Moment, ...]]], *, is_sure: bool) -> None:
+        """Write down what robots told."""
+        self._early += news
+        if not is_sure:
+            return
+        if self._record is None:
+            file = self._stack.enter_context(Path(self._path).open("wb"))  # noqa: SIM115
+            self._record = Record(file)
+            self._stack.callback(self._record.close)
+            self._record.describe(self._problem)
+        for status, moments in self._early:
+            now = time.time_ns()
+            self._record.moments(moments, now)
+            self._record.status(status, now)
+        self._early.clear()
+        self._record.flush()
 
 
 def _tell(statuses: dict[int, Status], job: Job, problem: Problem, *, as_json: bool) -> None:

@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import BinaryIO, Protocol
 
 from koord.cli.files import check_folder
+from koord.cli.terminal import visible
 from koord.syntax.diagnostics import refusal
 
 #: What is new is kept so often.
@@ -38,6 +39,8 @@ class Growing:
     def __init__(self, period_s: float | None = None) -> None:
         self._period_s = PERIOD_S if period_s is None else period_s
         self._files: list[Callable[[], None]] = []
+        self._paths: list[str] = []
+        self._has_grown = False
         self._next_s = 0.0
         self._stack = ExitStack()
 
@@ -54,6 +57,9 @@ class Growing:
             if kind is None:
                 self._next_s = 0.0
                 self.grow()
+        if isinstance(error, Exception) and not self._has_grown:
+            for path in self._paths:  # the run was refused before it began
+                remove_part(path)
 
     def add(self, path: str, begun: Callable[[BinaryIO], Callable[[], None]]) -> None:
         """A file beside ``path``, if that is to be a file.
@@ -64,6 +70,7 @@ class Growing:
             return
         try:
             file = Path(part_of(path)).open("wb")  # noqa: SIM115
+            self._paths.append(path)
             self._files.append(begun(self._stack.enter_context(file)))
             file.flush()
         except OSError as error:
@@ -77,6 +84,7 @@ class Growing:
                 if here.is_dir():
                     check_folder(str(here))
                 remove_part(path)
+            self._paths.append(path)
             part = begun(here)
         except OSError as error:
             raise _unwritable(error) from None
@@ -87,6 +95,7 @@ class Growing:
         """Write what is new, if it is time. Raises KoordError."""
         if time.monotonic() < self._next_s:
             return
+        self._has_grown = True
         try:
             for one in self._files:
                 one()
@@ -111,4 +120,5 @@ def remove_part(path: str) -> None:
 
 
 def _unwritable(error: OSError) -> Exception:
-    return refusal("K903", "the run", f"cannot be written: {error.strerror}")
+    name = visible(str(error.filename)) if error.filename else "the run"
+    return refusal("K903", name, f"cannot be written: {error.strerror}")

@@ -97,7 +97,7 @@ def test_intervals_are_those_of_students_t() -> None:
     [
         (["--sweep", "robots"], "no sweep"),
         (["--sweep", "robots=3..2"], "1000 values"),
-        (["--sweep", "robots=0.5"], "no number of robots"),
+        (["--sweep", "robots=0.5"], "robots must be from 1 to 10000"),
         (["--runs", "0"], "runs must be from 1 to"),
         (["--csv", "runs.csv"], "--runs K"),
         (["--runs", "2", "--trace", "t.json"], "of one run"),
@@ -242,7 +242,7 @@ def test_no_run_on_a_cluster_outlives_who_asked_for_it(
             ended_.set()
 
     # The worker is a thread of this process.
-    monkeypatch.setattr("koord.cli.campaigns.run", endless)
+    monkeypatch.setattr("koord.cli.campaign_runs.run", endless)
     with distributed.LocalCluster(
         n_workers=1,
         threads_per_worker=1,

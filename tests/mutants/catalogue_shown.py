@@ -184,7 +184,7 @@ SHOWN = (
     ),
     Mutant(
         "a run on a cluster outlives who asked for it",
-        "cli.campaigns._on_worker",
+        "cli.campaign_runs._on_worker",
         "_tried(order, is_unwanted)",
         "_tried(order)",
         ("tests/cli/test_campaigns.py",),
