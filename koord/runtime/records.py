@@ -10,10 +10,6 @@ from typing import IO, Any
 import msgspec
 
 
-class NoLibraryError(Exception):
-    """The library for MCAP is not installed."""
-
-
 class _Stream:
     """A file with a tail: what is written next takes its place."""
 
@@ -50,11 +46,9 @@ class RecordFile:
     """An MCAP file that is being written; a topic is known from its first message on."""
 
     def __init__(self, file: IO[bytes]) -> None:
-        """Raises NoLibraryError."""
-        try:
-            from mcap.writer import Writer
-        except ImportError as error:
-            raise NoLibraryError from error
+        """Who asks for one has seen that the library is installed."""
+        from mcap.writer import Writer
+
         self._stream = _Stream(file)
         stream: Any = self._stream  # it has all that writers call
         self._writer: Any = Writer(stream)

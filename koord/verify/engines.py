@@ -47,6 +47,9 @@ FIRST_LOOK = 3_000
 #: The same where claims are not proved in no time: about a second.
 SECOND_LOOK = 30_000
 
+#: What one of all claims together may cost before single ones are asked of less of the program.
+HASTY_S = 0.1
+
 #: What a look at the rounds may cost before claims are tried to be proved from further off.
 GLANCE_S = 3.0
 
@@ -228,6 +231,13 @@ class ByInduction(Struct):
                     [claim], Reach(Engine.INDUCTION, None, reason, seconds, step, obstacle)
                 )
 
+    def hastily(self, ledger: Ledger) -> None:
+        """Try one round, with little effort; if that is not enough, it is tried again later."""
+        patient, self.effort = self.effort, Effort.of_seconds(HASTY_S)
+        self.over(1, ledger)
+        self._done = 0 if self.effort.left <= 0 else self._done
+        self.effort = patient
+
     def _effort(self, ledger: Ledger) -> Effort:
         if not ledger.wanting():
             return self.answered
@@ -238,13 +248,17 @@ class ByStep(Struct, frozen=True):
     """Inductive proofs over one round, which cost little; the others may follow."""
 
     induction: ByInduction
+    hasty: bool = False  #: what takes longer is left for later
 
     @property
     def name(self) -> str:
         return Engine.INDUCTION.value
 
     def work(self, ledger: Ledger) -> None:
-        self.induction.over(1, ledger)
+        if self.hasty:
+            self.induction.hastily(ledger)
+        else:
+            self.induction.over(1, ledger)
 
 
 class BySearch(Struct, frozen=True):

@@ -154,7 +154,7 @@ def verify(
             asked = None if cut else choice
             spent = {v.claim.name: v.seconds for v in known}
             live = _of_whole_runs(
-                system, bounds, asked, deadline, names, held, seed, pool, spent, steps
+                slices, bounds, asked, deadline, names, held, seed, pool, spent, steps
             )
             failures += live.failures
             one = Ways(complete=False, reason="of runs without end one is looked for")
@@ -409,6 +409,10 @@ def engines(
     single claims are asked first, but for what is quick with all claims together.
     """
     steps = steps or Steps()
+    induction = ByInduction(unrolling)
+    if choice is Choice.INDUCTION:
+        # What a quick step proves of all claims together is asked once, not of every slice.
+        yield ByStep(induction, hasty=True)
     if slices is not None and choice not in (Choice.AUTO, Choice.EVERY_N):
         yield BySlices(
             slices, partial(_on_slices, choice, pool, names), _nobody, steps, names, alone=True
@@ -418,7 +422,6 @@ def engines(
             yield ByShallowSearch(FIRST_LOOK)
             # A proof for every number of robots is one for this number.
             yield ByEveryN(SPARING)
-            induction = ByInduction(unrolling)
             yield ByStep(induction)
             # What is violated is told before invariants are looked for that cannot be found.
             yield ByShallowSearch(SECOND_LOOK)
@@ -432,7 +435,7 @@ def engines(
             yield ByEveryN()
             yield ByInference()
         case Choice.INDUCTION:
-            yield ByInduction(unrolling)
+            yield induction
         case Choice.SEARCH:
             yield BySearch(Limits())
         case Choice.BITS | Choice.ABC:
@@ -509,7 +512,7 @@ def _kept_back(spacer: BySpacer) -> Works:
 
 
 def _of_whole_runs(
-    system: System,
+    slices: Slices,
     bounds: Bounds,
     choice: Choice | None,
     deadline: Deadline,
@@ -531,7 +534,7 @@ def _of_whole_runs(
     }
     asked = ways.get(choice, Ways.NONE) if choice is not None else Ways.NONE
     return settled(
-        system,
+        slices.system,
         bounds,
         asked,
         deadline,
@@ -541,4 +544,5 @@ def _of_whole_runs(
         pool=pool,
         before=spent,
         steps=steps,
+        slices=slices,
     )

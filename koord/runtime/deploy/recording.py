@@ -8,7 +8,7 @@ from msgspec import to_builtins
 
 from koord.runtime.deploy.running import Moment
 from koord.runtime.deploy.status import Status
-from koord.runtime.records import NoLibraryError, RecordFile
+from koord.runtime.records import RecordFile
 from koord.syntax.problem import Problem
 
 _ROBOTS: tuple[str, dict[str, Any]] = (
@@ -32,7 +32,6 @@ class Record:
     """An MCAP file; one channel of JSON for each robot (``/robots/0``), one for their statuses."""
 
     def __init__(self, file: IO[bytes]) -> None:
-        """Raises NoLibraryError."""
         self._file = RecordFile(file)
 
     def describe(self, problem: Problem) -> None:
@@ -68,6 +67,3 @@ class Record:
     def close(self) -> None:
         """Finish the file."""
         self._file.close()
-
-
-__all__ = ["NoLibraryError", "Record"]

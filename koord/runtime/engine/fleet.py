@@ -50,6 +50,7 @@ class Fleet:
     ) -> None:
         """``kinds[i]`` is the position of robot i's class in ``classes``."""
         self.robots = [classes[kind](pid, kinds, delta_s, host) for pid, kind in enumerate(kinds)]
+        self._may_fault = any(robot.has_model for robot in self.robots)
         self.host = host
         self.store = Store(classes[0].SHARED, len(kinds))
         self.round = 0  #: the one that is open or comes next
@@ -102,8 +103,7 @@ class Fleet:
         Where a model faults, no robot's ports change. [FAULT]
         """
         readings = [self.host.read(robot) for robot in self.robots]
-        may_fault = any(robot.has_model for robot in self.robots)
-        before = [robot.ports() for robot in self.robots] if may_fault else []
+        before = [robot.ports() for robot in self.robots] if self._may_fault else []
         for robot, of_robot in zip(self.robots, readings, strict=True):
             fault = robot.evolve(of_robot)
             if fault is not None and self.ended is None:

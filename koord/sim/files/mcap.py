@@ -52,7 +52,7 @@ _HUES = (
 
 
 def mcap_of(recording: Recording) -> bytes:
-    """A run as an MCAP file. Raises NoLibraryError."""
+    """A run as an MCAP file."""
     raw = io.BytesIO()
     file = _begun(recording, raw)
     _add(file, [*_scenery(recording.header), *_messages(recording)])
@@ -64,7 +64,6 @@ class PartRecord:
     """An MCAP file that is written while the run goes on, and can be read up to where it ends."""
 
     def __init__(self, recording: Recording, file: IO[bytes]) -> None:
-        """Raises NoLibraryError."""
         self._recording, self._kept = recording, Sizes()
         self._file = _begun(recording, file)
         _add(self._file, _scenery(recording.header))

@@ -65,11 +65,13 @@ def settled(
     pool: Pool | None = None,
     before: Mapping[str, float] | None = None,
     steps: Steps | None = None,
+    slices: Slices | None = None,
 ) -> Settled:
     """Ask about everything that a program claims of whole runs, or what is named.
 
     ``proved`` are claims that hold in every round: proofs may rely on them. ``before`` is what was
     spent on claims already, by their names; ``steps`` are told of what is known by and by.
+    ``slices`` are those of the system.
     """
     claims = tuple(c for c in liveness_of(system) if not names or c.name in names)
     if not claims:
@@ -83,7 +85,7 @@ def settled(
         ledger.in_the_way = (WholeRuns(),)
         ledger.stopped = what(WholeRuns())
     asking = _Asking(ledger, ways, proved, pool, steps)
-    slices = Slices(system)
+    slices = slices or Slices(system)
     parts = _parts(slices, {claim: slices.cone([claim]) for claim in claims})
     with ledger.stopping():
         asking.about(parts)
