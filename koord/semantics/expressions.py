@@ -10,6 +10,7 @@ from typing import TypeVar, assert_never
 
 from koord.semantics import lists, places, quantifiers
 from koord.semantics.configurations import FaultKind
+from koord.semantics.domain import NumberTooLongError
 from koord.semantics.machine import Machine
 from koord.semantics.storage import (
     held,
@@ -24,8 +25,9 @@ from koord.semantics.values import (
     scalar,
 )
 from koord.syntax import core
-from koord.syntax.core import BinaryOp
+from koord.syntax.core import BinaryOp, Home
 from koord.syntax.types import INT
+from koord.syntax.walk import nodes
 
 V = TypeVar("V")
 
@@ -77,7 +79,16 @@ def evaluate(m: Machine[V], e: core.Expr) -> Value[V]:
 
 def condition(m: Machine[V], e: core.Expr) -> V:
     """The value of a Boolean expression."""
-    return scalar(evaluate(m, e))
+    try:
+        return scalar(evaluate(m, e))
+    except NumberTooLongError as error:
+        raise error.about(variables_in(e), e.span) from None
+
+
+def variables_in(part: object) -> tuple[str, ...]:
+    """The variables and ports that a part of a program reads, by name."""
+    reads = (node.place.variable for node in nodes(part) if isinstance(node, core.Read))
+    return tuple(dict.fromkeys(read.name for read in reads if read.home is not Home.BOUND))
 
 
 def statement(m: Machine[V], e: core.Expr) -> V:

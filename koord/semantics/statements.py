@@ -8,7 +8,7 @@ from typing import TypeVar, assert_never
 
 from koord.semantics.configurations import FaultKind, Written
 from koord.semantics.domain import NumberTooLongError
-from koord.semantics.expressions import condition, evaluate
+from koord.semantics.expressions import condition, evaluate, variables_in
 from koord.semantics.machine import Machine
 from koord.semantics.masks import marked
 from koord.semantics.places import located
@@ -86,49 +86,50 @@ def _nothing() -> None:
 def execute(m: Machine[V], s: core.Stmt) -> None:
     """One statement."""
     m.system.patience.spend()
-    match s:
-        case core.Assign():
-            try:
+    try:
+        match s:
+            case core.Assign():
                 assign(m, s.place, evaluate(m, s.value))
-            except NumberTooLongError as error:
-                raise error.about((s.place.variable.name,), s.span) from None
-        case core.If():
-            # [S-IF]
-            m.branch(
-                condition(m, s.condition),
-                lambda: run(m, s.then),
-                lambda: run(m, s.otherwise),
-            )
-        case core.ForRange():
-            for_range(m, s)
-        case core.ForEach():
-            for_each(m, s)
-        case core.Break():
-            m.memory.broke = m.truth(True)
-        case core.Return():
-            # [S-RETURN]
-            m.memory.result = held(m.d, evaluate(m, s.value)) if s.value is not None else None
-            m.memory.returned = m.truth(True)
-        case core.Atomic():
-            atomic(m, s)
-        case core.Stop():
-            m.memory.stop = m.truth(True)
-        case core.TryStop():
-            m.memory.trystop = m.truth(True)
-        case core.Output():
-            # [OUTPUT]
-            values = tuple(evaluate(m, v) for v in s.values)
-            types = tuple(v.type for v in s.values)
-            if not m.faulted:
-                m.output.append((m.guard, Written(s.stream, values, types)))
-        case core.Append():
-            append(m, s)
-        case core.Remove():
-            remove(m, s)
-        case core.Pop():
-            pop(m, s)
-        case _:
-            assert_never(s)
+            case core.If():
+                # [S-IF]
+                m.branch(
+                    condition(m, s.condition),
+                    lambda: run(m, s.then),
+                    lambda: run(m, s.otherwise),
+                )
+            case core.ForRange():
+                for_range(m, s)
+            case core.ForEach():
+                for_each(m, s)
+            case core.Break():
+                m.memory.broke = m.truth(True)
+            case core.Return():
+                # [S-RETURN]
+                m.memory.result = held(m.d, evaluate(m, s.value)) if s.value is not None else None
+                m.memory.returned = m.truth(True)
+            case core.Atomic():
+                atomic(m, s)
+            case core.Stop():
+                m.memory.stop = m.truth(True)
+            case core.TryStop():
+                m.memory.trystop = m.truth(True)
+            case core.Output():
+                # [OUTPUT]
+                values = tuple(evaluate(m, v) for v in s.values)
+                types = tuple(v.type for v in s.values)
+                if not m.faulted:
+                    m.output.append((m.guard, Written(s.stream, values, types)))
+            case core.Append():
+                append(m, s)
+            case core.Remove():
+                remove(m, s)
+            case core.Pop():
+                pop(m, s)
+            case _:
+                assert_never(s)
+    except NumberTooLongError as error:
+        names = (s.place.variable.name,) if isinstance(s, core.Assign) else variables_in(s)
+        raise error.about(names, s.span) from None
 
 
 # --- assignment ---------------------------------------------------------------------------------

@@ -25,6 +25,13 @@ class GaveUp(Struct, frozen=True):
     engine: Engine
 
 
+class NoInvariant(Struct, frozen=True):
+    """Who looks for an invariant was stopped before it had found one; ``who`` that is."""
+
+    engine: Engine
+    who: str
+
+
 class NotInductive(Struct, frozen=True):
     """A step breaks the claim from a configuration that perhaps no run reaches."""
 
@@ -100,6 +107,7 @@ class WholeRuns(Struct, frozen=True):
 Obstacle: TypeAlias = (
     TimeUp
     | GaveUp
+    | NoInvariant
     | NotInductive
     | Values
     | Lengths
@@ -139,6 +147,8 @@ def what(obstacle: Obstacle) -> str:
             return "its time is up"
         case GaveUp():
             return "it has done all the work that it may"
+        case NoInvariant(who=who):
+            return f"{who} has done all the work that it may, and found no invariant"
         case NotInductive():
             return "some step breaks it, perhaps from where no run gets"
         case Values(names=found):
@@ -148,8 +158,8 @@ def what(obstacle: Obstacle) -> str:
         case Beyond(what=said) | Failed(what=said) | Unshown(what=said):
             return said
         case TooLong(names=found):
-            said = ", ".join(found) or "some value"
-            return f"exact numbers in {said} grow beyond what can be reckoned with"
+            said = f" in {', '.join(found)}" if found else ""
+            return f"exact numbers{said} grow beyond what can be reckoned with"
         case Interrupted():
             return "it was interrupted"
         case Unreplayed():
@@ -166,9 +176,9 @@ def cure(obstacle: Obstacle, claim: str) -> str:
     match obstacle:
         case TimeUp():
             return "more time (--timeout, --property-timeout), or fewer robots"
-        case GaveUp(engine=engine) if engine in _ASKED_ALONE:
+        case GaveUp(engine=engine) | NoInvariant(engine=engine) if engine in _ASKED_ALONE:
             return f"invariants that help, fewer robots, or it alone (--engine {engine.value})"
-        case GaveUp():
+        case GaveUp() | NoInvariant():
             return "invariants that help, or fewer robots"
         case NotInductive():
             return "invariants that help (--explain shows the step that breaks it)"

@@ -446,3 +446,28 @@ def test_what_a_program_states_counts_where_no_flag_does(koord: Koord, write: Pa
     assert "  0 Car " in koord("run", "meant.krd")[1]
     assert "  1 Car " in koord("run", "meant.krd")[1]
     assert "  1 Drone " in koord("run", "meant.krd", "--robots", "3")[1]  # dealt in turn
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("Step:\n    pre: x * y != 3\n    eff: z = 1", "x, y"),
+        ("Step:\n    eff:\n        if x * x != 3:\n            y = 2", "x"),
+        ("Step:\n    eff: stdout << y * y", "y"),
+        ("Step:\n    eff: z = x * y", "z"),
+        ("invariant Low: forall i: x@i * x@i != 7", "x"),
+    ],
+)
+def test_wherever_a_number_grows_too_long_its_variables_are_named(
+    tmp_path: Path,
+    text: str,
+    names: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("koord.semantics.domain.LONGEST_NUMBER_BITS", 500)
+    start = "".join(f"    int {name} = {10**99}\n" for name in "xy")
+    file = tmp_path / "long.krd"
+    file.write_text(f"local:\n{start}    int z = 0\n{text}\n", "utf-8")
+    assert frame.main(["run", str(file), "--robots", "1", "--rounds", "2"]) == Exit.BAD_INPUT
+    assert f"an exact number in {names} has grown to more than 500 bits" in capsys.readouterr().err

@@ -16,8 +16,13 @@ from koord.syntax.load import load
 from koord.syntax.problem import Problem
 from koord.syntax.source import Source
 from koord.verify import obstacles
+from koord.verify.bits import engine as bits_engine
+from koord.verify.claims import claims_of
+from koord.verify.ledger import Ledger
 from koord.verify.obstacles import NotInductive, TimeUp, TooLong, Values, WholeRuns
 from koord.verify.portfolio import Choice, verify
+from koord.verify.solving import Deadline
+from koord.verify.subjects import plain_subject
 from koord.verify.verdicts import Bounds, Engine, Outcome, Verdict
 from tests.generators.large import large
 
@@ -96,6 +101,33 @@ def test_a_number_that_grows_too_long_is_named() -> None:
     assert TooLong(Engine.SEARCH, ("x",)) in odd.obstacles
     lines = obstacles.lines(odd.obstacles, "Odd")
     assert any(line.startswith("search: exact numbers in x grow") for line in lines)
+
+
+@pytest.mark.parametrize(("rounds", "outcome"), [(1, Outcome.HOLDS), (9, Outcome.UNKNOWN)])
+def test_who_looked_for_an_invariant_and_found_none_is_named(
+    rounds: int, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where all rounds that were asked about have been looked at."""
+    monkeypatch.setattr(bits_engine, "FEW_QUESTIONS", 0)
+    text = """
+allwrite:
+    int x = 0
+    int y = 0
+Step:
+    pre: x < 20
+    eff:
+        y = x
+        x = x + 2
+invariant Odd: y != 7 or x != 9
+"""
+    system = dealt(program_of(text), 2)
+    (odd, *_) = claims = claims_of(system)
+    ledger = Ledger(plain_subject(system), Bounds(rounds), Deadline.after(None), claims, 0, print)
+    bits_engine.ByBits(sparing=True).work(ledger)
+    verdict = ledger.verdict(odd)
+    assert verdict.outcome is outcome
+    (line,) = obstacles.lines(verdict.obstacles, "Odd")
+    assert line.startswith("bits: IC3 has done all the work that it may, and found no invariant")
 
 
 def test_a_proof_that_was_given_up_after_the_answers_is_told() -> None:

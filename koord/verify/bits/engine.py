@@ -26,7 +26,7 @@ from koord.verify.bits.transition import LEVELS, Circuit, circuit_of
 from koord.verify.bits.unrolling import Copy, Unrolled
 from koord.verify.claims import Claim, Phase
 from koord.verify.ledger import Ledger, Reach
-from koord.verify.obstacles import Lengths, Obstacle, Unreplayed, Values, gave_up
+from koord.verify.obstacles import Lengths, NoInvariant, Obstacle, Unreplayed, Values, gave_up
 from koord.verify.solving import Answer
 from koord.verify.verdicts import Engine, Outcome, Verdict, has_fewest
 from koord.verify.witness import NotReplayedError
@@ -111,6 +111,7 @@ class _Run:
     completed: int | None = None
     astray: dict[Claim, str] = field(default_factory=dict)  #: with a violation that is no run
     proved: dict[Claim, None] = field(default_factory=dict)
+    no_invariant: NoInvariant | None = None  #: who looked for one was stopped
 
     def __post_init__(self) -> None:
         self.unrolled = Unrolled(self.circuit)
@@ -142,13 +143,13 @@ class _Run:
         if self.open() and not self.sparing:
             self._unroll(ledger.bounds.rounds)
         reason, through = "", self.completed
-        obstacle: Obstacle | None = None
+        obstacle: Obstacle | None = self.no_invariant
         if self.circuit.limits:
             obstacle = Lengths(self.engine, tuple(self.circuit.limits))
             through = None  # a longer list may break a claim at once
             reason = f"not covered: {'; '.join(self.circuit.limits)}"
         elif ledger.deadline.passed():
-            reason = "timeout"
+            reason, obstacle = "timeout", None
         elif self.completed is None or self.completed < ledger.bounds.rounds:
             reason = "bits: too much to be proved" if self.sparing else "timeout"
         _leave(ledger, self.open(), through, reason, self.started, obstacle)
@@ -302,6 +303,7 @@ class _Run:
                             return
                         narrow = False
                 case pdr.Unfinished():
+                    self.no_invariant = NoInvariant(self.engine, "PDR" if self.abc else "IC3")
                     return
 
     def _searched(
