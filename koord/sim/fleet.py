@@ -19,7 +19,7 @@ from koord.runtime.motion.automaton import State
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.names import PlannerName
-from koord.runtime.motion.planning import Plight
+from koord.runtime.motion.planning import Hindrance, Plight
 from koord.runtime.motion.world import Point, World
 from koord.sim.ground import Ground
 from koord.sim.kinds import Kind
@@ -27,6 +27,8 @@ from koord.sim.squads import STEP_S, STEPS, IdealSquad, Squad, squad
 
 #: A tick of control.
 TICK_S = STEP_S * STEPS
+
+_HINDRANCES = tuple(Hindrance)
 
 #: By number; to look one up here is quicker than to make it.
 _STATES = tuple(State)
@@ -191,6 +193,16 @@ class Fleet:
         """The path that a robot follows, shape ``(k, 3)``."""
         members, row = self._at(robot)
         return members.group.path(row)
+
+    def touched(self, robot: int) -> tuple[tuple[Hindrance, int], ...]:
+        """What a robot's vehicle touches: which robot, which obstacle, or the edge of the world."""
+        members, row = self._at(robot)
+        of = {id(members.vehicles): numbers for members, numbers in self._squads}
+        found = [
+            (one.what, int(of[id(one.others)][one.number]) if one.others else one.number)
+            for one in members.vehicles.touched(row)
+        ]
+        return tuple(sorted(found, key=lambda one: (_HINDRANCES.index(one[0]), one[1])))
 
     def paths_given(self) -> Ints:
         """How many paths each robot was given to follow, shape ``(n,)``."""

@@ -15,6 +15,7 @@ import numpy as np
 from koord.runtime.deciding import rotating
 from koord.runtime.deploy.running import Moment
 from koord.runtime.motion.arrays import Bools, Floats, Ints
+from koord.runtime.motion.planning import Hindrance
 from koord.runtime.proposals import INIT_ROUND, Decision, Proposal
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.sim.fleet import Fleet
@@ -215,3 +216,6 @@ class _Vehicles(Fleet):
 
     def path(self, robot: int) -> Floats:
         return self._paths[robot]
+
+    def touched(self, robot: int) -> tuple[tuple[Hindrance, int], ...]:
+        return ()  # a process has its own robot alone: none of them touches another

@@ -248,7 +248,8 @@ class Simulation:
         began_s = ended_s - self.scene.delta_s
         robots = self.engine.robots
         places = [(x, y, z) for x, y, z in self.fleet.positions().tolist()]
-        for one in self.watchman.round(began_s, ended_s, self.host.sensed, robots, places):
+        sensed, touched = self.host.sensed, self.fleet.touched
+        for one in self.watchman.round(began_s, ended_s, sensed, robots, places, touched):
             self._notice(one)
 
     def _notice(self, one: Standing) -> None:

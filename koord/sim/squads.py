@@ -22,6 +22,7 @@ from koord.sim.ground import Ground
 from koord.sim.kinds import Kind, Level
 from koord.sim.vehicles.bicycles import Bicycles
 from koord.sim.vehicles.quadrotors import PointDrones, Quadrotors
+from koord.sim.vehicles.touching import Touched
 
 Seed: TypeAlias = np.random.SeedSequence
 
@@ -56,6 +57,19 @@ class Squad(Protocol):
 
     def attitude(self) -> Floats:
         """Unit quaternions ``(n, 4)``, w first."""
+        ...
+
+    @property
+    def vehicles(self) -> Touching:
+        """What its robots drive or fly."""
+        ...
+
+
+class Touching(Protocol):
+    """Vehicles that may touch something; those of most levels pass through everything."""
+
+    def touched(self, number: int) -> tuple[Touched, ...]:
+        """What one of them touches."""
         ...
 
 
@@ -188,6 +202,7 @@ class IdealSquad:
 
     def __init__(self, kind: Kind, group: Group, start: Floats, heading_rad: Floats) -> None:
         self.group = group
+        self.vehicles = _Points()
         self.flying = Flying(group, start, waits=False)
         self._heading: Floats = heading_rad.copy()
 
@@ -214,7 +229,14 @@ class IdealSquad:
         return _upright(self._heading)
 
 
-class Cars(Protocol):
+class _Points:
+    """Vehicles that are not there: they touch nothing."""
+
+    def touched(self, number: int) -> tuple[Touched, ...]:
+        return ()
+
+
+class Cars(Touching, Protocol):
     """Cars of any level. All arrays have a row for each."""
 
     position: Floats  #: of the middle of the rear axle, shape ``(n, 3)``

@@ -8,15 +8,14 @@ move that may change, and so it counts once nobody has moved for a while.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import dist
 from typing import Any
 
 from msgspec import Struct
 
 from koord.runtime.motion.automaton import State
-from koord.runtime.motion.bodies import Body, Car
-from koord.runtime.motion.field import field
+from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.planning import Hindrance, Plight, hindrance
 from koord.runtime.motion.world import Point, World
 from koord.runtime.robot import Host, Key, Robot, Status, Turn
@@ -28,9 +27,6 @@ _ASKS_S = 1.0
 
 #: Who is on its way, and for so long has moved no further than that, is blocked.
 _BLOCKED_S, _BLOCKED_M = 5.0, 0.05
-
-#: What is no further away than that stands in the way.
-_NEAR_M = 0.15
 
 
 class Standing(Struct, frozen=True):
@@ -65,8 +61,12 @@ class Watchman:
         sensed: Sequence[Sensed],
         robots: Sequence[Robot],
         places: Sequence[Point],
+        touched: Callable[[int], Sequence[tuple[Hindrance, int]]],
     ) -> Iterator[Standing]:
-        """A round is over: who stands still since then. ``places`` are where robots truly are."""
+        """A round is over: who stands still since then.
+
+        ``places`` are where robots truly are, and ``touched`` is what a robot's vehicle touches.
+        """
         self.now_s = ended_s
         moves = False
         for pid, (known, robot) in enumerate(zip(sensed, robots, strict=True)):
@@ -80,7 +80,7 @@ class Watchman:
                 since_s = began_s if before is None else before.since_s
                 stands = _standing(pid, since_s, known.plight)
             elif (since := self._lingers_since(pid, known, places[pid], began_s)) is not None:
-                stands = before or _standing(pid, since, self._blocked(pid, places))
+                stands = before or _standing(pid, since, _no_headway(touched(pid)))
             else:
                 moves = moves or known.state in (State.MOVING, State.PLANNING)
             if stands is None:
@@ -123,25 +123,6 @@ class Watchman:
         elif self.now_s - known[1] >= _BLOCKED_S - 1e-9:
             return known[1]
         return None
-
-    def _blocked(self, pid: int, places: Sequence[Point]) -> Plight:
-        """What is nearest to a robot that gets no further, by which it is blocked."""
-        here, body = places[pid], self._bodies[pid]
-        near: list[tuple[float, Hindrance, str]] = []
-        for other, there in enumerate(places):
-            if other != pid:
-                apart = dist(here, there) - body.radius_m - self._bodies[other].radius_m
-                near.append((apart, Hindrance.ROBOT, f"robot {other}"))
-        seen = field(self._world, flat=isinstance(body, Car))
-        for k, apart in enumerate(seen.apart(*here)):
-            where = f"obstacle {self._world.obstacles.index(seen.obstacles[k])} of the world"
-            near.append((apart - body.radius_m, Hindrance.OBSTACLE, where))
-        edge = seen.from_edge(*here) - body.radius_m
-        near.append((edge, Hindrance.EDGE, "the edge of the world"))
-        apart, why, what = min(near, key=lambda one: one[0])
-        if apart > _NEAR_M:
-            return Plight(Hindrance.NO_HEADWAY)
-        return Plight(why, by=what)
 
     def _way(self, robot: int, goal: Point, *, is_found: bool) -> None:
         wants = self._wants[robot]
@@ -191,6 +172,23 @@ class _Heard(Struct):
 
 def _standing(pid: int, since_s: float, plight: Plight, more: str = "") -> Standing:
     return Standing(pid, since_s, plight.hindrance, plight.words + more)
+
+
+def _no_headway(touched: Sequence[tuple[Hindrance, int]]) -> Plight:
+    """Of a robot that gets no further: what it touches is known, and no more than that."""
+    if not touched:
+        return Plight(Hindrance.NO_HEADWAY)
+    return Plight(touched[0][0], by=" and ".join(_called(*one) for one in touched))
+
+
+def _called(what: Hindrance, number: int) -> str:
+    match what:
+        case Hindrance.ROBOT:
+            return f"robot {number}"
+        case Hindrance.OBSTACLE:
+            return f"obstacle {number} of the world"
+        case _:
+            return "the edge of the world"
 
 
 def _goal(name: str, arguments: tuple[Any, ...]) -> Point:

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from koord.cli.exits import Exit
 from koord.cli.main import main
+from koord.runtime.motion.automaton import State
+from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.names import PlannerName
+from koord.runtime.motion.planning import Hindrance
+from koord.runtime.motion.world import World
+from koord.runtime.robot import Robot, Status
+from koord.sim.fleet import Sensed
+from koord.sim.standing import Watchman
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
@@ -108,6 +117,7 @@ def test_who_cannot_go_where_it_was_sent_is_told(
 
 
 FULL = "device: {bot_type: CAR, planner: STRAIGHT, simulation: {level: full}}\n"
+MUJOCO = FULL.replace("full", "mujoco")
 TWO = "num_robots: 2\npositions: {0: [0, 0, 0], 1: [1.2, 0, 0]}\nmonitor: {safety: 0}\n"
 AHEAD = "Motion.path = [Motion.psn, pos(3.0, 0.0, 0.0)]"
 
@@ -117,6 +127,8 @@ AHEAD = "Motion.path = [Motion.psn, pos(3.0, 0.0, 0.0)]"
     [
         (AHEAD, ONE.replace("HEIGHT", "0") + FULL, "obstacle", "obstacle 0 of the world"),
         (f"if pid == 0:\n            {AHEAD}", TWO + FULL, "robot", "robot 1"),
+        (AHEAD, ONE.replace("HEIGHT", "0") + MUJOCO, "obstacle", "obstacle 0 of the world"),
+        (f"if pid == 0:\n            {AHEAD}", TWO + MUJOCO, "robot", "robot 1"),
     ],
 )
 def test_who_is_blocked_on_its_way_is_told(
@@ -134,8 +146,45 @@ def test_who_is_blocked_on_its_way_is_told(
     (standing,) = run["standing"]
     assert (standing["robot"], standing["why"]) == (0, why)
     assert 0.5 < standing["since_s"] < 8
-    assert standing["words"] == f"it is on its way, and is blocked by {what}"
+    assert (
+        standing["words"]
+        == f"it is on its way, and its vehicle makes no headway: it touches {what}"
+    )
     assert f"stands still since {standing['since_s']:.1f} s: {standing['words']}" in err
+
+
+def test_what_is_near_and_not_touched_is_not_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A car is stopped by another one, with an obstacle two centimetres beside it."""
+    side = 0.02 + Car().width_m / 2
+    ahead = "{box: {low: [2, -4, 0], high: [2.2, 4, 3]}}"
+    wall = f"obstacles: [{ahead}, {{box: {{low: [0, {side}, 0], high: [1.9, 1, 3]}}}}]"
+    text = TWO + FULL + ARENA.replace("}}\n", "}, " + wall + "}\n")
+    program = SENT.format(order=f"if pid == 0:\n            {AHEAD}")
+    code, run, _ = sim(tmp_path, capsys, program, text)
+    (standing,) = run["standing"]
+    assert (code, standing["why"]) == (Exit.STUCK, "robot")
+    assert standing["words"].endswith("makes no headway: it touches robot 1")
+
+
+def test_where_nothing_is_touched_nothing_is_named() -> None:
+    watchman = Watchman(World(), [Car(), Car()])
+    known = Sensed((0.0, 0.0, 0.0), 0.0, False, PlannerName.STRAIGHT, State.MOVING, None, 1.0)
+    robots = [cast(Robot, SimpleNamespace(status=Status.RUNNING))] * 2
+    places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0)]
+    told = [
+        one
+        for k in range(60)
+        for one in watchman.round(
+            k / 10, (k + 1) / 10, [known, known], robots, places, lambda robot: ()
+        )
+    ]
+    assert [(one.robot, one.hindrance) for one in told] == [
+        (0, Hindrance.NO_HEADWAY),
+        (1, Hindrance.NO_HEADWAY),
+    ]
+    assert "robot" not in told[0].words
 
 
 def test_it_is_told_of_processes_as_well(

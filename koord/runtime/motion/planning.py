@@ -52,7 +52,7 @@ class Hindrance(Enum):
     ROBOT = "another robot stands in its way"
     OBSTACLE = "an obstacle stands in its way"
     EDGE = "the edge of the world is in its way"
-    NO_HEADWAY = "its vehicle makes no headway, though nothing is near"
+    NO_HEADWAY = "it is on its way, and its vehicle makes no headway"
 
 
 class Plight(Struct, frozen=True):
@@ -60,12 +60,12 @@ class Plight(Struct, frozen=True):
 
     hindrance: Hindrance
     goal: Point | None = None
-    by: str = ""  #: what blocks it, where something does
+    by: str = ""  #: what its vehicle touches, where it makes no headway
 
     @property
     def words(self) -> str:
         if self.by:
-            return f"it is on its way, and is blocked by {self.by}"
+            return f"{Hindrance.NO_HEADWAY.value}: it touches {self.by}"
         if self.goal is None:
             return self.hindrance.value
         place = ", ".join(f"{c:g}" for c in (round(c, 3) for c in self.goal))

@@ -11,6 +11,7 @@ import numpy as np
 from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.geometry import wrapped
+from koord.sim.vehicles.touching import Touched
 
 
 class Bicycles:
@@ -23,6 +24,10 @@ class Bicycles:
         self.heading: Floats = heading_rad.copy()
         self.speed: Floats = np.zeros(len(start))
         self.steering: Floats = np.zeros(len(start))
+
+    def touched(self, number: int) -> tuple[Touched, ...]:
+        """What one of them touches: at this level nothing."""
+        return ()
 
     def advance(self, command: Floats, dt_s: float, steps: int) -> None:
         """Go on for some steps with commanded speeds and steering angles, shape ``(n, 2)``."""

@@ -16,8 +16,10 @@ from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.field import GROUND_ROBOT_M
 from koord.runtime.motion.libraries import missing
+from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import Box, Disc, Flat, Obstacle, Polygon, World
 from koord.sim.vehicles.bicycles import Bicycles
+from koord.sim.vehicles.touching import Touched
 
 try:
     import pymunk
@@ -53,6 +55,7 @@ class Floor:
         self._parts: list[tuple[CollidingCars, slice]] = []
         self._told = 0
         self._numbers: dict[int, int] = {}
+        self._known: dict[pymunk.Shape, Touched] = {}
         self._state, self._forces, self._arbiters = (batch.Buffer() for _ in range(3))
         self._force: Floats = np.zeros((1, 3))
         self._add_world(world)
@@ -91,6 +94,22 @@ class Floor:
         pairs = ((number.get(int(a), -1), number.get(int(b), -1)) for a, b in ids)
         return sorted({(min(pair), max(pair)) for pair in pairs})
 
+    def touched(self, body: pymunk.Body) -> tuple[Touched, ...]:
+        """What a car touches."""
+        found: dict[Touched, None] = {}
+
+        def note(arbiter: pymunk.Arbiter) -> None:
+            for shape in arbiter.shapes:
+                if shape.body is not body:
+                    found[self._known[shape]] = None
+
+        body.each_arbiter(note)
+        return tuple(found)
+
+    def know(self, shape: pymunk.Shape, as_what: Touched) -> None:
+        """Whose shape it is."""
+        self._known[shape] = as_what
+
     def _read(self) -> Floats:
         self._state.clear()
         batch.get_space_bodies(self.space, _READ, self._state)
@@ -104,9 +123,14 @@ class Floor:
             pymunk.Segment(ground, a, b, _WALL_M)
             for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
         ]
-        for obstacle in world.obstacles:
+        for shape in shapes:
+            self.know(shape, Touched(Hindrance.EDGE))
+        for number, obstacle in enumerate(world.obstacles):
             if obstacle.low_z < world.ground + GROUND_ROBOT_M and obstacle.high_z > world.ground:
-                shapes += _solid(obstacle, ground)
+                solids = _solid(obstacle, ground)
+                for solid in solids:
+                    self.know(solid, Touched(Hindrance.OBSTACLE, number))
+                shapes += solids
         for shape in shapes:
             shape.friction, shape.elasticity = 0.4, 0.1
         self.space.add(*shapes)
@@ -120,12 +144,17 @@ class CollidingCars(Bicycles):
         self._floor = floor
         self._command: Floats = np.zeros((len(start), 2))
         self._inertia = car.mass_kg * (car.length_m**2 + car.width_m**2) / 12
-        floor.join(self, [self._add_car(floor.space, k) for k in range(len(start))])
+        self._bodies = [self._add_car(floor, k) for k in range(len(start))]
+        floor.join(self, [body.id for body in self._bodies])
 
     def advance(self, command: Floats, dt_s: float, steps: int) -> None:
         """Go on for some steps with commanded speeds and steering angles, shape ``(n, 2)``."""
         self._command = command
         self._floor.advance(dt_s, steps)
+
+    def touched(self, car: int) -> tuple[Touched, ...]:
+        """What one of them touches."""
+        return self._floor.touched(self._bodies[car])
 
     def push(self, state: Floats, force: Floats, dt_s: float) -> None:
         """The forces of engine and tyres for the next step, into an array ``(n, 3)``.
@@ -159,7 +188,7 @@ class CollidingCars(Bicycles):
         ahead: Floats = np.cos(state[:, 2]) * state[:, 3] + np.sin(state[:, 2]) * state[:, 4]
         return ahead
 
-    def _add_car(self, space: pymunk.Space, number: int) -> int:
+    def _add_car(self, floor: Floor, number: int) -> pymunk.Body:
         body = pymunk.Body(self.car.mass_kg, self._inertia)
         x, y, _ = self.position[number].tolist()
         body.angle = heading = float(self.heading[number])
@@ -167,8 +196,9 @@ class CollidingCars(Bicycles):
         body.position = (x + ahead * math.cos(heading), y + ahead * math.sin(heading))
         shape = pymunk.Poly.create_box(body, (self.car.length_m, self.car.width_m))
         shape.friction, shape.elasticity = 0.4, 0.1
-        space.add(body, shape)
-        return body.id
+        floor.space.add(body, shape)
+        floor.know(shape, Touched(Hindrance.ROBOT, number, self))
+        return body
 
 
 def _solid(obstacle: Obstacle, ground: pymunk.Body) -> list[pymunk.Shape]:

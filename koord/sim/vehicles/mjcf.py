@@ -56,6 +56,10 @@ def track_m(car: Car) -> float:
     return car.width_m - _TYRE_M
 
 
+#: What solid things of the world are called, with a number behind: walls, and obstacles.
+EDGE, OBSTACLE = "edge", "obstacle"
+
+
 def rotor_arm_m(drone: Drone) -> float:
     """How far a rotor is from the axes through the middle."""
     return _ROTOR_SHARE * drone.radius_m / math.sqrt(2)
@@ -203,12 +207,14 @@ def _world(world: World) -> tuple[list[str], list[str]]:
         ((x0, y0 - thick), (x1, y0)),
         ((x0, y1), (x1, y1 + thick)),
     )
-    solids += [_block(low, high, ground, roof) for low, high in walls]
+    solids += [
+        _block(f"{EDGE} {k}", low, high, ground, roof) for k, (low, high) in enumerate(walls)
+    ]
     for k, obstacle in enumerate(world.obstacles):
         high = min(obstacle.high_z, roof)
         if obstacle.low_z >= high:
             continue
-        more, parts = _solid(f"obstacle{k}", obstacle, obstacle.low_z, high)
+        more, parts = _solid(f"{OBSTACLE} {k}", obstacle, obstacle.low_z, high)
         meshes += more
         solids += parts
     return meshes, solids
@@ -219,11 +225,11 @@ def _solid(
 ) -> tuple[list[str], list[str]]:
     match obstacle:
         case Box(low=(x0, y0, _), high=(x1, y1, _)):
-            return [], [_block((x0, y0), (x1, y1), low_z, high_z)]
+            return [], [_block(name, (x0, y0), (x1, y1), low_z, high_z)]
         case Disc(centre=(x, y), radius_m=radius):
             middle = _numbers(x, y, (low_z + high_z) / 2)
             size = _numbers(radius, (high_z - low_z) / 2)
-            return [], [_geom("cylinder", size, middle)]
+            return [], [_geom(name, "cylinder", size, middle)]
         case Polygon(corners=corners):
             meshes, parts = [], []
             for k, part in enumerate(convex_parts(corners)):
@@ -231,21 +237,25 @@ def _solid(
                 # Without a position of its own a mesh stays where its vertices are.
                 meshes.append(f'<mesh name="{name} {k}" vertex="{points}"/>')
                 parts.append(
-                    f'<geom type="mesh" mesh="{name} {k}" friction="{_BODY_GRIP}" {_SOLID}/>'
+                    f'<geom name="{name} {k}" type="mesh" mesh="{name} {k}" '
+                    f'friction="{_BODY_GRIP}" {_SOLID}/>'
                 )
             return meshes, parts
         case _:
             assert_never(obstacle)
 
 
-def _block(low: Flat, high: Flat, low_z: float, high_z: float) -> str:
+def _block(name: str, low: Flat, high: Flat, low_z: float, high_z: float) -> str:
     (x0, y0), (x1, y1) = low, high
     size = _numbers((x1 - x0) / 2, (y1 - y0) / 2, (high_z - low_z) / 2)
-    return _geom("box", size, _numbers((x0 + x1) / 2, (y0 + y1) / 2, (low_z + high_z) / 2))
+    return _geom(name, "box", size, _numbers((x0 + x1) / 2, (y0 + y1) / 2, (low_z + high_z) / 2))
 
 
-def _geom(kind: str, size: str, middle: str) -> str:
-    return f'<geom type="{kind}" size="{size}" pos="{middle}" friction="{_BODY_GRIP}" {_SOLID}/>'
+def _geom(name: str, kind: str, size: str, middle: str) -> str:
+    return (
+        f'<geom name="{name}" type="{kind}" size="{size}" pos="{middle}" '
+        f'friction="{_BODY_GRIP}" {_SOLID}/>'
+    )
 
 
 def _numbers(*values: float) -> str:

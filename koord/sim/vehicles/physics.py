@@ -18,10 +18,12 @@ from koord.runtime.motion.bodies import Car, Drone
 from koord.runtime.motion.cascade import GRAVITY
 from koord.runtime.motion.flying import Reference
 from koord.runtime.motion.libraries import missing
+from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import World
 from koord.sim.vehicles import mjcf
 from koord.sim.vehicles.bicycles import Bicycles
 from koord.sim.vehicles.quadrotors import Quadrotors
+from koord.sim.vehicles.touching import Touched
 
 try:
     import mujoco
@@ -45,6 +47,10 @@ class Part(Protocol):
 
     def look(self, data: Any) -> None:
         """Find out where the vehicles are."""
+        ...
+
+    def names(self) -> list[str]:
+        """What their bodies are called."""
         ...
 
 
@@ -79,6 +85,26 @@ class Arena:
             for one in self._parts:
                 one.look(data)
 
+    def touched(self, name: str) -> tuple[Touched, ...]:
+        """What the vehicle of that name touches, but for the floor."""
+        model, data = self._running()
+        known = {
+            one: Touched(Hindrance.ROBOT, k, part)
+            for part in self._parts
+            for k, one in enumerate(part.names())
+        }
+        found: dict[Touched, None] = {}
+        for pair in data.contact.geom[: data.ncon]:
+            bodies = [model.body(model.body_rootid[model.geom_bodyid[geom]]).name for geom in pair]
+            if name not in bodies:
+                continue
+            geom = pair[1 - bodies.index(name)]
+            other = bodies[1 - bodies.index(name)]
+            what = known.get(other) or _of_world(model.geom(geom).name)
+            if what is not None:
+                found[what] = None
+        return tuple(found)
+
     def _running(self) -> tuple[Any, Any]:
         if self._made is None:
             model = mujoco.MjModel.from_xml_string(mjcf.model(self.world, self.cars, self.drones))
@@ -87,6 +113,16 @@ class Arena:
                 part.settle(model, data)
             self._made = model, data
         return self._made
+
+
+def _of_world(name: str) -> Touched | None:
+    """Something that stands in the world, by its name; None for the floor."""
+    match name.split():
+        case [mjcf.EDGE, _]:
+            return Touched(Hindrance.EDGE)
+        case [mjcf.OBSTACLE, number, *_]:
+            return Touched(Hindrance.OBSTACLE, int(number))
+    return None
 
 
 class PhysicalCars:
@@ -111,8 +147,15 @@ class PhysicalCars:
         self._command = command
         self._arena.advance(self, dt_s, steps)
 
+    def names(self) -> list[str]:
+        return [f"car{self._first + k}" for k in range(len(self.speed))]
+
+    def touched(self, car: int) -> tuple[Touched, ...]:
+        """What one of them touches."""
+        return self._arena.touched(self.names()[car])
+
     def settle(self, model: Any, data: Any) -> None:
-        names = [f"car{self._first + k}" for k in range(len(self.speed))]
+        names = self.names()
         bodies = [model.body(name) for name in names]
         self._qpos = np.array([model.joint(body.jntadr[0]).qposadr[0] for body in bodies])
         self._qvel = np.array([body.dofadr[0] for body in bodies])
@@ -168,9 +211,14 @@ class PhysicalDrones(Quadrotors):
         self._goal = position, velocity, reference.acceleration.T, wind
         self._arena.advance(self, dt_s, steps)
 
+    def names(self) -> list[str]:
+        return [f"drone{self._first + k}" for k in range(self._number)]
+
+    def touched(self, drone: int) -> tuple[Touched, ...]:
+        return self._arena.touched(self.names()[drone])
+
     def settle(self, model: Any, data: Any) -> None:
-        names = [f"drone{self._first + k}" for k in range(self._number)]
-        bodies = [model.body(name) for name in names]
+        bodies = [model.body(name) for name in self.names()]
         self._bodies = np.array([body.id for body in bodies])
         self._qpos = np.array([model.joint(body.jntadr[0]).qposadr[0] for body in bodies])
         self._qvel = np.array([body.dofadr[0] for body in bodies])

@@ -22,6 +22,7 @@ from koord.runtime.motion.arrays import Floats, products
 from koord.runtime.motion.bodies import Drone
 from koord.runtime.motion.cascade import GRAVITY, Gains
 from koord.runtime.motion.flying import Reference
+from koord.sim.vehicles.touching import Touched
 
 #: a × b.
 _CROSS = products(
@@ -83,6 +84,10 @@ class Quadrotors:
         self.state = at_rest(start)
         self._inertia = np.array(drone.inertia_kgm2)[:, None]
         self._torque = np.array(drone.torque_nm)[:, None]
+
+    def touched(self, number: int) -> tuple[Touched, ...]:
+        """What one of them touches: at this level nothing."""
+        return ()
 
     def advance(self, reference: Reference, wind: Floats, dt_s: float, steps: int) -> None:
         """Fly for some steps. The reference moves on at its velocity; ``wind`` is ``(n, 3)``."""
