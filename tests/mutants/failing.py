@@ -62,8 +62,22 @@ FAILING = (
     Mutant(
         "a variable whose numbers grow too long is not named",
         "semantics.statements.execute",
-        "raise error.about((s.place.variable.name,), s.span) from None",
+        "raise error.about(names, s.span) from None",
         "raise error",
+        (OBSTACLES,),
+    ),
+    Mutant(
+        "a variable whose product grows too long in a guard is not named",
+        "semantics.expressions.condition",
+        "raise error.about(variables_in(e), e.span) from None",
+        "raise error",
+        ("tests/cli/test_run.py",),
+    ),
+    Mutant(
+        "that IC3 gave up is not told",
+        "verify.bits.engine._Run._search",
+        'self.no_invariant = NoInvariant(self.engine, "PDR" if self.abc else "IC3")',
+        "pass",
         (OBSTACLES,),
     ),
     Mutant(
