@@ -15,7 +15,7 @@ from koord.semantics.configurations import System
 from koord.semantics.patience import Patience
 from koord.semantics.search.limits import FEW_STATES, HANDFUL, Limits
 from koord.verify.claims import Claim, claims_of, liveness_of
-from koord.verify.cone.asking import BySlices, Doubts
+from koord.verify.cone.asking import BySlices, Doubts, on_slice
 from koord.verify.cone.slices import Slices
 from koord.verify.engines import (
     FIRST_GLANCE_S,
@@ -345,7 +345,7 @@ def _ask(
                 alone = isinstance(engine, ByRounds) and not liveness_of(beside.whole.original)
                 is_last = choice is not Choice.AUTO or alone
                 steps.take(stage, turn, engine.name, engine.work, ledger, is_last=is_last)
-        _find_others(ledger, asked, pool)
+        _find_others(ledger, asked, pool, slices)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
     return _Known(verdicts, unrolling.suspected, left), ledger
 
@@ -368,8 +368,11 @@ def _are_all_of_states(system: System, names: Sequence[str]) -> bool:
     return {claim.name for claim in claims_of(system)}.issuperset(names)
 
 
-def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool) -> None:
-    """As many different counterexamples to each claim as were asked for."""
+def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool, slices: Slices | None) -> None:
+    """As many different counterexamples to each claim as were asked for.
+
+    With ``slices`` they are looked for in that of the claim first.
+    """
     wanted = ledger.bounds.violations - 1
 
     def find(
@@ -377,6 +380,10 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool) -> None:
     ) -> tuple[tuple[Counterexample, ...], Ways]:
         tell("other ways to break it")
         try:
+            if slices is not None:
+                found, ways = others(*on_slice(slices, ledger, claim), shown, wanted)
+                if len(found) == wanted or ways.complete:
+                    return found, ways
             return others(ledger, claim, shown, wanted)
         except Exception as error:
             if was_interrupted():

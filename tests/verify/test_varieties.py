@@ -10,6 +10,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
 from koord.refinement.generating.programs import system
@@ -17,9 +18,17 @@ from koord.semantics.configurations import System, dealt
 from koord.semantics.traces.recording import Recording
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.verify import varieties
+from koord.verify.claims import claims_of
+from koord.verify.cone.asking import on_slice
+from koord.verify.cone.slices import Slices
+from koord.verify.ledger import Ledger
 from koord.verify.portfolio import Choice, verify
-from koord.verify.varieties import is_variant
-from koord.verify.verdicts import Bounds
+from koord.verify.solving import Deadline
+from koord.verify.subjects import plain_subject
+from koord.verify.varieties import is_variant, others
+from koord.verify.verdicts import Bounds, Verdict
+from tests.verify.asking import of_text
 
 #: Of these the same way was shown again, with robots that wait for each other.
 STAGGERED = (
@@ -116,3 +125,64 @@ def test_ways_of_generated_programs_differ(
 ) -> None:
     found = sum(ways(system(Random(seed), profile), rounds=3) for seed in seeds)
     assert found >= least
+
+
+#: What one claim is about makes rounds hard to solve, and says nothing of the other claim.
+BESIDE = """\
+using Dice:
+    sensors:
+        int a = 3
+        int b = 2
+    contract Powers:
+        ensures: a' * a' * a' >= b' * b' + a * a * b
+local:
+    int x = 0
+    int seen = 3
+Up:
+    pre: x < 9
+    eff: x = x + 1
+Jump:
+    pre: x < 9
+    eff: x = x + 2
+Look:
+    eff: seen = Dice.a
+invariant Small: forall i: x@i < 5
+invariant Seen: forall i: seen@i >= 3
+"""
+
+
+@pytest.fixture(scope="module")
+def beside() -> tuple[System, Verdict]:
+    system = of_text(BESIDE)
+    (small,) = verify(system, Bounds(4), Choice.SEARCH, names=["Small"]).verdicts
+    return system, small
+
+
+def test_ways_cost_no_more_for_what_a_claim_does_not_depend_on(
+    beside: tuple[System, Verdict], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(varieties, "_SECONDS", 0.01)
+    report = verify(beside[0], Bounds(4, violations=40), Choice.SEARCH, names=["Small"])
+    (small,) = report.verdicts
+    assert small.ways is not None
+    assert small.ways.complete, small.ways.reason
+    assert len(small.others) == 7
+
+
+def test_what_a_slice_leaves_out_makes_no_other_way(beside: tuple[System, Verdict]) -> None:
+    """Whoever shows a run may not know that an event is not needed."""
+    system, small = beside
+    assert small.counterexample is not None
+    recording = small.counterexample.recording
+    first, *rest = recording.rounds
+    robot = first.events.index(None)
+    looking = replace(
+        first, events=tuple(2 if i == robot else e for i, e in enumerate(first.events))
+    )
+    shown = replace(small.counterexample, recording=replace(recording, rounds=(looking, *rest)))
+    ledger = Ledger(plain_subject(system), Bounds(3), Deadline(), claims_of(system))
+    counts = {
+        len(others(*on_slice(Slices(system), ledger, small.claim), each, 40)[0])
+        for each in (shown, small.counterexample)
+    }
+    assert len(counts) == 1

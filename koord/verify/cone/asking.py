@@ -185,6 +185,15 @@ class BySlices(Struct, frozen=True):
         return _Asking(part, inner, doubts, enumerate(engines), self.steps, self.alone, followed)
 
 
+def on_slice(slices: Slices, ledger: Ledger, claim: Claim) -> tuple[Ledger, Claim]:
+    """A ledger of the slice of one claim, on which nothing is known, and the claim there."""
+    system, meant = slices.system, identity(claim)
+    smaller = slices.slice_of(slices.cone([slices.claims[meant]]))
+    subject = abstract_subject(system, smaller) or plain_subject(system, smaller)
+    claims = tuple(each for each in claims_of(subject.system) if identity(each) == meant)
+    return ledger.about(subject, claims), claims[0]
+
+
 def _inner(ledger: Ledger, subject: Subject, part: _Part) -> Ledger:
     """A ledger of a slice, with what is known of it, and other claims that may be lemmas."""
     proved = {identity(claim): ledger.verdicts[claim] for claim in ledger.proved()}
