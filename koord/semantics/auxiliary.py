@@ -12,6 +12,7 @@ from itertools import chain
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from koord.semantics.always_met import always_met, primed, promises_of
 from koord.semantics.configurations import Configuration, Robot, Store, System
 from koord.semantics.domain import Constant
 from koord.semantics.places import slot_in
@@ -41,7 +42,9 @@ def auxiliary(system: System, stated: Iterable[core.Property]) -> frozenset[Var]
             for statement in statements(event.effect):
                 reading.statement(statement, kind)
         for module in agent.modules:
-            reading.use((module.environment, module.contracts), kind)
+            if module.environment is not None:
+                reading.use((module.environment, module.contracts), kind)
+        reading.promises(kind, agent)
     for each in (*stated, *program.expectations):
         reading.use((each.trigger, each.condition), None)
     return frozenset(variables(program)) - reading.depended_on()
@@ -98,6 +101,18 @@ class _Reading(Struct, frozen=True):
                 self.use((place, into), kind)
             case core.Atomic() | core.Break() | core.Return() | core.Stop() | core.TryStop():
                 pass
+
+    def promises(self, kind: int, agent: core.Agent) -> None:
+        """Contracts, which some reading of a sensor meets whatever what they read is."""
+        met = always_met(self.system, kind)
+        for contract, promise in promises_of(agent):
+            read = (contract.requires, promise)
+            about = primed(promise)
+            if not about or not about <= met:
+                self.use(read, kind)
+                continue
+            target = frozenset(Var(Home.PORT, kind, slot) for slot in about)
+            self.flows.append((target, self._reads(read, kind)))
 
     def _written(self, s: core.Stmt, value: core.Expr, kind: int) -> None:
         """A value that a variable gets, which depends on it alone if nothing else can happen."""

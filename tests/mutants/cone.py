@@ -103,6 +103,27 @@ CONE = (
         (AUXILIARY,),
     ),
     Mutant(
+        "cone: a reading is always allowed that is bounded from both sides",
+        "semantics.always_met.always_met",
+        "len(set(bounds)) <= 1",
+        "True",
+        (AUXILIARY,),
+    ),
+    Mutant(
+        "cone: a reading is always allowed that is compared with another one",
+        "semantics.always_met._bounds",
+        "not primed(other)",
+        "True",
+        (AUXILIARY,),
+    ),
+    Mutant(
+        "cone: a promise about no reading restricts nothing",
+        "semantics.auxiliary._Reading.promises",
+        "not about or not about <= met",
+        "not about <= met",
+        (AUXILIARY,),
+    ),
+    Mutant(
         "cone: a lasso that is only one of a slice leaves it at that",
         "verify.live.settling.settled",
         "asking.doubted()",
