@@ -1,7 +1,8 @@
 """What a command printed and wrote, as lines of text that are the same on every machine.
 
-Left out are times that were measured, versions, and digests of runs. Floats are rounded: the last
-of their digits depend on the processor.
+Left out are times that were measured, versions, and digests of runs and of Z3's scripts. Floats are
+rounded, for the last of their digits depend on the processor. The names that Z3 gives to parts of
+terms, which hang on what it did before, are counted anew.
 """
 
 from __future__ import annotations
@@ -34,21 +35,31 @@ TIMES = re.compile(
     r"|(?<=^trace) +[0-9a-f]{16}$"  # its digest
 )
 
+#: The same in documents of which the layout matters.
+VALUES = re.compile(rf'("(?:{"|".join(sorted(LEFT_OUT))}|sha256)": )[^,}}\n]+')
+
+#: What Z3 calls a part of a term.
+Z3_NAME = re.compile(r"(?<=[$?]x)\d+\b")
+
 FLOAT = re.compile(r"-?\d+\.\d+(e-?\d+)?")
 
 #: Versions of koord and of the solvers that it names.
 VERSIONS = re.compile(rf"\bkoord {re.escape(__version__)}|\b(?:cvc5|z3) \d+(?:\.\d+)+")
 
 
-def plain_output(text: str) -> list[str]:
+def plain_output(text: str, *, is_verbatim: bool = False) -> list[str]:
     """What a command printed: a document, or lines for people."""
+    if is_verbatim:
+        return _verbatim(text)
     if text.startswith(("{", "[")):
         return list(_document(text))
     return list(_lines(text))
 
 
-def plain_file(file: Path) -> list[str]:
+def plain_file(file: Path, *, is_verbatim: bool = False) -> list[str]:
     """A file that a command wrote."""
+    if is_verbatim:
+        return _verbatim(file.read_text(encoding="utf-8"))
     match file.suffix:
         case ".json":
             return list(_document(file.read_text(encoding="utf-8")))
@@ -62,8 +73,15 @@ def plain_file(file: Path) -> list[str]:
             return list(_lines(file.read_text(encoding="utf-8")))
 
 
+def _verbatim(text: str) -> list[str]:
+    """A document as it is laid out."""
+    return list(_lines(VALUES.sub(r"\1…", text)))
+
+
 def _lines(text: str) -> Iterator[str]:
+    names: dict[str, int] = {}
     for line in text.splitlines():
+        line = Z3_NAME.sub(lambda name: str(names.setdefault(name[0], len(names))), line)
         yield VERSIONS.sub("VERSION", TIMES.sub(" …", line)).rstrip()
 
 
@@ -75,8 +93,9 @@ def _document(text: str) -> Iterator[str]:
 def _leaves(path: str, value: object) -> Iterator[str]:
     match value:
         case dict() if value:
+            hidden = {*LEFT_OUT, "sha256"} if isinstance(value.get("smt2"), str) else LEFT_OUT
             for key, part in value.items():
-                yield from _leaves(f"{path}.{key}", "…" if key in LEFT_OUT else part)
+                yield from _leaves(f"{path}.{key}", "…" if key in hidden else part)
         case list() if value and not _is_row(value):
             for at, part in enumerate(value):
                 yield from _leaves(f"{path}[{at}]", part)

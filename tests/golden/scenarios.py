@@ -18,16 +18,14 @@ ROOT = Path(__file__).parents[2]
 
 EXAMPLES = Path("specs/examples")
 
-#: What a default run plays of the examples: a proof, a violation, runs, a simulated run.
-#: The others are left to `make slow`.
+#: What a default run plays of the examples: a violation, and runs (there is a proof in the scenario
+#: of layouts). The others are left to `make slow`.
 QUICK = frozenset(
     {
         "broken/sum_of_ids_no_lock/verify",
         "leader_elect/run",
-        "leader_elect/verify",
         "lineform/run",
         "lineform/sim",
-        "task/run",
     }
 )
 
@@ -37,7 +35,7 @@ EXPORTED = ("fischer", "leader_elect")
 #: The forms, and the endings of their files.
 EXPORTS = {"aiger": "aag", "vmt": "vmt", "smt2": "smt2", "tla": "tla"}
 
-#: Which examples every engine is asked about, and with which further flags.
+#: Examples that every engine is asked about.
 EVERY_ENGINE = (
     "broken/leader_elect_early",
     "broken/sum_of_ids_no_lock",
@@ -46,10 +44,11 @@ EVERY_ENGINE = (
 )
 ENGINES = ("abc", "bits", "bmc", "spacer", "search", "induction")
 
-#: Examples whose verdicts, with certificates, take minutes: nothing is made of these.
-LONG_VERDICTS = frozenset(
-    {"shapeform", "shortest_path", "shortest_path_any_graph", "task_as_printed"}
-)
+#: Examples whose certificates take long to recheck, or may end for want of time.
+LONG_RECHECK = frozenset({"shapeform", "sum_of_ids"})
+
+#: Whose counterexamples are played in a simulated world.
+PLAYED = ("broken/leader_elect_restless", "broken/sum_of_ids_no_lock", "broken/task_no_lock")
 
 #: Examples of which a round lasts the most part of a minute: few rounds of them are simulated.
 LONG_ROUNDS = re.compile(r"(broken/)?(hvac|sats)")
@@ -60,11 +59,15 @@ JOBS = ("--jobs", "2")
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The words after `koord`, the files that it writes, and what is read on standard input."""
+    """The words after `koord`, the files that it writes, and what is read on standard input.
+
+    Of documents the content is frozen, and where it `is_verbatim`, their layout, too.
+    """
 
     words: tuple[str, ...]
     writes: tuple[str, ...] = ()
     stdin: str = ""
+    is_verbatim: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,21 +85,30 @@ def scenarios() -> Iterator[Scenario]:
     yield Scenario("schemas", tuple(_schemas()), slow=False)
     yield Scenario("explain", tuple(_explain()), slow=False)
     yield Scenario("diagnostics", tuple(_diagnostics()), slow=False)
+    yield Scenario("layout", tuple(_layout()), slow=False)
+    yield Scenario("configurations", tuple(_configurations()), slow=False)
     yield Scenario("refinement", tuple(_refinement()), slow=True)
     yield Scenario("deploy", tuple(_deploy()), slow=True)
     expected = yaml.safe_load((ROOT / EXAMPLES / "expected.yaml").read_text(encoding="utf-8"))
     for file in expected:
         example = file.removesuffix(".krd")
-        parts = {"run": _run(example), "sim": _sim(example)}
-        if example not in LONG_VERDICTS:
-            parts["verify"] = _verify(example)
-        if example in EVERY_ENGINE:
-            parts["engines"] = _engines(example)
-        if example in EXPORTED:
-            parts["export"] = _export(example)
-        for part, commands in parts.items():
+        for part, commands in _parts(example):
             name = f"{example}/{part}"
             yield Scenario(name, tuple(commands), slow=name not in QUICK)
+
+
+def _parts(example: str) -> Iterator[tuple[str, Iterator[Command]]]:
+    yield "run", _run(example)
+    yield "verify", _verify(example)
+    yield "sim", _sim(example)
+    if example in EVERY_ENGINE:
+        yield "engines", _engines(example)
+    if example in EXPORTED:
+        yield "export", _export(example)
+    if example in PLAYED:
+        yield "schedule", _schedule(example)
+    if example == "task":
+        yield "others", _others()
 
 
 def _help() -> Iterator[Command]:
@@ -142,6 +154,35 @@ def _diagnostics() -> Iterator[Command]:
         yield Command(words)
 
 
+def _configurations() -> Iterator[Command]:
+    """Each file, and some mistakes."""
+    names = sorted(path.name for path in (ROOT / EXAMPLES).glob("*.yaml"))
+    for name in names:
+        if name != "expected.yaml":
+            yield Command(("config", "check", f"{EXAMPLES}/{name}"))
+            yield Command(("config", "check", f"{EXAMPLES}/{name}", "--json"))
+    for text in ("num_robots: 0\n", "unknown: 1\n", "delta: [\n", "device: {bot_type: BOAT}\n"):
+        yield Command(("config", "check", "-"), stdin=text)
+        yield Command(("config", "check", "-", "--json"), stdin=text)
+
+
+def _layout() -> Iterator[Command]:
+    """Each kind of document, as it is written."""
+    program = program_of("leader_elect")
+    run, sim = (("run", program, "--rounds", "1"), ("sim", program, "--rounds", "1", "--no-html"))
+    for words, *writes in (
+        (("check", program, "--json"),),
+        ((*run, "--json", "--trace", "a.json"), "a.json"),
+        ((*run, "--trace", "a.itf.json"), "a.itf.json"),
+        (("replay", "a.json", "--json"),),
+        (("verify", program, *JOBS, "--json", "--certificate", "p.json"), "p.json"),
+        (("recheck", "p.json", "--json"),),
+        ((*sim, "--json"),),
+        ((*sim, "--runs", "1", "--json"),),
+    ):
+        yield Command(words, tuple(writes), is_verbatim=True)
+
+
 def _refinement() -> Iterator[Command]:
     for target in ("engine", "network", "simulator", "protocol"):  # those on a virtual clock
         words = ("check-refinement", "--target", target, "--runs", "5", "--rounds", "4")
@@ -183,8 +224,10 @@ def _verify(example: str) -> Iterator[Command]:
     yield Command(verify)
     yield Command(("replay", trace, "--show"))
     yield Command(("replay", trace, "--json"))
-    yield Command(("recheck", certificate, "--json"))
-    yield Command(("recheck", certificate))
+    if example not in LONG_RECHECK:
+        yield Command(("recheck", certificate, "--json"))
+        if example in EVERY_ENGINE:
+            yield Command(("recheck", certificate))
 
 
 def _flags(example: str) -> tuple[str, ...]:
@@ -209,13 +252,17 @@ def _export(example: str) -> Iterator[Command]:
         yield Command(words, (file,))
 
 
+def _schedule(example: str) -> Iterator[Command]:
+    """A counterexample, played in a simulated world."""
+    yield Command(("verify", program_of(example), *JOBS, "--trace", "trace.json"))
+    play = ("sim", program_of(example), "--schedule", "trace.json", "--no-html")
+    yield Command(play)
+    yield Command((*play, "--json"))
+
+
 def _sim(example: str) -> Iterator[Command]:
     """A simulated run, with every form that it is kept in."""
     program = program_of(example)
-    if (ROOT / EXAMPLES / f"{example}.yaml").exists():
-        config = f"{EXAMPLES}/{example}.yaml"
-        yield Command(("config", "check", config))
-        yield Command(("config", "check", config, "--json"))
     made = ("sim.json", "sim.html", "sim.mcap")
     trace, page, recording = made
     rounds = "2" if LONG_ROUNDS.match(example) else "8"
@@ -225,6 +272,13 @@ def _sim(example: str) -> Iterator[Command]:
     yield Command((*sim, "--no-html"))
     yield Command(("replay", trace, "--json"))
     yield Command((*sim, "--no-html", "--runs", "2", "--csv", "runs.csv", "--json"), ("runs.csv",))
+
+
+def _others() -> Iterator[Command]:
+    """One program with other robots than those of the configuration beside it."""
+    for name in ("task_mixed", "three_cars"):
+        words = ("sim", program_of("task"), f"{EXAMPLES}/{name}.yaml", "--rounds", "4")
+        yield Command((*words, "--seed", "1", "--no-html", "--json"))
 
 
 def program_of(example: str) -> str:

@@ -48,10 +48,10 @@ def _played(command: Command) -> Iterator[str]:
         except SystemExit as end:  # as argparse ends what asks for help
             code = int(end.code or 0)
     yield f"$ koord {' '.join(command.words)}"
-    yield from plain_output(out.getvalue())
+    yield from plain_output(out.getvalue(), is_verbatim=command.is_verbatim)
     yield from (f"! {line}" for line in plain_output(err.getvalue()))
     yield f"exit {code}"
     for file in command.writes:
         if Path(file).exists():
             yield f"# {file}"
-            yield from plain_file(Path(file))
+            yield from plain_file(Path(file), is_verbatim=command.is_verbatim)
