@@ -13,6 +13,7 @@ from koord.refinement.generating.programs import system
 from koord.semantics.configurations import System
 from koord.syntax import core
 from koord.syntax.core import BinaryOp
+from koord.syntax.costs.limits import excesses
 from koord.syntax.types import FLOAT, INT
 from tests.generators.wellformed import complaints
 
@@ -40,7 +41,7 @@ def large(random: Random, profile: Profile = FINITE) -> System:
             functions=tuple(_grown(function, random) for function in program.functions),
             properties=tuple(_grown(stated, random) for stated in program.properties),
         )
-        if grown != program and not complaints(grown):
+        if grown != program and not complaints(grown) and not excesses(grown, made.kinds):
             return replace(made, program=grown)
     return made
 

@@ -73,6 +73,22 @@ def test_loops_in_loops() -> None:
     assert message.endswith("steps; 10,000,000 is the most")
 
 
+@pytest.mark.parametrize("start", ["", " = []", " = [1]"])
+def test_what_is_added_to_an_unknown_length_counts(start: str) -> None:
+    text = f"""\
+        local:
+          int x = 0
+          int[] xs{start}
+        Count:
+          eff:
+            for i = 0, len(xs) + {2**63}:
+              x = x + 1
+        """
+    ((code, line, _),) = refused(text)
+    assert (code, line) == ("K247", 6)
+    assert refused(text.replace(str(2**63), "8")) == []
+
+
 def test_calls_of_calls_are_told_where_they_become_too_many() -> None:
     ((code, line, message),) = refused(doubling(60))
     assert code == "K247"

@@ -45,8 +45,8 @@ class Ranges(Struct, frozen=True):
             case core.NumAgents():
                 return (self.robots, self.robots)
             case core.Builtin(op=core.ListOp.LENGTH, arguments=(over,)):
-                length = self.length(over)
-                return None if length is None else (0, length)
+                # Whatever is added to it counts, where nobody knows how long a list is, too.
+                return (0, self.length(over) or 1)
             case core.Read(place=core.Place(variable=variable, steps=())):
                 return counters.get(variable.slot) if variable.home is core.Home.BOUND else None
             case core.Unary(op=op, operand=operand):
