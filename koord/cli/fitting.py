@@ -31,7 +31,7 @@ from koord.syntax.collector import uncollected
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.load import load
-from koord.syntax.source import Source
+from koord.syntax.source import Source, Span
 from koord.syntax.types import POS, ArrayType, ListType, RecordType, Type
 
 if TYPE_CHECKING:
@@ -95,9 +95,13 @@ class Asked(Struct, frozen=True):
         """
         before = report.errors
         chosen = dict(self.params)
+        places: dict[str, Span] = {}
         if self.configuration is not None:
-            chosen = {**params(self.configuration), **chosen}
-        program = self._elaborated(report, Settings(chosen))
+            own = params(self.configuration)
+            of = self.configuration.document.name_place
+            places = {k: of(("params", k)) for k in own if k not in chosen}
+            chosen = {**own, **chosen}
+        program = self._elaborated(report, Settings(chosen, places=places))
         if program is None:
             return None
         configuration = self.configuration or _default(program, robots)

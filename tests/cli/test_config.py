@@ -277,3 +277,20 @@ def test_the_examples_suit_their_programs(path: Path, capsys: pytest.CaptureFixt
         return
     assert main(["config", "check", str(path)]) == Exit.OK
     assert ("suits" in capsys.readouterr().out) is path.with_suffix(".krd").exists()
+
+
+@pytest.mark.parametrize(
+    ("flags", "place"), [((), "c.yaml:2:10: "), (("--set", "speeed=3"), "--set: ")]
+)
+def test_an_unknown_param_is_told_where_it_is_set(
+    flags: tuple[str, ...],
+    place: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("p.krd").write_text("param int speed = 1\nlocal:\n  int n = speed\n", "utf-8")
+    Path("c.yaml").write_text("num_robots: 1\nparams: {speeed: 2}\ndevice: {bot_type: IDEAL}\n")
+    assert main(["sim", "p.krd", "c.yaml", "--no-html", *flags]) == Exit.BAD_INPUT
+    assert f"{place}error K236" in capsys.readouterr().err

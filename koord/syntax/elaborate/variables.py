@@ -113,10 +113,11 @@ def declare_params(session: Session, decls: list[ast.VarDecl]) -> tuple[core.Par
             own = None if written is None else plain(written)
             used.append(core.Parameter(decl.name.name, plain(value), own))
     for name in session.settings.params:
+        place = session.settings.places.get(name) or whole_file("--set")
         if name in FLAGS:
             session.findings.error(
                 "K236",
-                whole_file("--set"),
+                place,
                 f"`{name}` is of the run, and no `param` of the program",
                 f"say it with `{FLAGS[name]}`",
             )
@@ -125,7 +126,7 @@ def declare_params(session: Session, decls: list[ast.VarDecl]) -> tuple[core.Par
             hint = did_you_mean(name, known) or f"declare it: `param int {name} = …`"
             session.findings.error(
                 "K236",
-                whole_file("--set"),
+                place,
                 f"the program has no `param` named `{name}`",
                 hint,
             )
