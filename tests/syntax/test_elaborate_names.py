@@ -9,6 +9,7 @@ import pytest
 
 from koord.syntax import core
 from koord.syntax.core import Parameter
+from koord.syntax.diagnostics import Severity
 from koord.syntax.elaborate.suggest import closest
 from koord.syntax.types import BOOL, INT, POS, ArrayType, EnumType, ListType, Robots
 from tests.syntax.elaborating import codes, diagnostics, effect, errors, only, program, value
@@ -320,3 +321,39 @@ def test_among_thousands_of_names_the_closest_is_found(misspelt: str) -> None:
     known = [f"name_{number:04}" for number in range(2_000)]
     assert closest(misspelt, known) == "name_0777"
     assert closest("quite_different", known) is None
+
+
+@pytest.mark.parametrize(
+    ("body", "meant"),
+    [
+        # The nearest name is of another type.
+        ("pre: redy\n    eff: n = 1", "ready"),
+        ("eff: n = redy", None),
+        ("eff: ready = cont", None),
+        ("eff: n = cont", "count"),
+        ("pre: n < redy\n    eff: n = 1", None),
+        ("pre: n < cont\n    eff: n = 1", "count"),
+        ("eff: n = n + speedy", None),
+        ("eff: far = n + speedy", "speed"),
+        ("eff: far = spot.x + spt.y", "spot"),
+        ("eff: far = cont.y", None),
+        # It cannot be written.
+        ("eff: mot = 2", None),
+        ("eff: n = mot", "most"),
+        ("eff: pdi = 2", None),
+        ("eff: n = pdi", "pid"),
+        ("eff: cont = 2", "count"),
+    ],
+)
+def test_what_is_guessed_fits_where_it_would_stand(body: str, meant: str | None) -> None:
+    text = (
+        "param int most = 3\nlocal:\n  int n = 0\n  int count = 0\n  bool ready = false\n"
+        "  float speed = 0\n  float far = 0\n  pos spot = pos(0, 0, 0)\n"
+    )
+    (unknown,) = [d for d in diagnostics(f"{text}Go:\n    {body}\n") if d.code == "K201"]
+    assert ("did you mean" in (unknown.hint or "")) is (meant is not None)
+    if meant is not None:  # and with it there is no other mistake
+        assert unknown.hint == f"did you mean `{meant}`?"
+        wrong = unknown.message.split("`")[1]
+        mended = f"{text}Go:\n    {body.replace(wrong, meant)}\n"
+        assert [d.code for d in diagnostics(mended) if d.severity is Severity.ERROR] == []

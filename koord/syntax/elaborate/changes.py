@@ -8,9 +8,10 @@ from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body
 from koord.syntax.elaborate.calls import METHODS, as_call
 from koord.syntax.elaborate.coercion import POISON, fit
+from koord.syntax.elaborate.fields import field_position
 from koord.syntax.elaborate.names import Meaning
 from koord.syntax.elaborate.phrases import a
-from koord.syntax.elaborate.places import field_position, meaning
+from koord.syntax.elaborate.places import meaning
 from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.targets import target
 from koord.syntax.types import BOOL, INT, ListType, MapType, QueueType, RecordType, Type

@@ -50,7 +50,7 @@ def name(body: Body, e: ast.Name, expected: Type | None) -> Meaning:
     members = body.session.member(e.name)
     if members:
         return _member(body, e, members, expected)
-    return _special(body, e)
+    return _special(body, e, expected)
 
 
 def _declared(body: Body, e: ast.Name) -> tuple[Named | None, AgentScope | None]:
@@ -226,7 +226,7 @@ def _member(body: Body, e: ast.Name, members: list[MemberSymbol], expected: Type
     return core.Const(member.position, member.type, span=e.span)
 
 
-def _special(body: Body, e: ast.Name) -> Meaning:
+def _special(body: Body, e: ast.Name, expected: Type | None) -> Meaning:
     match e.name:
         case "pid":
             return _pid(body, e)
@@ -239,7 +239,7 @@ def _special(body: Body, e: ast.Name) -> Meaning:
             return None if robot is None else core.Stopped(robot, span=e.span)
         case _:
             if not body.session.partial:
-                unknown(body, e)
+                unknown(body, e, expected=expected)
             return None
 
 

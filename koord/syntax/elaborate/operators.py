@@ -61,13 +61,20 @@ def binary(body: Body, e: ast.Binary, expected: Type | None) -> core.Expr | None
         return _logic(body, e)
     if e.op in _EQUALITY:
         return _equality(body, e)
-    left = body.expr(e.left, expected if expected == POS else None)
-    right = body.expr(e.right)
+    # A name means what it means; but what it may have been meant to be depends on the type.
+    sum_of = expected if expected in (INT, FLOAT) else None
+    number = FLOAT if e.op in _ORDER else sum_of
+    left = body.expr(e.left, expected if expected == POS else _of_name(e.left, number))
+    right = body.expr(e.right, _of_name(e.right, number))
     if left is None or right is None:
         return None
     if e.op in _ORDER:
         return _order(body, e, left, right)
     return _arithmetic(body, e, left, right)
+
+
+def _of_name(e: ast.Expr, expected: Type | None) -> Type | None:
+    return expected if isinstance(e, ast.Name) else None
 
 
 def _logic(body: Body, e: ast.Binary) -> core.Expr | None:

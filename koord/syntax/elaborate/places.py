@@ -6,6 +6,7 @@ from koord.syntax import ast, core
 from koord.syntax.elaborate import names
 from koord.syntax.elaborate.body import CLOSED, CONTRACT, Body
 from koord.syntax.elaborate.coercion import fit
+from koord.syntax.elaborate.fields import field_position
 from koord.syntax.elaborate.names import Meaning
 from koord.syntax.elaborate.phrases import a, choice, listed
 from koord.syntax.elaborate.quantifiers import at_robot, primed
@@ -14,16 +15,6 @@ from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import RESERVED, ModuleScope, Poisoned
 from koord.syntax.elaborate.unknown_names import unknown
 from koord.syntax.types import INT, EnumType, FloatType, MapType, RecordType, Type
-
-#: Two names of one field of a `Task`, as published programs use them.
-TASK_FIELDS = {
-    "loc": "target",
-    "target": "loc",
-    "assignedTo": "assignId",
-    "assignId": "assignedTo",
-    "id": "taskId",
-    "taskId": "id",
-}
 
 
 def meaning(body: Body, e: ast.Expr, expected: Type | None = None) -> Meaning:
@@ -69,7 +60,7 @@ def _attribute(body: Body, e: ast.Attribute) -> Meaning:
         owner = e.base.name
         if owner in body.session.types.named or _is_module(body, owner):
             return _qualified(body, e, owner)
-        if _is_unknown(body, owner):
+        if is_unknown(body, owner):
             if not body.session.partial:
                 unknown(body, e.base, e.name.name)
             return None
@@ -89,10 +80,12 @@ def _is_free(body: Body, name: str) -> bool:
     )
 
 
-def _is_unknown(body: Body, name: str) -> bool:
+def is_unknown(body: Body, name: str) -> bool:
+    """Whether the name means nothing here."""
     session = body.session
     return (
-        not any(name in agent.ports for agent in session.agents)
+        _is_free(body, name)
+        and not any(name in agent.ports for agent in session.agents)
         and not session.member(name)
         and name not in RESERVED | {"delta"}
     )
@@ -122,14 +115,6 @@ def field(body: Body, base: core.Place | core.Expr, e: ast.Attribute) -> Meaning
         return None
     name, type_ = record.fields[found]
     return stepped(base, core.FieldStep(found, name, type_, span=e.name.span), e)
-
-
-def field_position(record: RecordType, name: str) -> int | None:
-    """Where the field stands, by either of its names."""
-    found = record.position(name)
-    if found is None and record.name == "Task" and name in TASK_FIELDS:
-        return record.position(TASK_FIELDS[name])
-    return found
 
 
 def _is_module(body: Body, name: str) -> bool:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from koord.syntax import ast, core
 from koord.syntax.elaborate.body import Body, Where
 from koord.syntax.elaborate.coercion import POISON, fit
+from koord.syntax.elaborate.fields import field_position
 from koord.syntax.elaborate.phrases import choice, listed
-from koord.syntax.elaborate.places import field_position
 from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.symbols import RecordInfo
 from koord.syntax.types import Type

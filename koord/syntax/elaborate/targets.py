@@ -7,8 +7,9 @@ from typing import assert_never
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Note
 from koord.syntax.elaborate.body import Body, Where, Write
-from koord.syntax.elaborate.places import find_module, meaning
+from koord.syntax.elaborate.places import find_module, is_unknown, meaning
 from koord.syntax.elaborate.symbols import ParamSymbol, PortSymbol, Role, StreamSymbol
+from koord.syntax.elaborate.unknown_names import unknown
 
 
 def target(body: Body, e: ast.Expr) -> core.Place | None:
@@ -23,6 +24,10 @@ def target(body: Body, e: ast.Expr) -> core.Place | None:
     if _is_stream(body, e, root):
         return None
     if _is_constant(body, e, root):
+        return None
+    if isinstance(e, ast.Name) and is_unknown(body, e.name):
+        if not body.session.partial:
+            unknown(body, e, is_written=True)
         return None
     read_before = set(body.shared_reads)
     found = meaning(body, e)

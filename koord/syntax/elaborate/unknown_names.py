@@ -2,25 +2,82 @@
 
 from __future__ import annotations
 
+from typing import assert_never
+
+from msgspec import Struct
+
 from koord.syntax import ast
+from koord.syntax.core import Direction
 from koord.syntax.elaborate.body import SEES_PID, SEES_PORTS, SEES_VARIABLES, Body, Where
+from koord.syntax.elaborate.coercion import POISON, accepts
+from koord.syntax.elaborate.fields import field_position
 from koord.syntax.elaborate.suggest import did_you_mean, otherwise
-from koord.syntax.elaborate.symbols import MemberSymbol, Named, ParamSymbol, Pending
-from koord.syntax.types import EnumType
+from koord.syntax.elaborate.symbols import (
+    MemberSymbol,
+    Named,
+    ParamSymbol,
+    Pending,
+    Poisoned,
+    PortNamed,
+    PortSymbol,
+    Role,
+    StreamSymbol,
+    VariableSymbol,
+)
+from koord.syntax.types import FLOAT, INT, ArrayType, EnumType, RecordType, Type
 
 
-def unknown(body: Body, e: ast.Name, field: str | None = None) -> None:
-    """Tell that there is no such name, and what may have been meant: once for each name."""
+class _Candidate(Struct, frozen=True):
+    """A name that may have been meant: its type, as far as it is known, and what it is good for."""
+
+    type: Type | None = None
+    is_writable: bool = False
+
+
+def unknown(
+    body: Body,
+    e: ast.Name,
+    field: str | None = None,
+    expected: Type | None = None,
+    *,
+    is_written: bool = False,
+) -> None:
+    """Tell that there is no such name, and what may have been meant: once for each name.
+
+    What would be another mistake in its place is no guess: where a value of the ``expected`` type
+    has to stand, a part called ``field``, or something that can be written.
+    """
     if body.is_told("K201", e.name, e.span):
         return
     hint = _element_hint(body, e.name, field)
     for module, ports in body.session.library_ports.items():
         if hint is None and e.name in ports:
             hint = f"`{e.name}` is a port of `{module}`: begin the program with `using {module}`"
-    hint = hint or otherwise(e.name) or did_you_mean(e.name, visible(body))
+    fitting = [
+        name
+        for name, one in _visible(body).items()
+        if (one.is_writable or not is_written)
+        and (one.type is None or (_fits(one.type, expected) and _has(one.type, field)))
+    ]
+    hint = hint or otherwise(e.name) or did_you_mean(e.name, fitting)
     if hint is None and field is not None:
         hint = f"if `{e.name}` is a module, begin the program with `using {e.name}:`"
     body.error("K201", e.span, f"`{e.name}` is not declared", hint)
+
+
+def _fits(given: Type, expected: Type | None) -> bool:
+    if expected is None or expected == POISON:
+        return True
+    return accepts(expected, given) or (expected == FLOAT and given == INT)
+
+
+def _has(given: Type, field: str | None) -> bool:
+    """Whether a value of a type has a part of that name, or nobody asks for one."""
+    if field is None:
+        return True
+    if isinstance(given, ArrayType):  # of all robots the own entry may be meant
+        given = given.element
+    return isinstance(given, RecordType) and field_position(given, field) is not None
 
 
 def _element_hint(body: Body, wanted: str, field: str | None) -> str | None:
@@ -43,25 +100,66 @@ def _element_hint(body: Body, wanted: str, field: str | None) -> str | None:
     return None
 
 
-def visible(body: Body) -> list[str]:
-    """The names that could stand here."""
-    session = body.session
-    names = [name_ for frame in body.frames for name_ in frame]
+def _visible(body: Body) -> dict[str, _Candidate]:
+    """The names that could stand here. Of one that stands for several things nothing is known."""
+    session, found = body.session, dict[str, _Candidate]()
+
+    def add(name: str, candidate: _Candidate) -> None:
+        found[name] = candidate if name not in found else _Candidate(is_writable=True)
+
     sees_variables = body.where in SEES_VARIABLES
-    names += [
-        name for name, found in session.shared.items() if sees_variables or _is_constant(found)
-    ]
-    names += session.types.members
+    for name, member in session.types.members.items():
+        add(name, _Candidate(member[0].type if len(member) == 1 else None))
+    for name, symbol in session.shared.items():
+        if sees_variables or _is_constant(symbol):
+            add(name, _candidate(symbol))
     for agent in [body.agent] if body.agent else session.agents:
         if sees_variables:
-            names += agent.variables
+            for name, symbol in agent.variables.items():
+                add(name, _candidate(symbol))
         if body.where in SEES_PORTS:
-            names += agent.ports
+            for name, ports in agent.ports.items():
+                for port in ports:
+                    add(name, _of_port(body, port))
             for module in agent.modules:
-                names += session.library_ports.get(module, ())
-    own = ["pid"] if body.where in SEES_PID else []
-    of_run = ["numAgents", "delta"] if body.where is not Where.CONSTANT else []
-    return [*names, *own, *of_run]
+                for name in session.library_ports.get(module, ()):
+                    found.setdefault(name, _Candidate(is_writable=True))
+    for frame in body.frames:
+        for name, bound in frame.items():
+            variable = bound.variable
+            if variable is not None:
+                found[name] = _Candidate(variable.type, bound.role is Role.LOCAL)
+    if body.where in SEES_PID:
+        found["pid"] = _Candidate(INT)
+    if body.where is not Where.CONSTANT:
+        found |= {"numAgents": _Candidate(INT), "delta": _Candidate(FLOAT)}
+    return found
+
+
+def _candidate(symbol: Named) -> _Candidate:
+    match symbol:
+        case VariableSymbol(variable=variable):
+            return _Candidate(variable.type, is_writable=True)
+        case ParamSymbol(value=value):
+            return _Candidate(None if value is None else value.type)
+        case MemberSymbol(type=type_):
+            return _Candidate(type_)
+        case Poisoned() | Pending():
+            return _Candidate(is_writable=not isinstance(symbol, Pending) or not symbol.is_param)
+    assert_never(symbol)
+
+
+def _of_port(body: Body, port: PortNamed) -> _Candidate:
+    match port:
+        case PortSymbol(variable=variable, direction=direction):
+            inside = body.where is Where.ENVIRONMENT
+            written = Direction.SENSOR if inside else Direction.ACTUATOR
+            return _Candidate(variable.type, direction is written)
+        case StreamSymbol():
+            return _Candidate(POISON)  # it is neither read nor assigned
+        case Poisoned():
+            return _Candidate(is_writable=True)
+    assert_never(port)
 
 
 def _is_constant(found: Named) -> bool:
