@@ -126,7 +126,13 @@ def verify(
         if part is not system:
             subject = abstract_subject(system, part) or plain_subject(system, part)
         every_n = choice is Choice.EVERY_N
-        beside = _Beside(pool, steps, failures, whole, wanted=not known, of_any_number=every_n)
+        seen = slices.happening() if not known else system
+        happens = whole
+        if seen is not system:
+            happens = abstract_subject(system, seen) or plain_subject(system, seen)
+        beside = _Beside(
+            pool, steps, failures, system, happens, wanted=not known, of_any_number=every_n
+        )
         before = _before(system, known, names) if known else None
         found, ledger = ask(doubts.watching(subject), before, beside, slices=slices)
         found, last = found.doubting(doubts), ledger
@@ -210,7 +216,8 @@ class _Beside(Struct):
     pool: Pool
     steps: Steps
     failures: list[Failure]
-    whole: Subject  #: what is looked at, whatever engines left out
+    system: System
+    happens: Subject  #: what is looked at, whatever engines left out
     wanted: bool
     of_any_number: bool = False
     job: Job[tuple[Looked | str, tuple[Failure, ...]]] | None = None
@@ -219,7 +226,7 @@ class _Beside(Struct):
         """Other work that follows takes long."""
         apart = self.pool.jobs > 1 and not self.of_any_number
         if self.wanted and self.job is None and apart:
-            own = self._on_whole(ledger).of((), lambda text: None)
+            own = self._of_what_happens(ledger).of((), lambda text: None)
 
             def looked(tell: Progress) -> tuple[Looked | str, tuple[Failure, ...]]:
                 found: Looked | str = ""
@@ -232,7 +239,7 @@ class _Beside(Struct):
     def end(self, ledger: Ledger, names: Collection[str]) -> _Hollow:
         """What makes the verdicts of a ledger say less than they seem to."""
         found: Hollow | None = None
-        ledger = self._on_whole(ledger)
+        ledger = self._of_what_happens(ledger)
         own = ledger.of(ledger.open(), ledger.report)
         everywhere = ledger.is_of_all_rounds(names)
         if self.wanted and self.steps.begin("vacuity", 0, VACUITY):
@@ -262,14 +269,14 @@ class _Beside(Struct):
             own.fail(failure)
         return looked
 
-    def _on_whole(self, ledger: Ledger) -> Ledger:
-        """A ledger of a slice with all that the slice leaves out."""
-        if ledger.system.program is self.whole.system.program:
+    def _of_what_happens(self, ledger: Ledger) -> Ledger:
+        """A ledger of all that has an influence on what happens, with what is known."""
+        if ledger.system.program is self.happens.system.program:
             return ledger
         verdicts = tuple(ledger.verdict(claim) for claim in ledger.claims)
-        whole = ledger.about(self.whole, claims_of(self.whole.system))
-        _put_down(whole, _Known(verdicts, None, frozenset()))
-        return whole
+        own = ledger.about(self.happens, claims_of(self.happens.system))
+        _put_down(own, _Known(verdicts, None, frozenset()))
+        return own
 
 
 #: They are asked first, and seldom take longer than a process does to start.
@@ -304,7 +311,7 @@ def _ask(
     hold counts even if the time is up. With ``slices`` claims are asked of theirs, too.
     """
     claims = claims_of(subject.system)
-    stated = {identity(claim): claim for claim in claims_of(beside.whole.original)}
+    stated = {identity(claim): claim for claim in claims_of(beside.system)}
     before = known.verdicts if known is not None else ()
     ledger = Ledger(
         subject,
@@ -342,7 +349,7 @@ def _ask(
                 with ledger.enduring(engine.name):
                     engine.work(ledger)
             else:
-                alone = isinstance(engine, ByRounds) and not liveness_of(beside.whole.original)
+                alone = isinstance(engine, ByRounds) and not liveness_of(beside.system)
                 is_last = choice is not Choice.AUTO or alone
                 steps.take(stage, turn, engine.name, engine.work, ledger, is_last=is_last)
         _find_others(ledger, asked, pool, slices)

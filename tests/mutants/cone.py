@@ -8,6 +8,7 @@ SLICES = "tests/verify/cone/test_slices.py"
 ASKING = "tests/verify/cone/test_asking.py"
 ENGINES = "tests/agreement/test_slices.py"
 LIVE = "tests/agreement/test_live_slices.py"
+HAPPENING = "tests/verify/cone/test_happening.py"
 AUXILIARY = "tests/semantics/test_auxiliary.py"
 
 CONE = (
@@ -115,6 +116,13 @@ CONE = (
         "not primed(other)",
         "True",
         (AUXILIARY,),
+    ),
+    Mutant(
+        "cone: what happens is asked without contracts that may end runs",
+        "verify.cone.slices.Slices._goes_on_without",
+        "primed(promise) <= always_met(self.system, kind)",
+        "True",
+        (HAPPENING,),
     ),
     Mutant(
         "cone: a promise about no reading restricts nothing",

@@ -8,13 +8,16 @@ from functools import cached_property
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.semantics.always_met import always_met, primed, promises_of
 from koord.semantics.auxiliary import Var, auxiliary, variables
 from koord.semantics.configurations import System
 from koord.syntax.core import Home
+from koord.syntax.source import Span
 from koord.verify.claims import Claim, claims_of, liveness_of
-from koord.verify.cone.influence import Cone, Happens, Influence, Part
+from koord.verify.cone.influence import Answers, Cone, Happens, Influence, Part
 from koord.verify.cone.slicing import sliced
 from koord.verify.subjects import Identity, identity
+from koord.verify.wishes import Aim, wishes_of
 
 
 class Slices(Struct, frozen=True, dict=True):
@@ -89,3 +92,39 @@ class Slices(Struct, frozen=True, dict=True):
         # A claim that the slice's own text does not make is asked of the whole.
         same = [identity(claim) for claim in claims_of(part)] == [identity(c) for c in claims]
         return part if same else self.system
+
+    def happening(self) -> System:
+        """The system without what has no influence on whether anything happens in it.
+
+        Nothing is left out that could keep a run from starting or from going on: what happens in
+        the slice happens in the system.
+        """
+        events = (part for part in self.everything if isinstance(part, Happens))
+        cone = self.influence.closed({*self.cone(self.claims.values()), *events})
+        if not self._goes_on_without(cone):
+            return self.system
+        part = self.slice_of(cone)
+        same = _aims(part) == _aims(self.system) and set(Slices(part).claims) == set(self.claims)
+        return part if same else self.system
+
+    def _goes_on_without(self, cone: Cone) -> bool:
+        """Whether a run of a slice can always be completed to one of the system. [T-CONE]"""
+        program, influence = self.system.program, self.influence
+        stated = (influence.reads(each.condition, None) for each in program.assumptions)
+        starts = all(not reads or reads & cone for reads in stated)
+        answers = all(Answers(e.name) in cone or not e.ensures for e in program.externals)
+        return (
+            starts
+            and answers
+            and all(
+                influence.restricted(contract, promise, kind) & cone
+                or (primed(promise) and primed(promise) <= always_met(self.system, kind))
+                for kind, agent in enumerate(program.agents)
+                for contract, promise in promises_of(agent)
+            )
+        )
+
+
+def _aims(system: System) -> set[tuple[Aim, str, Span]]:
+    """What should happen in a system."""
+    return {(wish.aim, wish.subject, wish.span) for wish in wishes_of(system).all}
