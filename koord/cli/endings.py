@@ -8,8 +8,6 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any
 
-from msgspec import Struct, field
-
 from koord.cli.exits import Exit
 
 #: What asks a process to end, and the exit code then. Windows has no SIGHUP.
@@ -20,12 +18,13 @@ _CODES = {
 }
 
 
-class Endings(Struct):
+class Endings:
     """Inside the ``with``, who asks this process to end is heard as Ctrl-C is."""
 
-    by: int | None = None  #: the signal that ended it
-    _pid: int = 0
-    _before: dict[int, Any] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self.by: int | None = None  #: the signal that ended it
+        self._pid = 0
+        self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Endings:
         self._pid = os.getpid()

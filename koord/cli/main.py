@@ -13,9 +13,7 @@ import re
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, NoReturn, Protocol, TextIO, cast
-
-from msgspec import Struct
+from typing import TYPE_CHECKING, NamedTuple, NoReturn, Protocol, TextIO, cast
 
 from koord import __version__
 from koord.cli.endings import Endings
@@ -55,7 +53,7 @@ class Command(Protocol):
         """Run the command and return its exit code."""
 
 
-class Entry(Struct, frozen=True):
+class Entry(NamedTuple):
     """A command as ``koord --help`` lists it."""
 
     name: str
