@@ -42,6 +42,9 @@ from koord.verify.verdicts import (
     Verdict,
 )
 
+#: How much work goes into proofs for all rounds where every round that was asked about is known.
+ANSWERED_ALL_S = 20.0
+
 #: Replays a recording that should break a claim; raises NotReplayedError if it does not.
 Judge = Callable[[Recording, Claim, Phase], Counterexample]
 
@@ -112,6 +115,7 @@ class Ledger(Struct):
     in_the_way: tuple[Obstacle, ...] = ()  #: what stands in the way of all engines
     #: what was spent on claims before, in seconds
     before: Mapping[Claim, float] = field(default_factory=dict)
+    hurried: bool = False  #: whether it ends sooner, as all that was asked is answered
     clock: Callable[[], float] = time.monotonic
     _reaches: dict[Claim, dict[Engine, Reach]] = field(default_factory=dict)
     _spans: dict[Claim, list[Interval]] = field(default_factory=dict)
@@ -200,6 +204,12 @@ class Ledger(Struct):
     def wanting(self) -> list[Claim]:
         """The open claims that no engine saw hold through as many rounds as asked for."""
         return [claim for claim in self.open() if self.verdict(claim).outcome is Outcome.UNKNOWN]
+
+    def hurry(self) -> bool:
+        """Whether the time is up: nobody waits long once all that was asked is answered."""
+        if not self.hurried and self.open() and not self.wanting():
+            self.hurried, self.deadline = True, self.deadline.of_work(ANSWERED_ALL_S)
+        return self.hurried and self.deadline.passed()
 
     def proved(self) -> list[Claim]:
         """The claims that hold in all rounds: what else is asked may rely on them."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TypeAlias, assert_never
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from koord.verify.solving import Deadline
 from koord.verify.verdicts import Engine, Failure, engine_named
@@ -123,8 +124,8 @@ Obstacle: TypeAlias = (
 
 
 def gave_up(engine: Engine, deadline: Deadline) -> TimeUp | GaveUp:
-    """Why an engine stopped that was not done."""
-    return TimeUp(engine) if deadline.is_near() else GaveUp(engine)
+    """Why an engine stopped that was not done: more time helps only where that was limited."""
+    return TimeUp(engine) if replace(deadline, cpu_at=None).is_near() else GaveUp(engine)
 
 
 def failed_at(failure: Failure) -> TooLong | Failed:

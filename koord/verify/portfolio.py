@@ -352,6 +352,11 @@ def _ask(
                 alone = isinstance(engine, ByRounds) and not liveness_of(beside.system)
                 is_last = choice is not Choice.AUTO or alone
                 steps.take(stage, turn, engine.name, engine.work, ledger, is_last=is_last)
+            if ledger.hurry():
+                break
+    if ledger.hurried and not ledger.interrupted and not deadline.passed():
+        ledger.deadline, ledger.stopped = deadline, ""
+    with ledger.stopping():
         _find_others(ledger, asked, pool, slices)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
     return _Known(verdicts, unrolling.suspected, left), ledger

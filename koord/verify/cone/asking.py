@@ -84,7 +84,9 @@ class _Asking(Struct):
                 )
         finally:
             self._tell(ledger)
-        return True
+        over = ledger.hurry()
+        self.inner.deadline = ledger.deadline
+        return not over
 
     def close(self, ledger: Ledger) -> None:
         """Whoever looks at more of the program is asked only what may be found out from there."""
