@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import io
 import os
 import shutil
@@ -27,10 +28,21 @@ def plain_surroundings() -> None:
 
 def transcript(scenario: Scenario) -> str:
     """What came of it, as lines."""
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), _uncollected():
         shutil.copytree(ROOT / EXAMPLES, EXAMPLES)
         lines = [line for command in scenario.commands for line in _played(command)]
     return "\n".join(lines) + "\n"
+
+
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """No garbage is collected meanwhile: when it is, Z3 numbers terms anew, and orders them so."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.collect()
 
 
 def _played(command: Command) -> Iterator[str]:
