@@ -6,7 +6,6 @@ The obligations are those of ``obligations.py``, of a robot of whatever number i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 from msgspec import Struct
@@ -36,18 +35,20 @@ from koord.syntax import core
 from koord.syntax.core import Home
 
 
-@dataclass(slots=True)
 class EveryNumber:
     """All obligations of some claims about a program with any number of robots."""
 
-    world: World
-    claims: Sequence[Claim]
-    v: Values
-    consequences: Sequence[core.Property] = ()
-    turns: Turns = field(init=False)
-    crowds: Crowds = field(init=False)
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        world: World,
+        claims: Sequence[Claim],
+        v: Values,
+        consequences: Sequence[core.Property] = (),
+    ) -> None:
+        self.world = world
+        self.claims = claims
+        self.v = v
+        self.consequences = consequences
         self.turns = Turns(self.world, self.v)
         self.crowds = Crowds(self.world, self.turns)
 

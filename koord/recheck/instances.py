@@ -8,7 +8,6 @@ refutes is open, and never refuted here.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 from msgspec import Struct
 
@@ -39,18 +38,17 @@ class _Case(Struct):
     holds: Term
 
 
-@dataclass(slots=True)
 class _Try:
     """One attempt at an obligation."""
 
-    settling: Settling
-    attempt: Attempt
-    seconds: float  #: what a question may take
-    done: set[str]  #: the claims that were shown in another way
-    grounding: Grounding = field(init=False)
-    shown: list[Term] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self, settling: Settling, attempt: Attempt, seconds: float, done: set[str]
+    ) -> None:
+        self.settling = settling
+        self.attempt = attempt
+        self.seconds = seconds  #: what a question may take
+        self.done = done  #: the claims that were shown in another way
+        self.shown: list[Term] = []
         self.grounding = Grounding(self.settling.values)
 
     def cases(self) -> list[_Case]:

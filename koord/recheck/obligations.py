@@ -6,7 +6,6 @@ The argument that these are enough is T-PER-EVENT of ``specs/certificates/README
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 
 from koord.recheck.claims import (
@@ -34,20 +33,23 @@ from koord.syntax import core
 from koord.syntax.core import Home
 
 
-@dataclass(slots=True)
 class Obligations:
     """All obligations of some claims about a program."""
 
-    world: World
-    claims: Sequence[Claim]
-    v: Values
-    consequences: Sequence[core.Property] = ()
-    #: Whether no configuration is an initial one, which is then known of each that is looked at.
-    nothing_begins: bool = False
-    turns: Turns = field(init=False)
-    rounds: Rounds = field(init=False)
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        world: World,
+        claims: Sequence[Claim],
+        v: Values,
+        consequences: Sequence[core.Property] = (),
+        nothing_begins: bool = False,
+    ) -> None:
+        self.world = world
+        self.claims = claims
+        self.v = v
+        self.consequences = consequences
+        #: Whether no configuration is an initial one: this is known of each that is looked at.
+        self.nothing_begins = nothing_begins
         self.turns = Turns(self.world, self.v)
         self.rounds = Rounds(self.turns)
 

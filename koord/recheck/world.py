@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
 
 from msgspec.structs import replace
@@ -19,32 +18,26 @@ from koord.syntax.walk import nodes, written
 Key = tuple[Home, int, int]
 
 
-@dataclass(frozen=True, slots=True)
 class World:
     """A program, which kind each robot is of, and the length of a round in seconds.
 
     Without ``kinds`` there is any number of robots, each of any kind.
     """
 
-    program: core.Program
-    kinds: tuple[int, ...]
-    delta_s: Fraction
-    #: Variables that events or the environment may write; as a whole, or an element of a list.
-    written: frozenset[Key] = field(init=False)
-    rewritten: frozenset[Key] = field(init=False)
-    #: Those that events may write.
-    moved: frozenset[Key] = field(init=False)
-    #: Lists that the program makes, compares and hands on, but never looks into.
-    sealed: frozenset[Type] = field(init=False)
-
-    def __post_init__(self) -> None:
+    def __init__(self, program: core.Program, kinds: tuple[int, ...], delta_s: Fraction) -> None:
+        self.program = program
+        self.kinds = kinds
+        self.delta_s = delta_s
         pairs = list(_written(self.program))
-        object.__setattr__(self, "written", frozenset(key for key, _ in pairs))
+        #: Variables that events or the environment may write; as a whole, or an element of a list.
+        self.written: frozenset[Key] = frozenset(key for key, _ in pairs)
         moved = frozenset(key for key, _ in _by_events(self.program))
-        object.__setattr__(self, "moved", moved)
+        #: Those that events may write.
+        self.moved: frozenset[Key] = moved
         whole = frozenset(key for key, place in pairs if place is None or not _in_list(place))
-        object.__setattr__(self, "rewritten", whole)
-        object.__setattr__(self, "sealed", _sealed(self.program))
+        self.rewritten: frozenset[Key] = whole
+        #: Lists that the program makes, compares and hands on, but never looks into.
+        self.sealed: frozenset[Type] = _sealed(self.program)
 
     @property
     def robots(self) -> int | None:

@@ -11,7 +11,6 @@ import pickle
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
@@ -135,18 +134,15 @@ class Expedition(Struct, frozen=True):
 # --- in virtual time ----------------------------------------------------------------------------
 
 
-@dataclass
 class _Crew:
     """Switches robots on, and keeps what they told, also before a crash."""
 
-    expedition: Expedition
-    job: Job
-    starts: Starts
-    told: list[list[Told]] = field(init=False)
-    members: dict[int, Witnessed] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.told = [[] for _ in range(self.job.robots)]
+    def __init__(self, expedition: Expedition, job: Job, starts: Starts) -> None:
+        self.expedition = expedition
+        self.job = job
+        self.starts = starts
+        self.members: dict[int, Witnessed] = {}
+        self.told: list[list[Told]] = [[] for _ in range(self.job.robots)]
 
     def switch_on(self, pid: int, incarnation: int, back: bool) -> Newborn:
         job = self.job

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -133,22 +132,27 @@ def _turns(
     return configuration
 
 
-@dataclass
 class _Completing:
     """Inputs from a recording; answers that are missing are made up, and noted."""
 
-    system: System
-    run: tuple[Answer, ...]  #: those of the whole run
-    given: tuple[Answer, ...]
-    others: RecordedInputs
-    answers: list[Answer] = field(init=False)
-    _known: dict[tuple[Phase, int, Key], Answer] = field(init=False)
-    _said: dict[tuple[str, tuple[Concrete, ...]], Concrete] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.answers = list(self.given)
-        self._known = {(a.phase, a.robot, a.key): a for a in self.given}
-        self._said = {(a.function, a.arguments): a.value for a in self.run if a.function}
+    def __init__(
+        self,
+        system: System,
+        run: tuple[Answer, ...],
+        given: tuple[Answer, ...],
+        others: RecordedInputs,
+    ) -> None:
+        self.system = system
+        self.run = run  #: those of the whole run
+        self.given = given
+        self.others = others
+        self.answers: list[Answer] = list(self.given)
+        self._known: dict[tuple[Phase, int, Key], Answer] = {
+            (a.phase, a.robot, a.key): a for a in self.given
+        }
+        self._said: dict[tuple[str, tuple[Concrete, ...]], Concrete] = {
+            (a.function, a.arguments): a.value for a in self.run if a.function
+        }
 
     def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
         return self.others.start(declaration, robot)

@@ -10,7 +10,6 @@ know. The model of a robot that is switched off asks nobody, either.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from random import Random
 from typing import TypeAlias
 
@@ -161,18 +160,14 @@ def _sensors(system: System, robot: int) -> list[core.Port]:
     return [port for port in ports if port.direction is Direction.SENSOR]
 
 
-@dataclass
 class _Asking:
     """What is known of external functions in the whole run, and whom to ask for more."""
 
-    system: System
-    library: Library | None
-    sampled: SampledInputs = field(init=False)
-    sites: frozenset[int] = field(init=False)
-
-    def __post_init__(self) -> None:
+    def __init__(self, system: System, library: Library | None) -> None:
+        self.system = system
+        self.library = library
         self.sampled = SampledInputs(Sampler(self.system, Numbers.DOUBLE, Random(0)))
-        self.sites = _mentioned(self.system.program)
+        self.sites: frozenset[int] = _mentioned(self.system.program)
 
     def remember(self, answers: tuple[Answer, ...]) -> None:
         kinds = {function.name: function.kind for function in self.system.program.externals}
@@ -195,18 +190,17 @@ class _Asking:
         return _Inputs(self, starts, list(answers))
 
 
-@dataclass
 class _Inputs:
     """Inputs of one round: what was recorded, and what only the rules ask."""
 
-    asking: _Asking
-    others: RecordedInputs
-    answers: list[Answer]
-    readings: list[Reading] = field(default_factory=list)
-    _known: dict[tuple[Phase, int, Key], Answer] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._known = {(a.phase, a.robot, a.key): a for a in self.answers}
+    def __init__(self, asking: _Asking, others: RecordedInputs, answers: list[Answer]) -> None:
+        self.asking = asking
+        self.others = others
+        self.answers = answers
+        self.readings: list[Reading] = []
+        self._known: dict[tuple[Phase, int, Key], Answer] = {
+            (a.phase, a.robot, a.key): a for a in self.answers
+        }
 
     def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
         return self.others.start(declaration, robot)

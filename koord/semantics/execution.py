@@ -7,7 +7,6 @@ step it is not one that the rules allow.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 
 from msgspec import Struct
 
@@ -72,23 +71,25 @@ class RecordedOracle(Struct):
         return answer
 
 
-@dataclass(slots=True)
 class RecordedInputs:
     """Inputs of one step, from a recording of it. ``heard`` are the answers that were asked for."""
 
-    starts: Iterable[Start] = ()
-    readings: Iterable[Reading] = ()
-    answers: Iterable[Answer] = ()
-    heard: list[Answer] = field(default_factory=list)
-    _starts: dict[tuple[Home, int, int | None], Concrete] = field(init=False)
-    _readings: dict[tuple[int, int], Concrete] = field(init=False)
-    _answers: dict[tuple[Phase, int], dict[Key, Answer]] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._starts = {(s.home, s.slot, s.robot): s.value for s in self.starts}
-        self._readings = {(r.robot, r.slot): r.value for r in self.readings}
-        self._answers = {}
-        for answer in self.answers:
+    def __init__(
+        self,
+        starts: Iterable[Start] = (),
+        readings: Iterable[Reading] = (),
+        answers: Iterable[Answer] = (),
+        heard: list[Answer] | None = None,
+    ) -> None:
+        self.heard: list[Answer] = [] if heard is None else heard
+        self._starts: dict[tuple[Home, int, int | None], Concrete] = {
+            (s.home, s.slot, s.robot): s.value for s in starts
+        }
+        self._readings: dict[tuple[int, int], Concrete] = {
+            (r.robot, r.slot): r.value for r in readings
+        }
+        self._answers: dict[tuple[Phase, int], dict[Key, Answer]] = {}
+        for answer in answers:
             self._answers.setdefault((answer.phase, answer.robot), {})[answer.key] = answer
 
     def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Status, Store, System
@@ -17,18 +15,14 @@ from koord.verify.symbols import Unknowns
 from koord.verify.terms import Term, Terms
 
 
-@dataclass(slots=True)
 class Arbitrary:
     """Makes such configurations of one system."""
 
-    system: System
-    unknowns: Unknowns
-    footprint: Footprint = field(init=False)
-    statuses: tuple[frozenset[Status], ...] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.footprint = footprint(self.system.program)
-        self.statuses = statuses(self.system.program)
+    def __init__(self, system: System, unknowns: Unknowns) -> None:
+        self.system = system
+        self.unknowns = unknowns
+        self.footprint: Footprint = footprint(self.system.program)
+        self.statuses: tuple[frozenset[Status], ...] = statuses(self.system.program)
 
     @property
     def d(self) -> Terms:

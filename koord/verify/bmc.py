@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from itertools import count
 
 from koord.semantics.configurations import System
@@ -26,28 +25,22 @@ from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict, has_
 from koord.verify.witness import NotReplayedError, Reader, recording_of
 
 
-@dataclass(slots=True)
 class Unrolling:
     """A system unrolled so far: the solver knows INIT and some rounds.
 
     With ``movers`` it is only the runs in which the other robots skip.
     """
 
-    system: System
-    seed: int = 0
-    movers: frozenset[int] | None = None
-    unknowns: Unknowns = field(init=False)
-    encoder: Encoder = field(init=False)
-    solver: Solver = field(init=False)
-    opening: Opening = field(init=False)
-    rounds: list[SymbolicRound] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
+    def __init__(self, system: System, seed: int = 0, movers: frozenset[int] | None = None) -> None:
+        self.system = system
+        self.seed = seed
+        self.movers = movers
+        self.rounds: list[SymbolicRound] = []
         d = Terms(self.system.patience)
         self.unknowns = Unknowns(d, self.system.program, self.system.robots)
         self.encoder = Encoder(self.system, self.unknowns, self.movers)
         self.solver = Solver(d, self.unknowns, self.seed)
-        self.opening = self.encoder.initial()
+        self.opening: Opening = self.encoder.initial()
         self.solver.add(self.opening.moment.constraints)
         self.solver.add(assumed(self.system, self.encoder.d, self.opening.moment))
 

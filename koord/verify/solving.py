@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 
@@ -142,23 +141,20 @@ class Layer(Struct, frozen=True):
     asked: Term
 
 
-@dataclass(slots=True)
 class Solver:
     """An incremental solver over the terms of one domain.
 
     Constraints of fresh terms are taken from ``unknowns`` as they appear.
     """
 
-    d: Terms
-    unknowns: Unknowns
-    seed: int = 0
-    _solver: z3.Solver = field(init=False)
-    _taken: int = 0
-    _model: z3.ModelRef | None = None
-    _core: frozenset[int] = frozenset()
-
-    def __post_init__(self) -> None:
-        self._solver = z3.Solver(ctx=self.d.context)
+    def __init__(self, d: Terms, unknowns: Unknowns, seed: int = 0) -> None:
+        self.d = d
+        self.unknowns = unknowns
+        self.seed = seed
+        self._taken = 0
+        self._model: z3.ModelRef | None = None
+        self._core: frozenset[int] = frozenset()
+        self._solver: z3.Solver = z3.Solver(ctx=self.d.context)
         self._solver.set("random_seed", self.seed)
 
     def add(self, constraints: Iterable[Term]) -> None:

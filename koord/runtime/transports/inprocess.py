@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
 
 from msgspec import Struct
 
 
-@dataclass(slots=True)
 class Hub:
     """All inboxes of a run."""
 
-    robots: int
-    inboxes: list[deque[bytes]] = field(init=False)
-    sent: int = 0  #: datagrams, one to all counted once
-
-    def __post_init__(self) -> None:
-        self.inboxes = [deque() for _ in range(self.robots)]
+    def __init__(self, robots: int) -> None:
+        self.robots = robots
+        self.sent = 0  #: datagrams, one to all counted once
+        self.inboxes: list[deque[bytes]] = [deque() for _ in range(self.robots)]
 
     @property
     def is_quiet(self) -> bool:

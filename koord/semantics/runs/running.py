@@ -6,7 +6,6 @@ and :func:`koord.semantics.traces.recording.execute` makes the same run of it ag
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from random import Random
 
 from msgspec import Struct
@@ -49,16 +48,16 @@ class Moment(Struct, frozen=True):
     answers: tuple[Answer, ...] = ()
 
 
-@dataclass
 class Run:
     """A run in the making. ``begin`` comes first; a ``moment`` can be kept and gone back to."""
 
-    system: System
-    numbers: Numbers
-    inputs: SampledInputs
-    _opening: Opening = field(default=Opening(()), init=False)
-    _rounds: list[Round] = field(default_factory=list, init=False)
-    _moment: Moment | None = field(default=None, init=False)
+    def __init__(self, system: System, numbers: Numbers, inputs: SampledInputs) -> None:
+        self.system = system
+        self.numbers = numbers
+        self.inputs = inputs
+        self._opening = Opening(())
+        self._rounds: list[Round] = []
+        self._moment: Moment | None = None
 
     @property
     def d(self) -> Domain[Constant]:

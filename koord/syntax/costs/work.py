@@ -9,7 +9,6 @@ program starts; nobody knows how it grows, so what loops over it takes may be mo
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import assert_never
 
 from msgspec import Struct
@@ -48,24 +47,21 @@ class Work(Struct, frozen=True):
 _ONE = Work(1, 1)
 
 
-@dataclass(slots=True)
 class Ledger:
     """The work of a program's bodies, for robots of these kinds. Functions are worked out once.
 
     ``bound`` are the variables inside of bodies that were met on the way.
     """
 
-    program: core.Program
-    kinds: tuple[int, ...]
-    sizes: Sizes
-    functions: dict[str, Work] = field(default_factory=dict)
-    externals: dict[str, Work] = field(default_factory=dict)
-    bound: dict[int, tuple[core.Variable, Span]] = field(default_factory=dict)
-    _ranges: Ranges = field(init=False)
-    _culprit: Span | None = None
-    _nodes: int = 0
-
-    def __post_init__(self) -> None:
+    def __init__(self, program: core.Program, kinds: tuple[int, ...], sizes: Sizes) -> None:
+        self.program = program
+        self.kinds = kinds
+        self.sizes = sizes
+        self.functions: dict[str, Work] = {}
+        self.externals: dict[str, Work] = {}
+        self.bound: dict[int, tuple[core.Variable, Span]] = {}
+        self._culprit: Span | None = None
+        self._nodes = 0
         self._ranges = Ranges(starting_lengths(self.program), len(self.kinds))
         # In a summary, external functions are asked without their own summaries.
         self.externals = {external.name: _ONE for external in self.program.externals}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from threading import Timer
 from typing import Any, cast
 
@@ -33,7 +32,6 @@ class NoAnswerError(OutOfPatienceError):
     """A solver came to no answer within its limits."""
 
 
-@dataclass(slots=True)
 class Clauses:
     """A solver over one graph, which takes in what is asked about. Literals of it are signed
     numbers.
@@ -41,17 +39,21 @@ class Clauses:
     A conjunction is written down only in the directions in which somebody needs it.
     """
 
-    graph: Graph
-    engine: str = QUICK
-    deadline: Deadline = field(default_factory=Deadline)
-    left: int | None = None  #: so often questions may go on after ``AT_ONCE`` conflicts
-    _solver: Any = field(init=False)
-    _numbers: dict[int, int] = field(default_factory=dict)
-    _sides: dict[int, int] = field(default_factory=dict)
-    _top: int = 1
-
-    def __post_init__(self) -> None:
-        self._solver = Solver(name=self.engine)
+    def __init__(
+        self,
+        graph: Graph,
+        engine: str = QUICK,
+        deadline: Deadline | None = None,
+        left: int | None = None,
+    ) -> None:
+        self.graph = graph
+        self.engine = engine
+        self.deadline = Deadline() if deadline is None else deadline
+        self.left = left  #: so often questions may go on after ``AT_ONCE`` conflicts
+        self._numbers: dict[int, int] = {}
+        self._sides: dict[int, int] = {}
+        self._top = 1
+        self._solver: Any = Solver(name=self.engine)
         self._solver.add_clause([1])
 
     def close(self) -> None:

@@ -9,7 +9,6 @@ infinitely many values are possible: these are *loose*, and comparisons with the
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import NamedTuple, TypeAlias
 
@@ -43,7 +42,6 @@ Bits: TypeAlias = "Constant | Bit | Number | Choice"
 Range: TypeAlias = "tuple[int | None, int | None]"
 
 
-@dataclass(slots=True)
 class BitDomain:
     """Scalars over one graph.
 
@@ -52,20 +50,18 @@ class BitDomain:
     have infinitely many values.
     """
 
-    graph: Graph = field(default_factory=Graph)
-    opaques: Opaques = field(init=False)
-    ranges: dict[str, Range] = field(default_factory=dict)
-    required: list[int] = field(default_factory=list)
-    looser: dict[str, None] = field(default_factory=dict)
-    asked: dict[int, tuple[str, Range]] = field(default_factory=dict)
-    _open: dict[tuple[Bits, Bits, bool], int] = field(default_factory=dict)
-    _sides: dict[Number, tuple[int, Number, Number]] = field(default_factory=dict)
-    _elements: set[Number] = field(default_factory=set)
-    _deep: int = 0  #: so many choices, one in the other, are being compared
-    _loose_names: dict[int, str] = field(default_factory=dict)
-    _strings: dict[str, int] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
+    def __init__(self, ranges: dict[str, Range] | None = None) -> None:
+        self.graph = Graph()
+        self.ranges: dict[str, Range] = {} if ranges is None else ranges
+        self.required: list[int] = []
+        self.looser: dict[str, None] = {}
+        self.asked: dict[int, tuple[str, Range]] = {}
+        self._open: dict[tuple[Bits, Bits, bool], int] = {}
+        self._sides: dict[Number, tuple[int, Number, Number]] = {}
+        self._elements: set[Number] = set()
+        self._deep = 0  #: so many choices, one in the other, are being compared
+        self._loose_names: dict[int, str] = {}
+        self._strings: dict[str, int] = {}
         self.opaques = Opaques(self.graph)
 
     # --- the five methods of a domain -----------------------------------------------------------

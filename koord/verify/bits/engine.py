@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -98,22 +97,26 @@ def _leave(
     ledger.leave(claims, Reach(Engine.BITS, rounds, reason, seconds, obstacle=obstacle))
 
 
-@dataclass(slots=True)
 class _Run:
     """One circuit, asked about the open claims of a ledger."""
 
-    ledger: Ledger
-    circuit: Circuit
-    started: float
-    sparing: bool
-    abc: bool
-    unrolled: Unrolled = field(init=False)
-    completed: int | None = None
-    astray: dict[Claim, str] = field(default_factory=dict)  #: with a violation that is no run
-    proved: dict[Claim, None] = field(default_factory=dict)
-    no_invariant: NoInvariant | None = None  #: who looked for one was stopped
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        ledger: Ledger,
+        circuit: Circuit,
+        started: float,
+        sparing: bool,
+        abc: bool,
+    ) -> None:
+        self.ledger = ledger
+        self.circuit = circuit
+        self.started = started
+        self.sparing = sparing
+        self.abc = abc
+        self.completed: int | None = None
+        self.astray: dict[Claim, str] = {}  #: with a violation that is no run
+        self.proved: dict[Claim, None] = {}
+        self.no_invariant: NoInvariant | None = None  #: who looked for one was stopped
         self.unrolled = Unrolled(self.circuit)
 
     @property

@@ -7,7 +7,6 @@ of an inductive invariant that is inductive itself.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -61,18 +60,20 @@ def needed(
     return Needed(tuple(chosen), tuple(core.ranged([circuit.d.graph.all_of(statements)])))
 
 
-@dataclass(slots=True)
 class _Core:
     """A solver that knows a round, and on request each part of an invariant."""
 
-    circuit: Circuit
-    table: Table
-    orbits: Sequence[Orbit]
-    known: Sequence[Claim]
-    clauses: Clauses = field(init=False)
-    _then: dict[int, int] = field(init=False)
-    _phase: dict[Phase, int] = field(init=False)
-    _parts: dict[int, int] = field(init=False)  #: positions of orbits, by what turns them on
+    def __init__(
+        self, circuit: Circuit, table: Table, orbits: Sequence[Orbit], known: Sequence[Claim]
+    ) -> None:
+        self.circuit = circuit
+        self.table = table
+        self.orbits = orbits
+        self.known = known
+        self.clauses: Clauses
+        self._then: dict[int, int]
+        self._phase: dict[Phase, int]
+        self._parts: dict[int, int]  #: positions of orbits, by what turns them on
 
     def of(self, claims: Sequence[Claim], deadline: Deadline) -> set[int]:
         """The positions of orbits that the claims need: few, if not as few as can be."""

@@ -9,7 +9,6 @@ under that: what is left out is the same if the invariant is closed, and else is
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import permutations, product
 from math import perm, prod
 
@@ -42,18 +41,19 @@ class UnsaidError(Exception):
     """An invariant that cannot be said in Koord, with the reason."""
 
 
-@dataclass(slots=True)
 class Table:
     """The places of a state, to be found by name, and robots that may change places."""
 
-    d: BitDomain
-    places: tuple[Place, ...]
-    groups: tuple[tuple[int, ...], ...]
-    _numbers: dict[tuple[Piece, ...], int] = field(init=False)
-    _literals: dict[tuple[int, frozenset[Held]], int] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self._numbers = {place.name: k for k, place in enumerate(self.places)}
+    def __init__(
+        self, d: BitDomain, places: tuple[Place, ...], groups: tuple[tuple[int, ...], ...]
+    ) -> None:
+        self.d = d
+        self.places = places
+        self.groups = groups
+        self._literals: dict[tuple[int, frozenset[Held]], int] = {}
+        self._numbers: dict[tuple[Piece, ...], int] = {
+            place.name: k for k, place in enumerate(self.places)
+        }
 
     def is_in(self, values: Values) -> int:
         """The literal that says that a state is in a cube."""
@@ -141,18 +141,25 @@ def _order(values: Values) -> list[tuple[int, list[str]]]:
     return [(k, sorted(map(str, held))) for k, held in values]
 
 
-@dataclass(slots=True)
 class Primes:
     """Looks for prime cubes outside of an invariant, and knows which states they leave."""
 
-    table: Table
-    question: Question
-    cubes: Sequence[Cube]
-    deadline: Deadline
-    unsaid: str = ""  #: why some of its clauses are left out
-    _inside: Clauses = field(init=False)  #: states of the invariant
-    _outside: Clauses = field(init=False)  #: states that no cube which was found leaves out
-    _of_latch: dict[int, list[int]] = field(default_factory=dict)
+    def __init__(
+        self,
+        table: Table,
+        question: Question,
+        cubes: Sequence[Cube],
+        deadline: Deadline,
+        unsaid: str = "",
+    ) -> None:
+        self.table = table
+        self.question = question
+        self.cubes = cubes
+        self.deadline = deadline
+        self.unsaid = unsaid  #: why some of its clauses are left out
+        self._of_latch: dict[int, list[int]] = {}
+        self._inside: Clauses  #: states of the invariant
+        self._outside: Clauses  #: states that no cube which was found leaves out
 
     def orbits(self) -> list[Orbit]:
         """Orbits that cover the cubes of an invariant. Raises UnsaidError if there are none."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations
 
@@ -156,18 +155,16 @@ def _opened(place: Place, held: frozenset[Held], number: int) -> frozenset[Held]
 # --- words ----------------------------------------------------------------------------------------
 
 
-@dataclass(slots=True)
 class _Words:
-    system: System
-    table: Table
-    _taken: frozenset[str] = field(init=False)
-    _hurried: bool = field(init=False)
-
-    def __post_init__(self) -> None:
+    def __init__(self, system: System, table: Table) -> None:
+        self.system = system
+        self.table = table
         program = self.system.program
-        self._taken = frozenset(_called(program))
+        self._taken: frozenset[str] = frozenset(_called(program))
         # The first robots of a round that has urgent events do not make a round by themselves.
-        self._hurried = any(event.urgent for agent in program.agents for event in agent.events)
+        self._hurried: bool = any(
+            event.urgent for agent in program.agents for event in agent.events
+        )
 
     def clause(self, clause: _Clause) -> Said:
         """A clause, for all robots that it may be about."""

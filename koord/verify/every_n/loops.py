@@ -9,7 +9,6 @@ afterwards, so that a proof never rests on it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
 from msgspec import Struct
@@ -40,22 +39,28 @@ EXITS = (("broke",), ("returned",))
 MOST_LOOKS = 5
 
 
-@dataclass(slots=True)
 class Loop:
     """A loop in a machine, to be run."""
 
-    crowd: Everyone
-    m: Machine[Term]
-    low: Term
-    high: Term
-    body: Callable[[Machine[Term], Term], None]
-    span: Span
-    _kept: Memory[Term] = field(init=False)
-    _old: dict[Path, Term] = field(default_factory=dict)  #: what the changed scalars held before
-    _any: dict[Path, Term] = field(default_factory=dict)  #: the new terms in their place
-    _trips: dict[tuple[object, ...], tuple[tuple[Term, ...], Machine[Term]]] = field(
-        default_factory=dict
-    )
+    def __init__(
+        self,
+        crowd: Everyone,
+        m: Machine[Term],
+        low: Term,
+        high: Term,
+        body: Callable[[Machine[Term], Term], None],
+        span: Span,
+    ) -> None:
+        self.crowd = crowd
+        self.m = m
+        self.low = low
+        self.high = high
+        self.body = body
+        self.span = span
+        self._old: dict[Path, Term] = {}  #: what the changed scalars held before
+        self._any: dict[Path, Term] = {}  #: the new terms in their place
+        self._trips: dict[tuple[object, ...], tuple[tuple[Term, ...], Machine[Term]]] = {}
+        self._kept: Memory[Term]
 
     def run(self) -> None:
         """Do to the machine what the loop does. [S-FOR] [S-BREAK]"""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 
 from msgspec.structs import replace
@@ -22,31 +21,24 @@ from koord.verify.footprint import Footprint, Written, footprint, statuses
 from koord.verify.terms import Term
 
 
-@dataclass(slots=True)
 class Opening:
     """The configuration after INIT. Where ``calm`` holds, nothing faulted on the way."""
 
-    world: World
-    calm: Term = field(init=False)
-    fault: Term = field(init=False)
-    configuration: Configuration[Term] = field(init=False)
-    _store: Store[Term] = field(init=False)
-    _commits: Commits = field(init=False)
-    _turns: dict[object, tuple[Term, list[Move]]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self._turns: dict[object, tuple[Term, list[Move]]] = {}
         world, d = self.world, self.world.d
-        self.calm = d.fresh("calm init", BOOL)
+        self.calm: Term = d.fresh("calm init", BOOL)
         inputs = RobotInputs(world.unknowns, "init", None)
         self._store, faults = declared(d, world.everywhere, inputs)
-        self.fault = disjunction(d, [fault for fault, _ in faults])
+        self.fault: Term = disjunction(d, [fault for fault, _ in faults])
         world.book.note(world.book.implied(self.calm, d.unary(UnaryOp.NOT, self.fault)))
         self._commits = Commits(world, self._store, self.moves, NO_GUARDS, "init", everybody=True)
         store = Store(
             tuple(self._commits.entries(slot) for slot in range(len(self._store.allread))),
             tuple(self._commits.everything(slot) for slot in range(len(self._store.allwrite))),
         )
-        self.configuration = Configuration((), store, 0, at=self._at)
+        self.configuration: Configuration[Term] = Configuration((), store, 0, at=self._at)
 
     def moves(self, robot: Term) -> list[Move]:
         """What INIT makes of a robot, kind by kind. [T-SNAPSHOT]"""
@@ -89,29 +81,25 @@ def faults_of(world: World, moves: Sequence[Move]) -> Term:
     )
 
 
-@dataclass(slots=True)
 class Anywhere:
     """Any configuration at the end of a round, reachable or not.
 
     It has in common with the one after INIT what no event ever changes.
     """
 
-    world: World
-    opening: Opening
-    configuration: Configuration[Term] = field(init=False)
-    _footprint: Footprint = field(init=False)
-    _robots: dict[object, tuple[Term, list[tuple[Term, Robot[Term]]]]] = field(default_factory=dict)
-    _shapes: dict[tuple[Home, int, int], Storage[Term]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
+    def __init__(self, world: World, opening: Opening) -> None:
+        self.world = world
+        self.opening = opening
+        self._robots: dict[object, tuple[Term, list[tuple[Term, Robot[Term]]]]] = {}
+        self._shapes: dict[tuple[Home, int, int], Storage[Term]] = {}
         program = self.world.program
-        self._footprint = footprint(program)
+        self._footprint: Footprint = footprint(program)
         before = self.opening.configuration.store
         store = Store(
             tuple(self._entries(entry, before) for entry in program.allread),
             tuple(self._shared(entry, before) for entry in program.allwrite),
         )
-        self.configuration = Configuration((), store, 0, at=self._at)
+        self.configuration: Configuration[Term] = Configuration((), store, 0, at=self._at)
 
     def robot(self, kind: int, robot: Term) -> Robot[Term]:
         """The robot of a kind that has a number."""

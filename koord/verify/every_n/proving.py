@@ -8,7 +8,6 @@ whatever was said of whom; what is not proved is *unknown*, never violated.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -177,21 +176,17 @@ class _Means(Struct, frozen=True):
     seed: int
 
 
-@dataclass(slots=True)
 class _Asking:
     """A world and a solver that knows what its book says."""
 
-    world: World
-    means: _Means
-    solver: Solver = field(init=False)
-    robots: tuple[Term, ...] = field(init=False)
-    _given: int = 0
-    _limit: int = -1
-
-    def __post_init__(self) -> None:
+    def __init__(self, world: World, means: _Means) -> None:
+        self.world = world
+        self.means = means
+        self._given = 0
+        self._limit: int = -1
         self.solver = Solver(self.world.d, self.world.unknowns, self.means.seed)
         self.world.book.most = self.means.thrift.instances
-        self.robots = tuple(self.world.d.fresh(f"y{k}", INT) for k in range(4))
+        self.robots: tuple[Term, ...] = tuple(self.world.d.fresh(f"y{k}", INT) for k in range(4))
 
     def failing(self, goals: Sequence[tuple[Claim, list[Term]]]) -> dict[Claim, str]:
         """The claims whose goals (each a conjunction) the book does not refute."""

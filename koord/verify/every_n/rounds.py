@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Status, Store, Turn
@@ -22,7 +20,6 @@ from koord.verify.moments import turn_taken
 from koord.verify.terms import Term
 
 
-@dataclass(slots=True)
 class Round:
     """A round from any configuration.
 
@@ -32,27 +29,17 @@ class Round:
     has not run may still have to); ``gentle``: the environment's turn did not fault.
     """
 
-    world: World
-    start: Anywhere
-    calm: Term = field(init=False)
-    legal: Term = field(init=False)
-    gentle: Term = field(init=False)
-    inside: Configuration[Term] = field(init=False)
-    middle: Configuration[Term] = field(init=False)
-    end: Configuration[Term] = field(init=False)
-    commits: Commits = field(init=False)
-    _moved: dict[object, tuple[Term, list[Move]]] = field(default_factory=dict)
-    _states: dict[object, tuple[Term, list[tuple[Term, Robot[Term]]]]] = field(default_factory=dict)
-    _evolved: dict[object, tuple[Term, list[tuple[Term, Robot[Term], Evolved[Term]]]]] = field(
-        default_factory=dict
-    )
-    _asked: Term = False
-
-    def __post_init__(self) -> None:
+    def __init__(self, world: World, start: Anywhere) -> None:
+        self.world = world
+        self.start = start
+        self._moved: dict[object, tuple[Term, list[Move]]] = {}
+        self._states: dict[object, tuple[Term, list[tuple[Term, Robot[Term]]]]] = {}
+        self._evolved: dict[object, tuple[Term, list[tuple[Term, Robot[Term], Evolved[Term]]]]] = {}
+        self._asked: Term = False
         world, d = self.world, self.world.d
-        self.calm = d.fresh("calm", BOOL)
-        self.legal = d.fresh("legal", BOOL)
-        self.gentle = d.fresh("gentle", BOOL)
+        self.calm: Term = d.fresh("calm", BOOL)
+        self.legal: Term = d.fresh("legal", BOOL)
+        self.gentle: Term = d.fresh("gentle", BOOL)
         before = self.start.configuration.store
         guards = Guards.of(world.program)
         self.commits = Commits(world, before, self.moves, guards, "round")
@@ -63,10 +50,12 @@ class Round:
         for lock_class in world.program.lock_classes:
             # Also where a block writes nothing that all may write: one robot enters it at most.
             self.commits.winner(lock_class.index)
-        self.inside = Configuration((), store, 0, Turn.ENV, at=self.after_turn)
+        self.inside: Configuration[Term] = Configuration((), store, 0, Turn.ENV, at=self.after_turn)
         self._asked = self._everyone_asked()
-        self.middle = Configuration((), store, 0, Turn.ENV, at=self.after_turns)
-        self.end = Configuration((), store, 1, at=self._at_end)
+        self.middle: Configuration[Term] = Configuration(
+            (), store, 0, Turn.ENV, at=self.after_turns
+        )
+        self.end: Configuration[Term] = Configuration((), store, 1, at=self._at_end)
 
     # --- program turns --------------------------------------------------------------------------
 

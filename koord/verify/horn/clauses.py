@@ -8,7 +8,6 @@ programs* (2014).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import z3
@@ -37,24 +36,20 @@ class Reached(Struct, frozen=True):
     states: tuple[State, ...]
 
 
-@dataclass(slots=True)
 class Clauses:
     """The clauses of one system. ``unknowns`` are the constants that a state consists of.
 
     Everything else in a clause is new in each use of it.
     """
 
-    d: Terms
-    unknowns: Sequence[Term]
-    _relation: z3.FuncDeclRef = field(init=False)
-    _bad: z3.FuncDeclRef = field(init=False)
-    _rules: list[tuple[str, z3.ExprRef, z3.BoolRef]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
+    def __init__(self, d: Terms, unknowns: Sequence[Term]) -> None:
+        self.d = d
+        self.unknowns = unknowns
+        self._rules: list[tuple[str, z3.ExprRef, z3.BoolRef]] = []
         truth = z3.BoolSort(self.d.context)
         sorts = [unknown.sort() for unknown in self._state]
-        self._relation = z3.Function("reached", *sorts, truth)
-        self._bad = z3.Function(_BAD, truth)
+        self._relation: z3.FuncDeclRef = z3.Function("reached", *sorts, truth)
+        self._bad: z3.FuncDeclRef = z3.Function(_BAD, truth)
 
     @property
     def _state(self) -> list[z3.ExprRef]:

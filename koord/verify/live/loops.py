@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import cast
 
 from msgspec.structs import replace
@@ -29,15 +28,12 @@ _MOST = 8
 _MOST_MENDED = 64
 
 
-@dataclass(slots=True)
 class Loops:
     """The rounds of a watched circuit, unrolled so far, and the lassos among them. [LASSO]"""
 
-    watched: Watched
-    reads_ran: bool  #: whether a statement does; no later round depends on it
-    unrolled: Unrolled = field(init=False)
-
-    def __post_init__(self) -> None:
+    def __init__(self, watched: Watched, reads_ran: bool) -> None:
+        self.watched = watched
+        self.reads_ran = reads_ran  #: whether a statement does; no later round depends on it
         self.unrolled = Unrolled(self.watched.circuit)
 
     @property
