@@ -109,7 +109,7 @@ def test_verdicts_of_a_run_that_was_interrupted_are_as_described(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(LiveLine, "show", press)
-    words = ["verify", "violated.krd", "--rounds", "4", "--json"]
+    words = ["verify", "unknown.krd", "--rounds", "4", "--json"]
     assert main(words) == Exit.INTERRUPTED
     found = json.loads(capsys.readouterr().out)
     assert found["reports"][0]["interrupted"] is True
