@@ -77,7 +77,8 @@ def planned(name: str, count: int) -> dict[str, Any]:
     from koord.runtime.motion.bodies import Car, Drone
     from koord.runtime.motion.field import field
     from koord.runtime.motion.names import PlannerName
-    from koord.runtime.motion.planning import Pose, planner
+    from koord.runtime.motion.planners import planner
+    from koord.runtime.motion.planning import Pose
     from koord.runtime.motion.world import Box, Disc, Polygon, World
 
     obstacles = (

@@ -17,7 +17,8 @@ from koord.runtime.engine.fleet import Fleet as Engine
 from koord.runtime.engine.schedules import Deployed, Schedule
 from koord.runtime.motion.automaton import State
 from koord.runtime.motion.library import Chart, Library
-from koord.runtime.motion.planning import Pose, planner
+from koord.runtime.motion.planners import planner
+from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host, Robot

@@ -12,10 +12,11 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Drone, Ideal
-from koord.runtime.motion.driving import Driving, Horizon, Measured, Steering
+from koord.runtime.motion.course import Horizon
+from koord.runtime.motion.driving import Driving, Measured, Steering
 from koord.runtime.motion.flying import Flying, Reference
 from koord.runtime.motion.group import Group
-from koord.runtime.motion.planning import planner
+from koord.runtime.motion.planners import planner
 from koord.runtime.motion.world import World
 from koord.sim.disturbances import Delay, Disturbances, Fixes, Gusts
 from koord.sim.ground import Ground

@@ -20,7 +20,8 @@ from koord.runtime.motion.clearance import clearance_of
 from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.mapping import occupied
 from koord.runtime.motion.names import PlannerName
-from koord.runtime.motion.planning import Pose, planner
+from koord.runtime.motion.planners import planner
+from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.world import Box, World
 from koord.runtime.robot import Robot
 from koord.sim.fleet import Fleet, Placed

@@ -11,6 +11,7 @@ from msgspec import Struct
 from koord.runtime.motion import automaton, pursuit
 from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.course import Course, Horizon
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.group import Group
 
@@ -43,24 +44,6 @@ class Measured(Struct, frozen=True):
     position: Floats
     heading_rad: Floats
     speed_mps: Floats
-
-
-class Horizon(Struct, frozen=True):
-    """How far a controller looks: so many steps of so long."""
-
-    steps: int = 8
-    step_s: float = 0.1
-
-
-class Course(Struct, frozen=True):
-    """What cars are to follow, from now on: arrays ``(m, steps)``.
-
-    They may go more slowly than told, to keep to the path, but not more slowly than ``slowest``.
-    """
-
-    speed_mps: Floats
-    curvature: Floats
-    slowest_mps: float
 
 
 class Driving:

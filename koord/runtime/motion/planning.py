@@ -19,7 +19,6 @@ from msgspec.structs import replace
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
 from koord.runtime.motion.field import Field, field
-from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Disc, Point, World
 
 #: A goal of a car this far above the plane is still on it.
@@ -80,33 +79,6 @@ class Planner(Protocol):
     ) -> Floats | None:
         """A path, shape ``(k, 3)`` with k ≥ 2, around obstacles and points to avoid."""
         ...
-
-
-def planner(
-    name: PlannerName,
-    world: World,
-    body: Body,
-    effort: Effort = Effort(),
-    avoid_m: float = 0.25,
-) -> Planner:
-    """The planner of that name. Raises KoordError if it needs a library that is not installed.
-
-    ``avoid_m`` is the radius of what stands at a point to avoid.
-    """
-    match name:
-        case PlannerName.STRAIGHT:
-            return Straight(Ground(world, body, avoid_m))
-        case PlannerName.RRT_CAR | PlannerName.RRT_STAR_CAR:
-            from koord.runtime.motion.rrt import CurvePlanner
-
-            car = body if isinstance(body, Car) else Car()
-            return CurvePlanner(Ground(world, car, avoid_m), car, effort, name.optimal)
-        case PlannerName.RRT_DRONE | PlannerName.RRT_STAR_DRONE:
-            from koord.runtime.motion.rrt import SpacePlanner
-
-            return SpacePlanner(Ground(world, body, avoid_m), effort, name.optimal)
-        case _:
-            assert_never(name)
 
 
 def hindrance(body: Body, world: World, goal: Point) -> Hindrance | None:

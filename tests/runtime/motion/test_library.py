@@ -12,7 +12,8 @@ from koord.runtime.motion.bodies import Car, Drone
 from koord.runtime.motion.clearance import Clearance
 from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.names import PlannerName
-from koord.runtime.motion.planning import Effort, Pose, planner
+from koord.runtime.motion.planners import planner
+from koord.runtime.motion.planning import Effort, Pose
 from koord.runtime.motion.world import Box, Point, World
 from tests.runtime.motion.worlds import CLUTTERED
 

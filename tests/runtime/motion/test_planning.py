@@ -13,7 +13,8 @@ from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.names import PlannerName
-from koord.runtime.motion.planning import Effort, Pose, planner, suits
+from koord.runtime.motion.planners import planner
+from koord.runtime.motion.planning import Effort, Pose, suits
 from koord.runtime.motion.rrt import MARGIN_M, car_fits, spaced
 from koord.runtime.motion.world import Box, World
 from tests.runtime.motion.worlds import CLUTTERED, EMPTY, places
