@@ -33,10 +33,10 @@ Count:
 """
 
 #: Every order of writes counts, and the formula of a round grows with the square of the robots.
-WIDE = """\
+WIDE = f"""\
 allwrite:
   int x = 0
-  int[30] cells
+  int[30] cells = [{', '.join('0' * 30)}]
 Go:
   eff:
     cells[x % 30] = pid
