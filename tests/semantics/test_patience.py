@@ -36,7 +36,7 @@ Count:
 WIDE = f"""\
 allwrite:
   int x = 0
-  int[30] cells = [{', '.join('0' * 30)}]
+  int[30] cells = [{", ".join("0" * 30)}]
 Go:
   eff:
     cells[x % 30] = pid
