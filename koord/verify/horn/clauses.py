@@ -95,8 +95,8 @@ class Clauses:
             found = search.query(self._bad())
             why = search.reason_unknown() if found == z3.unknown else ""
         except z3.Z3Exception as error:
-            found, why = z3.unknown, str(error)
-            if _CANCELED not in why:
+            found, why = z3.unknown, _message(error)
+            if _CANCELED not in why and _AT_LIMIT not in why:
                 raise NotFiniteError(NOWHERE, f"Spacer cannot be asked: {why}") from error
         spent = spent_by(search)
         effort.left -= spent
@@ -202,6 +202,12 @@ def constants(terms: Iterable[Term], but: Iterable[str] = ()) -> list[z3.ExprRef
     return list(found.values())
 
 
+def _message(error: z3.Z3Exception) -> str:
+    """What Z3 says, which its Python interface hands on as bytes here and there."""
+    said = error.value
+    return said.decode("utf-8", "replace") if isinstance(said, bytes) else str(said)
+
+
 def _is_proof(step: z3.ExprRef) -> bool:
     return bool(z3.is_app(step) and 0 <= step.decl().kind() - z3.Z3_OP_PR_UNDEF < _PROOF_RULES)
 
@@ -210,6 +216,9 @@ _BAD = "bad"
 
 #: What Z3 says if it was stopped: by Ctrl-C, a limit or a time.
 _CANCELED = "canceled"
+
+#: What it says of a limit while it simplifies a question.
+_AT_LIMIT = "max. resource limit exceeded"
 
 #: Sorts that Spacer knows what to do with.
 _KNOWN_SORTS = frozenset({z3.Z3_BOOL_SORT, z3.Z3_INT_SORT, z3.Z3_REAL_SORT})

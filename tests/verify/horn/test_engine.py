@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+import z3
 from msgspec.structs import replace
 
 from koord.semantics.configurations import System
@@ -144,6 +145,24 @@ def test_what_it_cannot_follow_it_says(declaration: str, claim: str, reason: str
 def test_no_invariant_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Clauses, "solved", lambda *_: Safe(True))
     assert outcomes(COUNTER + "invariant Low: x < 3\n")["Low"] is Outcome.UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("said", "reason"),
+    [
+        (b"max. resource limit exceeded", "Spacer gave up"),
+        (b"no such relation", "Spacer cannot be asked: no such relation"),
+    ],
+)
+def test_it_says_why_it_stopped(said: bytes, reason: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(*_: object) -> None:
+        raise z3.Z3Exception(said)
+
+    monkeypatch.setattr(z3.Fixedpoint, "query", stop)
+    verdict = asked(of_text(COUNTER + "invariant High: x <= 41\n"))["High"]
+    assert verdict.outcome is Outcome.UNKNOWN
+    assert reason in verdict.reason
+    assert "b'" not in verdict.reason
 
 
 def test_no_run_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
