@@ -175,10 +175,14 @@ def what(obstacle: Obstacle) -> str:
 def cure(obstacle: Obstacle, claim: str) -> str:
     """What would have to change."""
     match obstacle:
+        case TimeUp(engine=Engine.EVERY_N):
+            return "more time (--timeout, --property-timeout)"
         case TimeUp():
             return "more time (--timeout, --property-timeout), or fewer robots"
         case GaveUp(engine=engine) | NoInvariant(engine=engine) if engine in _ASKED_ALONE:
             return f"invariants that help, fewer robots, or it alone (--engine {engine.value})"
+        case GaveUp(engine=Engine.EVERY_N):
+            return "invariants that help"
         case GaveUp() | NoInvariant():
             return "invariants that help, or fewer robots"
         case NotInductive():
