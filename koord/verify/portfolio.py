@@ -37,7 +37,7 @@ from koord.verify.pool import Job, Pool, Progress, was_interrupted
 from koord.verify.resuming import Past, Steps
 from koord.verify.singly import ByRounds
 from koord.verify.solving import Deadline, Effort
-from koord.verify.subjects import abstract_subject, identity, plain_subject
+from koord.verify.subjects import identity, plain_subject, subject_of
 from koord.verify.vacuity import Hollow, Looked, look, of_any_number, unlooked, vacuities
 from koord.verify.varieties import others
 from koord.verify.verdicts import (
@@ -121,15 +121,10 @@ def verify(
         )
         slices, doubts = Slices(system), Doubts()
         part = slices.common()
-        whole = abstract_subject(system) or plain_subject(system)
-        subject = whole
-        if part is not system:
-            subject = abstract_subject(system, part) or plain_subject(system, part)
+        subject = subject_of(system, part)
         every_n = choice is Choice.EVERY_N
         seen = slices.happening() if not known else system
-        happens = whole
-        if seen is not system:
-            happens = abstract_subject(system, seen) or plain_subject(system, seen)
+        happens = subject if seen is part else subject_of(system, seen)
         beside = _Beside(
             pool, steps, failures, system, happens, wanted=not known, of_any_number=every_n
         )

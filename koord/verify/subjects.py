@@ -48,6 +48,11 @@ def abstract_subject(system: System, part: System | None = None) -> Subject | No
     return replace(subject, system=replace(part, program=abstraction.program))
 
 
+def subject_of(system: System, part: System | None = None) -> Subject:
+    """The same with opaque values where there are any, and plain where not."""
+    return abstract_subject(system, part) or plain_subject(system, part)
+
+
 def _subject(system: System, part: System, concrete: Callable[[Recording], Recording]) -> Subject:
     claims = {identity(c): c for c in (*claims_of(system), *liveness_of(system))}
     completing = _Completing(system)

@@ -16,7 +16,7 @@ from koord.verify.cone.slices import Slices
 from koord.verify.ledger import Ledger, Subject, Works
 from koord.verify.resuming import Steps
 from koord.verify.singly import ByRounds
-from koord.verify.subjects import Identity, abstract_subject, identity, plain_subject
+from koord.verify.subjects import Identity, identity, subject_of
 from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
 
@@ -180,8 +180,7 @@ class BySlices(Struct, frozen=True):
     def _asking(self, ledger: Ledger, part: _Part) -> _Asking:
         system, doubts = self.slices.system, Doubts()
         smaller = self.slices.slice_of(part.cone)
-        subject = abstract_subject(system, smaller) or plain_subject(system, smaller)
-        inner = _inner(ledger, doubts.watching(subject), part)
+        inner = _inner(ledger, doubts.watching(subject_of(system, smaller)), part)
         engines = self.engines() if part.is_alone else self.sparing()
         followed = bool(liveness_of(system))
         return _Asking(part, inner, doubts, enumerate(engines), self.steps, self.alone, followed)
@@ -191,7 +190,7 @@ def on_slice(slices: Slices, ledger: Ledger, claim: Claim) -> tuple[Ledger, Clai
     """A ledger of the slice of one claim, on which nothing is known, and the claim there."""
     system, meant = slices.system, identity(claim)
     smaller = slices.slice_of(slices.cone([slices.claims[meant]]))
-    subject = abstract_subject(system, smaller) or plain_subject(system, smaller)
+    subject = subject_of(system, smaller)
     claims = tuple(each for each in claims_of(subject.system) if identity(each) == meant)
     return ledger.about(subject, claims), claims[0]
 

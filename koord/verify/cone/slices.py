@@ -104,6 +104,8 @@ class Slices(Struct, frozen=True, dict=True):
         if not self._goes_on_without(cone):
             return self.system
         part = self.slice_of(cone)
+        if part is self.system:
+            return part
         same = _aims(part) == _aims(self.system) and set(Slices(part).claims) == set(self.claims)
         return part if same else self.system
 
