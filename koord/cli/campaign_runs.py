@@ -160,7 +160,8 @@ def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
         if is_enough():
             return None
     wall_s = time.perf_counter() - began
-    figures, robots = simulation.figures(), simulation.figures().robots
+    figures = simulation.figures()
+    robots = figures.robots
     assert simulation.ending is not None
     return Row(
         order.swept,

@@ -252,6 +252,8 @@ def _substituted(node: T, arguments: dict[int, core.Expr]) -> T:
     if isinstance(node, core.Read) and node.place.variable.home is Home.BOUND:
         found = arguments.get(node.place.variable.slot)
         return node if found is None else _reached(found, node.place.steps)  # type: ignore[return-value]
+    if isinstance(node, core.Variable):
+        return node
     changed: T = rebuilt(node, lambda part: _substituted(part, arguments))
     return changed
 

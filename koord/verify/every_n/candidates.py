@@ -257,6 +257,8 @@ def _for_robot(node: Any, robot: core.Expr) -> Any:
     """An expression of a robot's turn, as a property says it of a robot."""
     if isinstance(node, core.Pid):
         return robot
+    if isinstance(node, core.Variable):
+        return node
     made = rebuilt(node, lambda part: _for_robot(part, robot))
     if isinstance(made, core.Place) and made.variable.home in (Home.LOCAL, Home.PORT):
         return replace(made, robot=robot)
