@@ -5,15 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from argparse import ArgumentTypeError
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from difflib import get_close_matches
 from textwrap import wrap
 
 from koord.cli.exits import Exit
-from koord.cli.input_catalogue import INPUT_CATALOGUE
 from koord.cli.terminal import PLAIN, Paint, Style, style_of
-from koord.syntax.catalogue import CATALOGUE
-from koord.syntax.catalogue_entry import Entry
+from koord.syntax.catalogue import Entry, entries
 
 #: Longer lines of prose are tiresome to read, however wide the terminal.
 WIDEST = 88
@@ -26,20 +24,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    entries = all_entries()
     style = style_of(sys.stdout)
     if arguments.code is None:
-        for code, entry in sorted(entries.items()):
+        for code, entry in entries().items():
             print(f"{style.paint(code, Paint.BOLD)}  {entry.severity.value:<7}  {entry.title}")
         return Exit.OK
-    entry = _find(arguments.code, entries)
-    print("\n".join(story(entry, style)))
+    print("\n".join(story(_find(arguments.code), style)))
     return Exit.OK
-
-
-def all_entries() -> Mapping[str, Entry]:
-    """Every code that koord can print, with its story."""
-    return {**CATALOGUE, **INPUT_CATALOGUE}
 
 
 def story(entry: Entry, style: Style = PLAIN) -> Iterator[str]:
@@ -64,10 +55,10 @@ def _example(title: str, text: str) -> Iterator[str]:
             yield f"    {line}".rstrip()
 
 
-def _find(word: str, entries: Mapping[str, Entry]) -> Entry:
+def _find(word: str) -> Entry:
     wanted = word.strip().upper()
-    if wanted in entries:
-        return entries[wanted]
-    near = get_close_matches(wanted, sorted(entries), n=3)
+    if wanted in entries():
+        return entries()[wanted]
+    near = get_close_matches(wanted, entries(), n=3)
     cure = f"; there are {', '.join(near)}" if near else "; `koord explain` lists all codes"
     raise ArgumentTypeError(f"there is no code {word!r}{cure}")

@@ -9,7 +9,7 @@ from pathlib import Path
 from random import Random
 
 from koord.cli.diagnostics import Report
-from koord.syntax.catalogue import CATALOGUE
+from koord.syntax.catalogue import of_programs
 from koord.syntax.diagnostics import Diagnostic, Severity
 from koord.syntax.load import load
 from koord.syntax.parser import parse
@@ -69,7 +69,7 @@ def seeds() -> list[Path]:
 def write_seeds(folder: Path) -> None:
     """Write the programs that fuzzing begins with; those of the catalogue are the shortest."""
     texts = [path.read_bytes() for path in seeds()]
-    for entry in CATALOGUE.values():
+    for entry in of_programs().values():
         texts += [entry.bad.encode("utf-8"), entry.good.encode("utf-8")]
     for number, text in enumerate(texts):
         (folder / f"{number}.krd").write_bytes(text)

@@ -11,7 +11,7 @@ import yaml
 
 from koord.cli.main import COMMANDS
 from koord.cli.schema import DOCUMENTS
-from koord.syntax.catalogue import CATALOGUE
+from koord.syntax.catalogue import of_programs
 
 #: The tree that the commands are given in: files are named as in the README.
 ROOT = Path(__file__).parents[2]
@@ -126,13 +126,13 @@ def _schemas() -> Iterator[Command]:
 
 def _explain() -> Iterator[Command]:
     yield Command(("explain",))
-    for code in CATALOGUE:
+    for code in of_programs():
         yield Command(("explain", code))
 
 
 def _diagnostics() -> Iterator[Command]:
     """Each mistake in a program, as text and as a document, and some in flags and files."""
-    for entry in CATALOGUE.values():
+    for entry in of_programs().values():
         yield Command(("check", "-"), stdin=entry.bad)
         yield Command(("check", "-", "--json"), stdin=entry.bad)
     for words in (
