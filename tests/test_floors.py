@@ -39,6 +39,17 @@ ALLOWED = {
         "koord.semantics.values",
         "koord.semantics.traces",
     ),
+    # The use-cases, of which everything below is a part.
+    "api": (
+        "koord.api",
+        "koord.verify",
+        "koord.recheck",
+        "koord.refinement",
+        "koord.sim",
+        "koord.runtime",
+        "koord.semantics",
+        "koord.syntax",
+    ),
 }
 
 #: Libraries that stand behind few files: (library, prefixes of the files, at most so many).
@@ -216,6 +227,7 @@ def test_every_folder_is_on_a_floor() -> None:
         ("koord/runtime/a.py", "import koord.semantics.value_of", "koord.semantics.value_of"),
         ("koord/sim/a.py", "import koord.verify", "koord.verify"),
         ("koord/__init__.py", "from koord.syntax import core", "koord.syntax.core"),
+        ("koord/api/a.py", "from koord.cli.main import main", "koord.cli.main"),
     ],
 )
 def test_an_upward_import_is_found(path: str, text: str, blamed: str) -> None:

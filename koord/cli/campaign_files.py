@@ -17,7 +17,7 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import astuple
 
-from koord.cli.files import read_written, write_atomically
+from koord.api.files import read_written, write_atomically
 from koord.syntax.diagnostics import refusal
 
 

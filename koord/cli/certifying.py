@@ -6,7 +6,7 @@ import json
 import sys
 
 from koord import __version__
-from koord.cli.files import write_atomically
+from koord.api.files import write_atomically
 from koord.cli.inputs import LoadedProgram
 from koord.semantics.configurations import System
 from koord.verify.certificates import Texts, certificate, shown_by

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 
+from koord.api.files import write_atomically
 from koord.cli.arguments import add_files, add_settings, check_files
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
-from koord.cli.files import DASH, check_writable, write_atomically
+from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import Reading, load_programs
 from koord.runtime.compile import compiled
 

@@ -7,8 +7,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from koord.api.growing import remove_part
 from koord.cli.exits import Exit
-from koord.cli.growing import remove_part
 from koord.cli.keeping import keep
 from koord.cli.simulated import as_document, conclusion, table
 from koord.cli.simulating import Job

@@ -13,10 +13,11 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord import __version__
+from koord.api.files import write_atomically
 from koord.cli.asking import check_names
 from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit
-from koord.cli.files import DASH, check_writable, write_atomically
+from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.progress import LiveLine
 from koord.cli.systems import system_of

@@ -1,49 +1,25 @@
-"""Reading and writing the user's files: every way this can fail is a diagnostic."""
+"""The files that a command line names; ``-`` is standard input."""
 
 from __future__ import annotations
 
-import os
-import shutil
-import stat
 import sys
-import tempfile
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
-from pathlib import Path
+from collections.abc import Iterable
 
-from msgspec import Struct
-
+from koord.api import files
+from koord.api.files import InputFile
 from koord.syntax.diagnostics import refusal
-from koord.syntax.source import Source, Span, normalise, visible
+from koord.syntax.source import visible
 
 #: The name that stands for standard input and output on the command line.
 DASH = "-"
 STDIN_NAME = "<stdin>"
 
-#: A program of this size is none; what is longer (``/dev/zero``) is not read to its end.
-LARGEST_FILE = 64 * 1024 * 1024
-
-#: What a folder that may be replaced has in it: rosbag2 folders are the only ones written.
-_OURS = "metadata.yaml"
-
-
-class InputFile(Struct, frozen=True):
-    """A file as it was read: its bytes, to see what would change, and its text to work on."""
-
-    path: str
-    raw: bytes
-    source: Source
-
 
 def read_program(path: str) -> InputFile:
     """Read a program, ``-`` from standard input. Raises KoordError if there is no text in it."""
-    raw = read_bytes(path)
-    name = name_of(path)
-    try:
-        text = raw.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise refusal("K902", _place_of_byte(name, raw, error.start), *_not_utf8(error)) from None
-    return InputFile(path, raw, Source(name, normalise(text)))
+    if path != DASH:
+        return files.read_program(path)
+    return files.input_file(path, STDIN_NAME, read_bytes(path))
 
 
 def name_of(path: str) -> str:
@@ -54,51 +30,21 @@ def name_of(path: str) -> str:
 def read_written(path: str) -> bytes:
     """As :func:`read_bytes`, of what koord writes itself: a file may be as large as it is.
 
-    Of a pipe, whose end nobody knows, so much is read as of any input. Raises KoordError.
+    Raises KoordError.
     """
-    largest = None if path != DASH and os.path.isfile(path) else LARGEST_FILE
-    return _read(path, largest)
+    return read_bytes(path) if path == DASH else files.read_written(path)
 
 
 def read_bytes(path: str) -> bytes:
     """The bytes of a file, ``-`` of standard input. Raises KoordError."""
-    return _read(path, LARGEST_FILE)
-
-
-def _read(path: str, largest: int | None) -> bytes:
-    """The bytes of a file of at most so many. Raises KoordError."""
-    name = name_of(path)
-    most = -1 if largest is None else largest + 1
+    if path != DASH:
+        return files.read_bytes(path)
+    if sys.stdin is None:
+        raise refusal("K901", STDIN_NAME, "standard input is closed")
     try:
-        if path == DASH:
-            if sys.stdin is None:
-                raise refusal("K901", name, "standard input is closed")
-            raw = sys.stdin.buffer.read(most)
-        else:
-            with open(path, "rb") as file:
-                raw = file.read(most)
+        return files.read_all(sys.stdin.buffer, STDIN_NAME, files.LARGEST_FILE)
     except (OSError, ValueError) as error:
-        raise refusal("K901", name, f"cannot be read: {_reason(error)}") from None
-    if largest is not None and len(raw) > largest:
-        limit = f"it is larger than {largest // 2**20} MiB"
-        raise refusal("K901", name, f"cannot be read: {limit}")
-    return raw
-
-
-def write_atomically(path: str, data: bytes) -> None:
-    """Put ``data`` into a file so that no reader, and no crash, ever sees half of it.
-
-    An existing file keeps its mode, and a symbolic link goes on pointing to it. What is no
-    regular file (``/dev/stdout``, a pipe) is simply written. Raises KoordError.
-    """
-    try:
-        target = Path(os.path.realpath(path))
-        if target.exists() and not target.is_file():
-            target.write_bytes(data)
-        else:
-            _replace(target, data)
-    except (OSError, ValueError) as error:
-        raise refusal("K903", visible(path), f"cannot be written: {_reason(error)}") from None
+        raise files.unreadable(STDIN_NAME, error) from None
 
 
 def check_writable(path: str, read: Iterable[str] = ()) -> None:
@@ -106,111 +52,4 @@ def check_writable(path: str, read: Iterable[str] = ()) -> None:
 
     What is ``read`` by the same command is nobody's to replace.
     """
-    target = os.path.realpath(path)
-    folder = os.path.dirname(target)
-    reason = None
-    if any(os.path.realpath(name) == target for name in read if name != DASH):
-        reason = "it is read by the same command"
-    elif os.path.isdir(target):
-        reason = "it is a folder"
-    elif not os.path.isdir(folder):
-        reason = f"there is no folder {visible(folder)}"
-    elif os.path.exists(target):
-        reason = None if os.access(target, os.W_OK) else "permission denied"
-    elif not os.access(folder, os.W_OK):
-        reason = "permission denied"
-    if reason is not None:
-        raise refusal("K903", visible(path), f"cannot be written: {reason}")
-
-
-def check_folder(path: str) -> None:
-    """Raise KoordError if ``path`` can be seen to be no place for a folder of files of ours."""
-    target = Path(os.path.realpath(path))
-    reason = None
-    if target.exists() and not (target / _OURS).is_file():
-        reason = "something else is there"
-    elif not target.parent.is_dir():
-        reason = f"there is no folder {visible(str(target.parent))}"
-    elif not os.access(target.parent, os.W_OK):
-        reason = "permission denied"
-    if reason is not None:
-        raise refusal("K903", visible(path), f"cannot be written: {reason}")
-
-
-def write_folder(path: str, files: Mapping[str, bytes]) -> None:
-    """Make a folder of files, which is there as a whole or not at all.
-
-    One that was written like this before is replaced. Raises KoordError.
-    """
-    check_folder(path)
-    target = Path(os.path.realpath(path))
-    try:
-        made = Path(tempfile.mkdtemp(prefix=f".{target.name[:100]}.", dir=target.parent))
-        try:
-            for name, data in files.items():
-                (made / name).write_bytes(data)
-            made.chmod(_default_mode(0o777))
-            if target.exists():
-                shutil.rmtree(target)
-            made.replace(target)
-        except BaseException:  # Ctrl-C too
-            shutil.rmtree(made, ignore_errors=True)
-            raise
-    except (OSError, ValueError) as error:
-        raise refusal("K903", visible(path), f"cannot be written: {_reason(error)}") from None
-
-
-def _replace(target: Path, data: bytes) -> None:
-    mode = None
-    if target.exists():
-        if not os.access(target, os.W_OK):
-            raise PermissionError(13, "permission denied", str(target))
-        mode = stat.S_IMODE(target.stat().st_mode)
-    descriptor, temporary = tempfile.mkstemp(prefix=f".{target.name[:100]}.", dir=target.parent)
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, _default_mode() if mode is None else mode)
-        os.replace(temporary, target)
-    except BaseException:  # Ctrl-C too: the temporary file must not stay behind
-        with suppress(OSError):
-            os.unlink(temporary)
-        raise
-
-
-def _default_mode(most: int = 0o666) -> int:
-    """The mode that ``open`` would have given a new file; of a new folder with 0o777."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return most & ~mask
-
-
-def _reason(error: OSError | ValueError) -> str:
-    match error:
-        case FileNotFoundError():
-            return "there is no such file"
-        case IsADirectoryError():
-            return "it is a folder; name the files in it"
-        case PermissionError():
-            return "permission denied"
-        case OSError(strerror=str(story)):
-            return story[:1].lower() + story[1:]
-        case _:
-            return str(error)  # a NUL in the name
-
-
-def _not_utf8(error: UnicodeDecodeError) -> tuple[str, str]:
-    byte = error.object[error.start]
-    return (
-        f"byte 0x{byte:02x} is not UTF-8: the file is in another encoding, or is no text",
-        "save the file as UTF-8",
-    )
-
-
-def _place_of_byte(name: str, raw: bytes, offset: int) -> Span:
-    before = normalise(raw[:offset].decode("utf-8", errors="replace"))
-    line = before.count("\n") + 1
-    column = len(before) - (before.rfind("\n") + 1) + 1
-    return Span(name, line, column, line, column + 1)
+    files.check_writable(path, [name for name in read if name != DASH])

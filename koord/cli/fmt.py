@@ -10,10 +10,11 @@ from enum import Enum
 
 from msgspec import Struct
 
+from koord.api.files import InputFile, write_atomically
 from koord.cli.arguments import add_files, check_files
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit, gravest
-from koord.cli.files import DASH, InputFile, read_program, write_atomically
+from koord.cli.files import DASH, read_program
 from koord.cli.terminal import Paint, Style, style_of
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.format import format_source

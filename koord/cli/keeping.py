@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from msgspec import Struct
 
+from koord.api.files import check_folder, write_atomically, write_folder
+from koord.api.growing import Growing, Part, remove_part
 from koord.cli.arguments import pace
-from koord.cli.files import check_folder, check_writable, write_atomically, write_folder
-from koord.cli.growing import Growing, Part, remove_part
+from koord.cli.files import check_writable
 from koord.syntax.diagnostics import refusal
 
 if TYPE_CHECKING:

@@ -9,10 +9,11 @@ from collections.abc import Iterable, Sequence
 
 from msgspec import Struct
 
+from koord.api.files import InputFile
 from koord.cli.arguments import add_json, check_files, seconds
 from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
-from koord.cli.files import InputFile, name_of, read_program, read_written
+from koord.cli.files import name_of, read_program, read_written
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.recheck.certificate import REWRITE, Certificate, digest_of, read

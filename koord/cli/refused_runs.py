@@ -11,7 +11,8 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from koord.cli.files import DASH, write_atomically
+from koord.api.files import write_atomically
+from koord.cli.files import DASH
 from koord.refinement.cases import Case, Tried
 from koord.runtime.compile import compiled
 from koord.semantics.traces.codec import encode

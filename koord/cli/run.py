@@ -14,6 +14,8 @@ from typing import BinaryIO
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.api.files import write_atomically
+from koord.api.growing import Growing, part_of, remove_part
 from koord.cli.arguments import (
     Fleet,
     add_bounds,
@@ -26,8 +28,7 @@ from koord.cli.arguments import (
 from koord.cli.diagnostics import Report, report_error
 from koord.cli.excerpt import place
 from koord.cli.exits import Exit
-from koord.cli.files import DASH, check_writable, write_atomically
-from koord.cli.growing import Growing, part_of, remove_part
+from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import LoadedProgram, Reading, load_programs
 from koord.cli.interactive import Interactive
 from koord.cli.progress import Interruption

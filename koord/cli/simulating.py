@@ -77,11 +77,11 @@ class Job(Struct, frozen=True):
         starts = bool(program.assumptions) and not _is_placed(program)
         if not starts and not self.by_chance:
             return None
-        from koord.cli.supplying import Supplying
+        from koord.api.fallback_host import Fallback
         from koord.semantics.configurations import System
 
         system = System(program, self.kinds, self.delta_s)
-        return Supplying.of(system, self.scene.seed, starts=starts)
+        return Fallback.of(system, self.scene.seed, starts=starts)
 
     def simulation(
         self, *, keep_going: bool = False, summaries: bool = False, tracing: Tracing | None = None

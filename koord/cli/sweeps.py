@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.cli.files import write_atomically
+from koord.api.files import write_atomically
 from koord.cli.terminal import Paint, Style, visible
 from koord.cli.verdicts import PAINT, outcome_of
 from koord.semantics.configurations import System

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from koord.cli.files import write_atomically
-from koord.cli.growing import part_of
+from koord.api.files import write_atomically
+from koord.api.growing import part_of
 from koord.cli.inputs import LoadedProgram, no_program
 from koord.semantics.replay import replay
 from koord.semantics.traces.codec import decode_document, encode, load_embedded

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct, field
 
+from koord.api.files import write_atomically
 from koord.cli.asking import Asked, resting
 from koord.cli.exits import Exit, gravest
-from koord.cli.files import write_atomically
 from koord.cli.inputs import LoadedProgram
 from koord.cli.requests import Request
 from koord.cli.terminal import is_debugging, style_of

@@ -9,8 +9,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from koord.cli import files
-from koord.cli.files import check_writable, read_program, write_atomically
+from koord.api import files
+from koord.api.files import write_atomically
+from koord.cli.files import check_writable, read_program
 from koord.syntax.diagnostics import Diagnostic, KoordError
 from koord.syntax.source import is_whole_file
 

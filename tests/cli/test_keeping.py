@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from koord.api.files import write_folder
 from koord.cli.exits import Exit
-from koord.cli.files import write_folder
 from koord.cli.main import main
 from koord.syntax.diagnostics import KoordError
 from tests.sim.unpacking import data_of, unpacked

@@ -26,7 +26,7 @@ EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 #: Runs the command line, and ends itself by a signal when something was called so many times.
 ENDED = """
 import os, sys
-import koord.cli.growing as growing
+import koord.api.growing as growing
 import koord.cli.run as run
 from koord.cli.progress import LiveLine
 from koord.cli.tables import Rounds

@@ -330,7 +330,7 @@ def test_each_round_of_a_run_is_encoded_once(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """[TRACE]: what has grown is completed, and is the text that a whole run has."""
-    monkeypatch.setattr("koord.cli.growing.PERIOD_S", 0.0)
+    monkeypatch.setattr("koord.api.growing.PERIOD_S", 0.0)
     monkeypatch.setattr("koord.cli.run._PERIOD_S", 0.0)
     encoded = encode_runs.encode_configuration
     seen: list[int] = []
@@ -357,7 +357,7 @@ def test_what_koord_writes_may_be_larger_than_what_people_write(
     path = tmp_path / "t.json"
     program = str(EXAMPLES / "leader_elect.krd")
     assert main(["run", program, "--rounds", "5", "--trace", str(path)]) == Exit.OK
-    monkeypatch.setattr("koord.cli.files.LARGEST_FILE", 1000)
+    monkeypatch.setattr("koord.api.files.LARGEST_FILE", 1000)
     assert path.stat().st_size > 1000
     assert main(["replay", str(path)]) == Exit.OK
     assert "legal" in capsys.readouterr().out

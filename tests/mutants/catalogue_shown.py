@@ -226,8 +226,8 @@ SHOWN = (
     ),
     Mutant(
         "what koord has written is refused for its size",
-        "cli.files.read_written",
-        "None if path != DASH and os.path.isfile(path) else LARGEST_FILE",
+        "api.files.read_written",
+        "None if os.path.isfile(path) else LARGEST_FILE",
         "LARGEST_FILE",
         ("tests/cli/test_replay.py",),
     ),

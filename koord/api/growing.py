@@ -15,9 +15,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Protocol
 
-from koord.cli.files import check_folder
-from koord.cli.terminal import visible
+from koord.api.files import check_folder
 from koord.syntax.diagnostics import refusal
+from koord.syntax.source import visible
 
 #: What is new is kept so often.
 PERIOD_S = 1.0

@@ -18,7 +18,7 @@ from koord.semantics.configurations import System
 from koord.sim.hosting import ANSWERED, SENSED, plain_name
 
 
-class Supplied(Struct):
+class FallbackHost(Struct):
     """A host that answers by chance what another, the world, knows nothing of."""
 
     world: Host
@@ -56,15 +56,15 @@ class Supplied(Struct):
         return self._seeded[pid]
 
 
-class Supplying(Struct, frozen=True):
-    """Supplies the hosts of a run. All of them say the same, in whichever process they are."""
+class Fallback(Struct, frozen=True):
+    """Makes the fallback hosts of a run. All say the same, in whichever process they are."""
 
     system: System
     seed: int
     starts: Mapping[tuple[int | None, str], Any]
 
     @classmethod
-    def of(cls, system: System, seed: int, *, starts: bool) -> Supplying:
+    def of(cls, system: System, seed: int, *, starts: bool) -> Fallback:
         """With ``starts``, variables start as assumptions ask for.
 
         Raises KoordError where no such starts are found.
@@ -73,4 +73,4 @@ class Supplying(Struct, frozen=True):
         return cls(system, seed, settled)
 
     def __call__(self, world: Host) -> Host:
-        return Supplied(world, self.system, Names(self.system.program), self.seed, self.starts)
+        return FallbackHost(world, self.system, Names(self.system.program), self.seed, self.starts)
