@@ -15,8 +15,20 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-#: What each floor may import of koord, itself included. The top is left out: cli may import all.
+#: What each floor may import of koord, itself included. The command line has rules of its own.
 ALLOWED = {
+    "koord": ("koord.api", "koord.syntax.diagnostics", "koord.syntax.source"),
+    # The use-cases, of which everything below is a part.
+    "api": (
+        "koord.api",
+        "koord.refinement",
+        "koord.sim",
+        "koord.runtime",
+        "koord.recheck",
+        "koord.verify",
+        "koord.semantics",
+        "koord.syntax",
+    ),
     "syntax": ("koord.syntax",),
     "semantics": ("koord.semantics", "koord.syntax"),
     "verify": ("koord.verify", "koord.semantics", "koord.syntax"),
@@ -39,17 +51,62 @@ ALLOWED = {
         "koord.semantics.values",
         "koord.semantics.traces",
     ),
-    # The use-cases, of which everything below is a part.
-    "api": (
-        "koord.api",
-        "koord.verify",
-        "koord.recheck",
-        "koord.refinement",
-        "koord.sim",
-        "koord.runtime",
-        "koord.semantics",
-        "koord.syntax",
-    ),
+}
+
+#: What commands use besides the API: the plain data that it takes and answers.
+PLAIN = (
+    "koord.syntax.diagnostics",
+    "koord.syntax.source",
+    "koord.syntax.problem",
+    "koord.syntax.literals",
+)
+
+#: Commands, and what they share, that still do more than show what the API answers. The list only
+#: gets shorter.
+WORKING = {
+    "arguments",
+    "asking",
+    "campaign_runs",
+    "campaigns",
+    "certifying",
+    "check_refinement",
+    "check_simulated",
+    "compile",
+    "concluding",
+    "config",
+    "counterexamples",
+    "departures",
+    "deploy",
+    "deployed",
+    "explain",
+    "exporting",
+    "fairness",
+    "fitting",
+    "fmt",
+    "inputs",
+    "interactive",
+    "keeping",
+    "premises",
+    "processes",
+    "protocol_check",
+    "recheck",
+    "refused_runs",
+    "rehearsals",
+    "replay",
+    "requests",
+    "run",
+    "sim",
+    "simulated",
+    "simulated_traces",
+    "simulating",
+    "slices",
+    "steps",
+    "sweeps",
+    "systems",
+    "tables",
+    "traces",
+    "verdicts",
+    "verified",
 }
 
 #: Libraries that stand behind few files: (library, prefixes of the files, at most so many).
@@ -127,7 +184,7 @@ def within(module: str, prefixes: Iterable[str]) -> bool:
 
 def upward_imports(file: File) -> Iterator[str]:
     """Imports of koord that a file's floor does not allow."""
-    floor = file.module.removeprefix("koord").removeprefix(".").partition(".")[0]
+    floor = file.module.removeprefix("koord").removeprefix(".").partition(".")[0] or "koord"
     if floor == "cli" or file.path == "koord/__main__.py":
         return
     allowed = ALLOWED.get(floor, ())
@@ -137,7 +194,17 @@ def upward_imports(file: File) -> Iterator[str]:
             continue
         if found.module == "koord.__version__" or within(found.module, allowed):
             continue
-        yield f"{file.path}:{found.line}: {floor or 'koord'} must not import {found.module}"
+        yield f"{file.path}:{found.line}: {floor} must not import {found.module}"
+
+
+def working(file: File) -> list[str]:
+    """Imports by which a file of the command line does what the API is for."""
+    allowed = ("koord.api", "koord.cli", "koord.__version__", *PLAIN)
+    return [
+        f"{file.path}:{found.line}: koord/cli must not import {found.module}"
+        for found in imports(file)
+        if within(found.module, ("koord",)) and not within(found.module, allowed)
+    ]
 
 
 def guarded_imports(files: Iterable[File]) -> Iterator[str]:
@@ -187,6 +254,13 @@ def test_imports_go_down_only() -> None:
     assert [line for file in files for line in upward_imports(file)] == []
 
 
+def test_the_command_line_uses_the_api_alone() -> None:
+    files = {f.path.split("/")[-1]: f for f in package_files() if f.path.startswith("koord/cli/")}
+    found = {name.removesuffix(".py"): working(file) for name, file in files.items()}
+    assert [line for name, lines in found.items() if name not in WORKING for line in lines] == []
+    assert {name for name, lines in found.items() if lines} == WORKING, "the list gets shorter"
+
+
 def test_libraries_stand_behind_their_files() -> None:
     assert list(guarded_imports(package_files())) == []
 
@@ -228,6 +302,7 @@ def test_every_folder_is_on_a_floor() -> None:
         ("koord/sim/a.py", "import koord.verify", "koord.verify"),
         ("koord/__init__.py", "from koord.syntax import core", "koord.syntax.core"),
         ("koord/api/a.py", "from koord.cli.main import main", "koord.cli.main"),
+        ("koord/runtime/a.py", "import koord.api.programs", "koord.api.programs"),
     ],
 )
 def test_an_upward_import_is_found(path: str, text: str, blamed: str) -> None:

@@ -15,8 +15,7 @@ from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from msgspec import Struct
-
+from koord.api.robots import ANY_NUMBER, AS_STATED, Fleet
 from koord.cli.files import DASH
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_ROBOTS
 from koord.syntax.literals import NumberOutOfRangeError, read_number, shown
@@ -38,22 +37,6 @@ _NAME = re.compile(r"[^\W\d]\w*\Z")
 _RATIO = re.compile(r"([+-]?[0-9]{1,100})/([0-9]{1,100})\Z")
 
 _LIST_TOKEN = re.compile(r"\s*(\[|\]|,|\"[^\"]*\"|[^\s\[\],\"]+)\s*")
-
-
-class Fleet(Struct, frozen=True):
-    """How many robots: a number of them, or a number of each kind (``Car=2,Drone=1``).
-
-    ``any_number`` stands for every number of them: ``total`` is then no more than an example.
-    ``as_stated`` is what is meant without the flag: what the program states, or else ``total``.
-    """
-
-    total: int
-    kinds: tuple[tuple[str, int], ...] = ()
-    any_number: bool = False
-    as_stated: bool = False
-
-
-AS_STATED = Fleet(USUAL_ROBOTS, as_stated=True)
 
 
 def fleet(text: str) -> Fleet:
@@ -80,7 +63,7 @@ def fleets(text: str) -> tuple[Fleet, ...]:
     Otherwise the one fleet that :func:`fleet` reads.
     """
     if text == "any":
-        return (Fleet(2, any_number=True),)
+        return (ANY_NUMBER,)
     low, dots, high = text.partition("..")
     if not dots:
         return (fleet(text),)

@@ -16,10 +16,10 @@ from msgspec import to_builtins
 from msgspec.structs import replace
 
 from koord import __version__
+from koord.api.files import check_writable
 from koord.cli.campaign_files import Row, RunFile
 from koord.cli.campaign_runs import Order, job_of, rows_of
 from koord.cli.exits import Exit
-from koord.cli.files import check_writable
 from koord.cli.fitting import Asked
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.sweeps import check_drawable, keep_figure

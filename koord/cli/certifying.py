@@ -7,7 +7,7 @@ import sys
 
 from koord import __version__
 from koord.api.files import write_atomically
-from koord.cli.inputs import LoadedProgram
+from koord.api.programs import Program
 from koord.semantics.configurations import System
 from koord.verify.certificates import Texts, certificate, shown_by
 from koord.verify.solving import Deadline
@@ -15,11 +15,11 @@ from koord.verify.verdicts import Report
 
 
 def certify(
-    loaded: LoadedProgram, system: System, report: Report, path: str, timeout_s: float | None
+    loaded: Program, system: System, report: Report, path: str, timeout_s: float | None
 ) -> None:
     """Write the certificate of the claims that hold in all rounds; say what is not in it."""
     shown = shown_by(report)
-    texts = Texts(loaded.source, loaded.reading.properties, loaded.reading.settings)
+    texts = Texts(loaded.source, loaded.properties, loaded.settings)
     deadline = Deadline.after(timeout_s)
     made = certificate(system, texts, shown, deadline, __version__) if shown.holding else None
     if made is None:

@@ -13,9 +13,10 @@ from random import Random
 
 from msgspec import Struct
 
+from koord.api.files import check_writable
+from koord.api.programs import Program
+from koord.api.robots import AS_STATED, Fleet, system_of
 from koord.cli.arguments import (
-    AS_STATED,
-    Fleet,
     add_json,
     add_settings,
     check_files,
@@ -26,12 +27,10 @@ from koord.cli.arguments import (
 )
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
-from koord.cli.files import check_writable
-from koord.cli.inputs import LoadedProgram, Reading, load_programs
+from koord.cli.inputs import Reading, load_programs
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.protocol_check import NETWORKS
 from koord.cli.refused_runs import RefusedRun, again, problem_of, told
-from koord.cli.systems import system_of
 from koord.cli.terminal import Paint, style_of, visible
 from koord.cli.traces import sources_of
 from koord.refinement.cases import Case, Target, Tried, all_generated, generated, of_program, tried
@@ -189,7 +188,7 @@ def main(arguments: argparse.Namespace) -> int:
     return Exit.OK if failure is None else Exit.VIOLATED
 
 
-def _about(loaded: LoadedProgram, arguments: argparse.Namespace) -> str:
+def _about(loaded: Program, arguments: argparse.Namespace) -> str:
     """A program that is run, with δ and each value that is not the text's."""
     problem = loaded.problem(None, arguments.delta)
     return f"{problem.name}: {', '.join(problem.values)}"
@@ -226,7 +225,7 @@ def _targets(arguments: argparse.Namespace) -> tuple[Target, ...]:
     return (Target.ENGINE,) if arguments.case is not None else tuple(Target)
 
 
-def _all(arguments: argparse.Namespace, programs: tuple[LoadedProgram, ...]) -> Iterator[_Run]:
+def _all(arguments: argparse.Namespace, programs: tuple[Program, ...]) -> Iterator[_Run]:
     """Every run, as it is made."""
     faults, most, seed = NETWORKS[arguments.faults], arguments.rounds, arguments.seed
     targets = _targets(arguments)
@@ -239,8 +238,8 @@ def _all(arguments: argparse.Namespace, programs: tuple[LoadedProgram, ...]) -> 
             for case in islice(all_generated(Random(seed), most, target, faults), runs):
                 yield _Run(tried(case), 1)
         for loaded in programs:
-            made = ready(loaded.program)
-            systems = _systems(loaded.program, arguments.delta)
+            made = ready(loaded.core)
+            systems = _systems(loaded.core, arguments.delta)
             of = sources_of(loaded)
             cases = of_program(of, systems, most, Random(seed), target, faults)
             for number, case in enumerate(islice(cases, runs), start=1):
@@ -270,7 +269,7 @@ def _make_smaller(found: RefusedRun, made: Compiled | None, interruption: Interr
         for smaller in ever_smaller(found.outcome, attempt, programs=made is None, tries=tries):
             found.replace(smaller)
     except KeyboardInterrupt:
-        interruption.request()
+        interruption.cancel()
 
 
 # --- what is told -------------------------------------------------------------------------------

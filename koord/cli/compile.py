@@ -36,7 +36,7 @@ def main(arguments: argparse.Namespace) -> int:
     report.print(sys.stderr, as_json=False)
     if report.errors:
         return Exit.BAD_INPUT
-    text = compiled(programs[0].program)
+    text = compiled(programs[0].core)
     if arguments.output == DASH:
         sys.stdout.write(text)
     else:

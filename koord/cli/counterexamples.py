@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from koord.api.programs import Program
 from koord.cli import departures, fairness
 from koord.cli.excerpt import place
-from koord.cli.inputs import LoadedProgram
 from koord.cli.tables import Shown, Table, repeats
 from koord.cli.terminal import Paint, Style
 from koord.cli.traces import sources_of
@@ -38,7 +38,7 @@ _KINDS = {
 
 
 def lines(
-    loaded: LoadedProgram,
+    loaded: Program,
     system: System,
     verdict: Verdict,
     style: Style,
@@ -60,7 +60,7 @@ def lines(
 
 
 def _lines(
-    loaded: LoadedProgram,
+    loaded: Program,
     system: System,
     verdict: Verdict,
     found: Counterexample,
@@ -112,7 +112,7 @@ def _rounds(system: System, found: Counterexample, table: Table) -> Iterator[str
         yield table.goes_on(found.recording, left_behind(system, first, last))
 
 
-def rerun_of(loaded: LoadedProgram, system: System, claim: Claim, found: Counterexample) -> Rerun:
+def rerun_of(loaded: Program, system: System, claim: Claim, found: Counterexample) -> Rerun:
     """Where the compiled program departs from the run, if it does."""
     return rerun(trace_of(sources_of(loaded), system, claim, found))
 
@@ -131,6 +131,6 @@ def trace_of(sources: Sources, system: System, claim: Claim, found: Counterexamp
     return traced(sources, system, Numbers.EXACT, found.recording, violation)
 
 
-def trace_of_run(loaded: LoadedProgram, system: System, recording: Recording) -> Trace:
+def trace_of_run(loaded: Program, system: System, recording: Recording) -> Trace:
     """A run as a trace that claims nothing of it."""
     return traced(sources_of(loaded), system, Numbers.EXACT, recording, None)

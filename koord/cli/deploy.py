@@ -17,6 +17,7 @@ from types import FrameType
 
 from msgspec.structs import replace
 
+from koord.api.files import check_writable
 from koord.cli.arguments import (
     add_files,
     add_json,
@@ -28,7 +29,6 @@ from koord.cli.arguments import (
 from koord.cli.deployed import Board, as_document, summary
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
-from koord.cli.files import check_writable
 from koord.cli.fitting import asked, check_start
 from koord.cli.terminal import visible
 from koord.runtime.compile import compiled
@@ -123,7 +123,7 @@ def job_of(arguments: argparse.Namespace, report: Report) -> tuple[Job, Problem]
     if found is None:
         return None
     check_start(found)
-    configuration, classes = found.configuration, loaded(compiled(found.loaded.program))
+    configuration, classes = found.configuration, loaded(compiled(found.loaded.core))
     assert configuration.delta_s is not None
     _check_functions(classes, configuration, report)
     key, run = _secret(arguments, configuration, report)

@@ -5,25 +5,23 @@
          |        ^^^^
        = help: declare it under `local:`
 
-The JSON is described by ``koord/cli/schemas/diagnostics.schema.json``.
+The JSON is described by ``koord/api/schemas/diagnostics.schema.json``.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TextIO
 
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from koord.api.results import diagnostics_dict
 from koord.cli.excerpt import excerpt
 from koord.cli.terminal import PLAIN, Paint, Style, style_of, visible
 from koord.syntax.diagnostics import Diagnostic, KoordError, Note, Severity
 from koord.syntax.source import NOWHERE, Source, Span, is_whole_file
-
-#: Raised when the JSON changes in a way that its readers must know of.
-JSON_VERSION = 1
 
 
 class Report(Struct):
@@ -59,7 +57,7 @@ class Report(Struct):
         if as_json:
             import json
 
-            json.dump(to_json(self.diagnostics), stream, indent=2, ensure_ascii=False)
+            json.dump(diagnostics_dict(self.diagnostics), stream, indent=2, ensure_ascii=False)
             stream.write("\n")
             return
         style = style_of(stream)
@@ -105,41 +103,6 @@ def summary(errors: int, warnings: int) -> str:
         if count
     ]
     return ", ".join(parts) or "no errors"
-
-
-def to_json(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:
-    """The object that ``--json`` prints."""
-    errors = sum(d.severity is Severity.ERROR for d in diagnostics)
-    return {
-        "version": JSON_VERSION,
-        "errors": errors,
-        "warnings": len(diagnostics) - errors,
-        "diagnostics": [
-            {
-                "code": diagnostic.code,
-                "severity": diagnostic.severity.value,
-                "message": diagnostic.message,
-                "hint": diagnostic.hint,
-                **_place_json(diagnostic.span),
-                "notes": [
-                    {"message": note.message, **_place_json(note.span)} for note in diagnostic.notes
-                ],
-            }
-            for diagnostic in diagnostics
-        ],
-    }
-
-
-def _place_json(span: Span) -> dict[str, object]:
-    if is_whole_file(span):
-        return {"file": span.file, "span": None}
-    place = {
-        "line": span.line,
-        "column": span.column,
-        "end_line": span.end_line,
-        "end_column": span.end_column,
-    }
-    return {"file": span.file, "span": place}
 
 
 def _render_note(note: Note, sources: Mapping[str, Source], style: Style) -> Iterator[str]:

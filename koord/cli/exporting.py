@@ -14,13 +14,14 @@ from msgspec.structs import replace
 
 from koord import __version__
 from koord.api.files import write_atomically
+from koord.api.programs import Program
+from koord.api.robots import system_of
 from koord.cli.asking import check_names
 from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, check_writable
-from koord.cli.inputs import LoadedProgram, Reading, load_programs
+from koord.cli.inputs import Reading, load_programs
 from koord.cli.progress import LiveLine
-from koord.cli.systems import system_of
 from koord.cli.terminal import visible
 from koord.semantics.configurations import System
 from koord.semantics.crowds import NotFiniteError
@@ -66,7 +67,7 @@ def export(arguments: argparse.Namespace) -> int:
     if report.errors:
         return Exit.BAD_INPUT
     (program,) = programs
-    system = system_of(program.program, arguments.robots[0], arguments.delta)
+    system = system_of(program.core, arguments.robots[0], arguments.delta)
     asked = _Asked(program, _within(system, arguments.timeout), arguments)
     _check_names(asked)
     try:
@@ -91,7 +92,7 @@ def export(arguments: argparse.Namespace) -> int:
 class _Asked(Struct, frozen=True):
     """A program that is to be written, and how."""
 
-    program: LoadedProgram
+    program: Program
     system: System
     arguments: argparse.Namespace
 

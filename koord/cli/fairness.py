@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from koord.cli.inputs import LoadedProgram
+from koord.api.programs import Program
 from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT
 from koord.semantics.excuses import Excuses, excuses, told
@@ -24,7 +24,7 @@ class Fair(Struct, frozen=True):
 
 
 def of(
-    loaded: LoadedProgram,
+    loaded: Program,
     system: System,
     verdict: Verdict,
     found: Counterexample,
@@ -38,7 +38,7 @@ def of(
     steps = execute(EXACT, system, found.recording)
     ends = [step.configuration for step in steps if step.rule in ("INIT", "ENV-TRANS")]
     why = excuses(system, found.recording, ends)
-    text = Text(loaded.source, loaded.reading.settings, loaded.reading.properties)
+    text = Text(loaded.source, loaded.settings, loaded.properties)
     lasso = Lassoed(system, found.recording, ends, why, stated)
     return Fair(why, excluding(text, lasso, until))
 

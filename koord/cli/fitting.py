@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.cli.arguments import AS_STATED, Fleet, settings
+from koord.api.programs import Program, no_program
+from koord.api.robots import AS_STATED, Fleet, system_of
+from koord.cli.arguments import settings
 from koord.cli.diagnostics import Report
 from koord.cli.files import DASH, read_program
-from koord.cli.inputs import LoadedProgram, Reading, no_program
-from koord.cli.systems import kinds_by_role, suited, system_of, unlike
+from koord.cli.systems import kinds_by_role, suited, unlike
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.configuration.model import Configuration, Scatter
 from koord.runtime.configuration.params import params
@@ -57,7 +58,7 @@ world: {{}}
 class Fitted(Struct, frozen=True):
     """A program with a configuration that suits it. ``kinds`` are those of the robots."""
 
-    loaded: LoadedProgram
+    loaded: Program
     configuration: Configuration
     kinds: tuple[int, ...]
     scene: Scene | None  #: None where the libraries that scenes are made with are not installed
@@ -120,11 +121,12 @@ class Asked(Struct, frozen=True):
         tasks = configuration.world.tasks if configuration.world is not None else ()
         chosen |= self._sizes(program, chosen, len(tasks))
         given = tuple((Fraction(x), Fraction(y), Fraction(z)) for x, y, z in tasks)
-        reading = Reading(Settings(chosen, given or None), self.properties)
-        program = self._elaborated(report, reading.settings)
+        settings = Settings(chosen, given or None)
+        program = self._elaborated(report, settings)
         if program is None or report.errors > before:
             return None
-        return Fitted(LoadedProgram(self.source, program, reading), configuration, kinds, made)
+        loaded = Program(self.source, program, settings, self.properties)
+        return Fitted(loaded, configuration, kinds, made)
 
     def _elaborated(self, report: Report, chosen: Settings) -> core.Program | None:
         before = report.errors

@@ -181,11 +181,14 @@ def _run_command(argv: Sequence[str]) -> int:
     own = Parser(f"koord {command.name}", _sentence(command.summary))
     module.configure(own)
     arguments = own.parse_args(argv[at + 1 :])
+    from koord.api.results import ArgumentError
     from koord.cli.diagnostics import report_error
     from koord.syntax.diagnostics import KoordError
 
     try:
         return module.main(arguments)
+    except ArgumentError as error:
+        own.error(f"--{error.argument}: {error.message}")
     except KoordError as error:
         report_error(error, as_json=getattr(arguments, "json", False))
         return Exit.BAD_INPUT

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from koord.cli.inputs import LoadedProgram
+from koord.api.programs import Program
 from koord.cli.terminal import Paint, Style
 from koord.verify.premises import Premise, PremiseKind
 from koord.verify.resting import Resting
 
 
-def lines(loaded: LoadedProgram, found: Resting, style: Style) -> Iterator[str]:
+def lines(loaded: Program, found: Resting, style: Style) -> Iterator[str]:
     """A table: what is needed, what is not, and what there was no time to leave out."""
     if not found.claims:
         yield "  nothing holds in every round, so nothing rests on anything"
@@ -29,7 +29,7 @@ def lines(loaded: LoadedProgram, found: Resting, style: Style) -> Iterator[str]:
             yield from _rows(loaded, premises, style)
 
 
-def _rows(loaded: LoadedProgram, premises: Sequence[Premise], style: Style) -> Iterator[str]:
+def _rows(loaded: Program, premises: Sequence[Premise], style: Style) -> Iterator[str]:
     grouped = groupby(premises, key=lambda p: (p.kind, p.name, p.span, p.promises))
     rows = []
     for (kind, name, span, promises), group in grouped:
@@ -43,7 +43,7 @@ def _rows(loaded: LoadedProgram, premises: Sequence[Premise], style: Style) -> I
 
 
 def _what(
-    loaded: LoadedProgram, kind: PremiseKind, name: str, numbers: list[int], of: int, line: int
+    loaded: Program, kind: PremiseKind, name: str, numbers: list[int], of: int, line: int
 ) -> str:
     if kind is PremiseKind.ASSUMPTION:
         return loaded.source.line_text(line).strip()

@@ -7,10 +7,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from types import FrameType, TracebackType
 from typing import TextIO
 
+from koord.api.progress import Cancellation
 from koord.cli.terminal import cells, is_terminal, style_of, visible
 
 #: Often enough to look alive, seldom enough to cost nothing.
@@ -105,22 +105,18 @@ class LiveLine:
             self._stream = None  # the terminal went away; the work goes on
 
 
-@dataclass(slots=True)
-class Interruption:
+class Interruption(Cancellation):
     """Lets work end in good order on Ctrl-C: the first one asks, the second one insists.
 
-    Inside the ``with`` the first Ctrl-C sets ``requested``, which the work looks at between its
-    steps; a second one raises KeyboardInterrupt, and so does the first where the work does not look
-    in time. A solver that is at work answers the first one by itself (Z3: unknown, "interrupted
-    from keyboard"); who sees that answer calls ``request``.
+    Inside the ``with`` the first Ctrl-C cancels the work, which looks between its steps whether
+    that is so; a second one raises KeyboardInterrupt, and so does the first where the work does not
+    look in time.
     """
 
-    requested: bool = False
-    _previous: object = field(default=None, repr=False)
-    _previous_alarm: object = field(default=None, repr=False, compare=False)
-
-    def request(self) -> None:
-        self.requested = True
+    def __init__(self) -> None:
+        super().__init__()
+        self._previous: object = None
+        self._previous_alarm: object = None
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
@@ -145,7 +141,7 @@ class Interruption:
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if self.requested:
             raise KeyboardInterrupt
-        self.requested = True
+        self.cancel()
         if _HAS_TIMER:
             signal.setitimer(signal.ITIMER_REAL, INSIST_S)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from fractions import Fraction
 
+from koord.api.programs import Program
 from koord.cli.files import read_program, read_written
 from koord.cli.fitting import NO_FILE
-from koord.cli.inputs import LoadedProgram, Reading
 from koord.cli.simulating import Job, watching
 from koord.cli.traces import read_trace
 from koord.refinement.rehearsing import Rehearsal, Rehearsed, places
@@ -47,6 +47,6 @@ def rehearsal(arguments: argparse.Namespace) -> tuple[Job, Staged]:
     )
     watching(staged, program, max(Fraction(repr(POINT_SLACK_M)), trace.slack))
     of = trace.sources
-    reading = Reading(Settings(dict(of.params), of.tasks), of.properties)
+    loaded = Program(source, program, Settings(dict(of.params), of.tasks), of.properties)
     nothing = load_configuration(Source(NO_FILE, f"num_robots: {len(kinds)}\n"))
-    return Job(LoadedProgram(source, program, reading), nothing, staged.scene, kinds), staged
+    return Job(loaded, nothing, staged.scene, kinds), staged

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from msgspec import field
 
-from koord.cli.arguments import Fleet
+from koord.api.robots import Fleet
 from koord.cli.files import DASH, check_writable
 from koord.syntax.content import ByContent
 

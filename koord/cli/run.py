@@ -16,8 +16,10 @@ from msgspec.structs import replace
 
 from koord.api.files import write_atomically
 from koord.api.growing import Growing, part_of, remove_part
+from koord.api.programs import Program
+from koord.api.results import ArgumentError
+from koord.api.robots import Fleet, system_of
 from koord.cli.arguments import (
-    Fleet,
     add_bounds,
     add_files,
     add_json,
@@ -29,10 +31,9 @@ from koord.cli.diagnostics import Report, report_error
 from koord.cli.excerpt import place
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, check_writable
-from koord.cli.inputs import LoadedProgram, Reading, load_programs
+from koord.cli.inputs import Reading, load_programs
 from koord.cli.interactive import Interactive
 from koord.cli.progress import Interruption
-from koord.cli.systems import system_of
 from koord.cli.tables import Rounds, Table
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.cli.traces import complete_trace, sources_of, write_trace
@@ -136,14 +137,16 @@ def main(arguments: argparse.Namespace) -> int:
         return Exit.BAD_INPUT
     try:
         return _run(programs[0], request)
+    except ArgumentError:
+        raise
     except KoordError as error:  # of the program, met on the way
         report_error(error, as_json=request.as_json, sources=report.sources.values())
         return Exit.BAD_INPUT
 
 
-def _run(loaded: LoadedProgram, request: Request) -> Exit:
+def _run(loaded: Program, request: Request) -> Exit:
     interruption = Interruption()
-    system = system_of(loaded.program, request.fleet, request.delta_s)
+    system = system_of(loaded.core, request.fleet, request.delta_s)
     if not request.interactive:
         system = replace(system, patience=Patience(lambda: interruption.requested))
     rng = Random(request.seed)
@@ -160,7 +163,7 @@ def _run(loaded: LoadedProgram, request: Request) -> Exit:
 
 
 def _by_policy(
-    loaded: LoadedProgram, request: Request, play: Play, table: Table, interruption: Interruption
+    loaded: Program, request: Request, play: Play, table: Table, interruption: Interruption
 ) -> Exit:
     tracer = Tracer() if request.trace is not None or request.as_json else None
     rounds = None if request.as_json else Rounds(table)
@@ -215,7 +218,7 @@ def _part(tracer: Tracer, sources: Sources, play: Play, file: BinaryIO) -> Calla
     return grow
 
 
-def _by_hand(loaded: LoadedProgram, request: Request, session: Interactive) -> Exit:
+def _by_hand(loaded: Program, request: Request, session: Interactive) -> Exit:
     def trace() -> Trace:
         recording = run.recording(checks=session.violation is not None)
         steps, violation = session.taken, session.violation
@@ -254,19 +257,19 @@ def _code(run: Run, violation: Violation | None) -> Exit:
 # --- what is printed ----------------------------------------------------------------------------
 
 
-def _heading(loaded: LoadedProgram, request: Request, system: System) -> str:
+def _heading(loaded: Program, request: Request, system: System) -> str:
     how = "by hand" if request.interactive else f"policy {request.policy.value}"
     problem = loaded.problem(system.kinds, system.delta_s)
     return f"{visible(str(problem))}, {how}, seed {request.seed}"
 
 
-def _conclude(loaded: LoadedProgram, run: Run, violation: Violation | None) -> None:
+def _conclude(loaded: Program, run: Run, violation: Violation | None) -> None:
     for line in conclusion(loaded, run, violation, style_of(sys.stdout)):
         print(line)
 
 
 def conclusion(
-    loaded: LoadedProgram, run: Run, violation: Violation | None, style: Style
+    loaded: Program, run: Run, violation: Violation | None, style: Style
 ) -> Iterator[str]:
     """How a run ended, with the place in the text that is to blame, if any."""
     fault = run.configuration.fault

@@ -36,7 +36,7 @@ def heading(job: Job) -> str:
     with_ = f" with {', '.join(more)}" if more else ""
     counts = {n: scene.names.count(n) for n in dict.fromkeys(scene.names)}
     who = ", ".join(f"{count} {device}" for device, count in counts.items())
-    agents = job.loaded.program.agents
+    agents = job.loaded.core.agents
     if len(agents) > 1:
         of = ", ".join(f"{job.kinds.count(k)} {agent.name}" for k, agent in enumerate(agents))
         who = f"{of}; on {who}"
@@ -48,7 +48,7 @@ def heading(job: Job) -> str:
     values = ", ".join((robots, *job.problem.values, f"seed {scene.seed}"))
     told = visible(f"{program}{with_}: {values}{chance}")
     is_given = job.configuration.bounded and name != NO_FILE
-    if is_given or not moves(job.loaded.program):
+    if is_given or not moves(job.loaded.core):
         return told
     return f"{told}\nno bounds are given: the world reaches {bounds_words(scene.world)}"
 

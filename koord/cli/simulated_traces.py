@@ -29,7 +29,7 @@ class Tracing:
     def __init__(self, job: Job) -> None:
         """Raises KoordError where the program is too much for the reference."""
         self.job = job
-        program = job.loaded.program
+        program = job.loaded.core
         found = excesses(program, job.kinds)
         if found:
             raise KoordError(found)
@@ -80,7 +80,7 @@ class Tracing:
         return self._as_written(ran.trace)
 
     def _as_written(self, trace: Trace) -> Trace:
-        system = replace(self.system, program=self.job.loaded.program)
+        system = replace(self.system, program=self.job.loaded.core)
         return replace(trace, system=system, slack=self.job.slack)
 
     @staticmethod

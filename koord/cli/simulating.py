@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 from msgspec import Struct
 
+from koord.api.programs import Program
 from koord.cli.fitting import NO_FILE, size_of
-from koord.cli.inputs import LoadedProgram
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.watching import Sort, Watched, watched
@@ -40,7 +40,7 @@ _LONG_S, _ENDLESS_S = 600.0, 120.0
 class Job(Struct, frozen=True):
     """A program in a scene. ``given`` are the values of params."""
 
-    loaded: LoadedProgram
+    loaded: Program
     configuration: Configuration
     scene: Scene
     kinds: tuple[int, ...]
@@ -62,18 +62,18 @@ class Job(Struct, frozen=True):
 
     def cast(self) -> Cast:
         """The program, compiled."""
-        program, source = self.loaded.program, self.loaded.source
+        program, source = self.loaded.core, self.loaded.source
         differing = self.problem.differing
         return Cast(source.name, source.text, loaded(compiled(program)), self.kinds, differing)
 
     @property
     def by_chance(self) -> tuple[str, ...]:
         """What no world answers, by name: chance does."""
-        return gaps_of(self.loaded.program)
+        return gaps_of(self.loaded.core)
 
     def supplied(self) -> Callable[[Host], Host] | None:
         """What answers what no world does, if the program leaves that open. Raises KoordError."""
-        program = self.loaded.program
+        program = self.loaded.core
         starts = bool(program.assumptions) and not _is_placed(program)
         if not starts and not self.by_chance:
             return None
@@ -101,7 +101,7 @@ class Job(Struct, frozen=True):
     def _watched(
         self, kind: type[Run], keep_going: bool, summaries: bool, tracing: Tracing | None
     ) -> Run:
-        program, scene = self.loaded.program, self.scene
+        program, scene = self.loaded.core, self.scene
         cast = self.cast()
         checked: list[Checked] = []
 
@@ -131,13 +131,13 @@ class Job(Struct, frozen=True):
         given += [] if time_s is None else [time_s]
         if given:
             return min(given)
-        events = tuple(e.effect for agent in self.loaded.program.agents for e in agent.events)
+        events = tuple(e.effect for agent in self.loaded.core.agents for e in agent.events)
         stops = any(isinstance(node, core.Stop | core.TryStop) for node in nodes(events))
         return _LONG_S if stops else _ENDLESS_S
 
     def _cure(self) -> str:
         """What to do if a run does not begin as it should."""
-        if not _is_placed(self.loaded.program):
+        if not _is_placed(self.loaded.core):
             return "give the variables that it speaks of an initial value"
         if self.configuration.name == NO_FILE:
             return "name a configuration that says where robots are, with `position`"

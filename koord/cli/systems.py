@@ -1,8 +1,7 @@
-"""The robots that a command asks for, as a system."""
+"""Programs and configurations together: the robots of one as those of the other."""
 
 from __future__ import annotations
 
-from argparse import ArgumentTypeError
 from collections import Counter
 from collections.abc import Sequence
 from fractions import Fraction
@@ -10,47 +9,13 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from koord.cli.arguments import Fleet
 from koord.semantics.configurations import System, dealt
 from koord.syntax import core
-from koord.syntax.costs import excesses
-from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.diagnostics import Diagnostic, Severity
 from koord.syntax.source import whole_file
 
 if TYPE_CHECKING:
     from koord.runtime.configuration.model import Configuration
-
-
-def system_of(program: core.Program, fleet: Fleet, delta_s: Fraction | None) -> System:
-    """The program with its robots; without a δ, with that which it states, or the usual one.
-
-    Raises ArgumentTypeError for kinds it does not have, and KoordError where it is too much for so
-    many robots.
-    """
-    delta_s = program.instance.used_delta_s if delta_s is None else delta_s
-    system = _robots(program, fleet, delta_s)
-    found = excesses(program, system.kinds)
-    if found:
-        raise KoordError(found)
-    return system
-
-
-def _robots(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
-    if fleet.as_stated and program.instance.kinds:
-        return System(program, program.instance.kinds, delta_s)
-    if not fleet.kinds:
-        least = len(program.agents) if fleet.any_number else 1
-        return dealt(program, max(fleet.total, least), delta_s)
-    names = [agent.name for agent in program.agents]
-    kinds: list[int] = []
-    for name, count in fleet.kinds:
-        if name not in names:
-            known = f"there are {', '.join(names)}"
-            if names == [""]:
-                known = "there is only one kind, which has no name"
-            raise ArgumentTypeError(f"--robots: there is no agent {name} here; {known}")
-        kinds += [names.index(name)] * count
-    return System(program, tuple(kinds), delta_s)
 
 
 def suited(

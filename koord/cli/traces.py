@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from koord.api.files import write_atomically
 from koord.api.growing import part_of
-from koord.cli.inputs import LoadedProgram, no_program
+from koord.api.programs import Program, no_program
 from koord.semantics.replay import replay
 from koord.semantics.traces.codec import decode_document, encode, load_embedded
 from koord.semantics.traces.itf import embedded_trace, encode_itf, is_itf
@@ -25,12 +25,10 @@ from koord.syntax.source import Source
 ITF_SUFFIX = ".itf.json"
 
 
-def sources_of(loaded: LoadedProgram) -> Sources:
+def sources_of(loaded: Program) -> Sources:
     """The texts and settings of a program, as a trace holds them."""
-    chosen = loaded.reading.settings
-    return Sources(
-        loaded.source, loaded.reading.properties, tuple(chosen.params.items()), chosen.tasks
-    )
+    chosen = loaded.settings
+    return Sources(loaded.source, loaded.properties, tuple(chosen.params.items()), chosen.tasks)
 
 
 def write_trace(path: str, trace: Trace) -> None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from msgspec import Struct, field
 
 from koord.api.files import write_atomically
+from koord.api.programs import Program
 from koord.cli.asking import Asked, resting
 from koord.cli.exits import Exit, gravest
-from koord.cli.inputs import LoadedProgram
 from koord.cli.requests import Request
 from koord.cli.terminal import is_debugging, style_of
 from koord.syntax.diagnostics import KoordError
@@ -55,9 +55,7 @@ class _Parts(Struct):
         self._in_json = len(self.failures)
 
 
-def tell(
-    program: LoadedProgram, asked: Asked, request: Request, told: list[dict[str, object]]
-) -> Exit:
+def tell(program: Program, asked: Asked, request: Request, told: list[dict[str, object]]) -> Exit:
     """Show the verdicts on one system, and keep what is to be kept; with --json add to ``told``."""
     # What shows verdicts loads Z3, and the other commands start without it.
     from koord.cli import verdicts
@@ -136,7 +134,7 @@ def tell(
 
 
 def tell_sweep(
-    program: LoadedProgram,
+    program: Program,
     answers: Iterable[Asked],
     request: Request,
     told: list[dict[str, object]],
@@ -167,9 +165,7 @@ def tell_sweep(
     return gravest(_exit(point.report) for point in points)
 
 
-def _as_json(
-    program: LoadedProgram, asked: Asked, request: Request, parts: _Parts
-) -> dict[str, object]:
+def _as_json(program: Program, asked: Asked, request: Request, parts: _Parts) -> dict[str, object]:
     from koord.cli import counterexamples, fairness, slices, verdicts
 
     def departed(verdict: Verdict, found: Counterexample) -> Rerun:
@@ -196,7 +192,7 @@ def _as_json(
     return document | {"left_out": left_out}
 
 
-def _problem(program: LoadedProgram, asked: Asked) -> Problem:
+def _problem(program: Program, asked: Asked) -> Problem:
     """What the verdicts are about."""
     system = asked.system
     return program.problem(None if asked.report.every_n else system.kinds, system.delta_s)
@@ -215,7 +211,7 @@ def _exit(report: Verification) -> Exit:
     return codes[report.outcome]
 
 
-def _keep(program: LoadedProgram, asked: Asked, path: str) -> None:
+def _keep(program: Program, asked: Asked, path: str) -> None:
     """Write the trace of the first violation, the shortest of several; say so if there is none."""
     from koord.cli import counterexamples
     from koord.cli.traces import sources_of, write_counterexample

@@ -11,6 +11,9 @@ from itertools import islice
 
 from msgspec.structs import replace
 
+from koord.api.programs import Program
+from koord.api.results import ArgumentError
+from koord.api.robots import system_of
 from koord.cli.arguments import (
     add_bounds,
     add_files,
@@ -27,10 +30,9 @@ from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit, gravest
 from koord.cli.exporting import add_export, export
 from koord.cli.files import DASH
-from koord.cli.inputs import LoadedProgram, Reading, load_programs
+from koord.cli.inputs import Reading, load_programs
 from koord.cli.progress import TimeUpError, time_limit
 from koord.cli.requests import Engine, Request, request_of
-from koord.cli.systems import system_of
 from koord.cli.watching import watched
 from koord.syntax.diagnostics import KoordError
 
@@ -160,20 +162,20 @@ def _once(arguments: argparse.Namespace, request: Request) -> int:
         if request.as_json:
             print(json.dumps({"version": JSON_VERSION, "reports": told}, indent=2))
         return code
+    except ArgumentError:
+        raise
     except KoordError as error:  # of the program, met on the way
         report_error(error, as_json=request.as_json, sources=report.sources.values())
         return Exit.BAD_INPUT
 
 
-def _verified(
-    programs: Sequence[LoadedProgram], request: Request, told: list[dict[str, object]]
-) -> Exit:
+def _verified(programs: Sequence[Program], request: Request, told: list[dict[str, object]]) -> Exit:
     """Verify programs, and show what is found of each as soon as it is known."""
     from koord.cli.asking import asked_each
     from koord.cli.verified import tell, tell_sweep
 
     systems = [
-        system_of(program.program, fleet, request.delta_s)
+        system_of(program.core, fleet, request.delta_s)
         for program in programs
         for fleet in request.fleets
     ]

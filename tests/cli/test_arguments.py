@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from koord.api.robots import Fleet
 from koord.cli import arguments
 from koord.cli.arguments import (
-    Fleet,
     check_files,
     delta,
     fleet,

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 GOOD = "local:\n  int x = 0\ngo:\n  pre: x < 3\n  eff: x = x + 1\n"
 BAD = "local:\n  int x = 0\ngo:\n  pre: x < 3\n  eff:\n    x = tsak\n    y = 1\n"
-SCHEMA = ROOT / "koord" / "cli" / "schemas" / "diagnostics.schema.json"
+SCHEMA = ROOT / "koord" / "api" / "schemas" / "diagnostics.schema.json"
 
 
 @pytest.fixture

@@ -7,7 +7,8 @@ from importlib.resources import files
 import pytest
 from jsonschema import Draft202012Validator, ValidationError
 
-from koord.cli.diagnostics import Report, render, summary, to_json
+from koord.api.results import diagnostics_dict
+from koord.cli.diagnostics import Report, render, summary
 from koord.cli.terminal import Style
 from koord.syntax.diagnostics import Diagnostic, Note, Severity
 from koord.syntax.source import NOWHERE, Source, Span, whole_file
@@ -31,7 +32,7 @@ UNREADABLE = Diagnostic("K901", Severity.ERROR, whole_file("no.krd"), "cannot be
 
 def validator() -> Draft202012Validator:
     schema = json.loads(
-        files("koord.cli").joinpath("schemas/diagnostics.schema.json").read_text(encoding="utf-8")
+        files("koord.api").joinpath("schemas/diagnostics.schema.json").read_text(encoding="utf-8")
     )
     Draft202012Validator.check_schema(schema)
     return Draft202012Validator(schema)
@@ -135,7 +136,7 @@ def test_json_is_what_the_schema_says() -> None:
 
 
 def test_the_schema_refuses_what_is_not_documented() -> None:
-    shown = to_json([UNKNOWN])
+    shown = diagnostics_dict([UNKNOWN])
     validator().validate(shown)
     with pytest.raises(ValidationError):
         validator().validate({**shown, "more": 1})

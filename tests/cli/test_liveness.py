@@ -9,12 +9,13 @@ from textwrap import dedent
 import pytest
 from jsonschema import Draft202012Validator
 
+import koord
 from koord.cli import main as frame
 from koord.cli.exits import Exit
 from tests.semantics.endless import GATE, SERVED
 
-TRACES = Path(frame.__file__).parent / "schemas" / "trace.schema.json"
-VERDICTS = Path(frame.__file__).parent / "schemas" / "verdicts.schema.json"
+TRACES = Path(koord.__file__).parent / "api" / "schemas" / "trace.schema.json"
+VERDICTS = Path(koord.__file__).parent / "api" / "schemas" / "verdicts.schema.json"
 
 
 @pytest.fixture

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
+from koord.api.documents import DOCUMENTS
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.cli.progress import LiveLine
-from koord.cli.schema import DOCUMENTS
 
 COUNTER = """
 local:

@@ -14,11 +14,12 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
+import koord
+from koord.api.programs import Program
+from koord.api.robots import AS_STATED, Fleet
 from koord.cli import asking, requests, run, verified, verify, watching
 from koord.cli import main as frame
-from koord.cli.arguments import AS_STATED, Fleet
 from koord.cli.exits import Exit
-from koord.cli.inputs import LoadedProgram
 
 GOOD = "local:\n  int x = 0\ngo:\n  pre: x < 3\n  eff: x = x + 1\ninvariant Small: x <= 3\n"
 
@@ -45,7 +46,7 @@ def test_each_property_may_have_a_time_limit(
 def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
     seen: list[tuple[str, requests.Request]] = []
 
-    def engine(programs: Sequence[LoadedProgram], request: requests.Request, told: object) -> Exit:
+    def engine(programs: Sequence[Program], request: requests.Request, told: object) -> Exit:
         seen.extend((loaded.source.name, request) for loaded in programs)
         return Exit.UNKNOWN
 
@@ -149,7 +150,7 @@ def test_a_trace_that_cannot_be_written_is_told_before_the_work(
 def test_every_flag_of_run_arrives(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
     seen: list[run.Request] = []
 
-    def machine(loaded: LoadedProgram, request: run.Request) -> Exit:
+    def machine(loaded: Program, request: run.Request) -> Exit:
         seen.append(request)
         return Exit.OK
 
@@ -214,7 +215,7 @@ invariant Vain: forall i: y@i == 1 implies x < 0
 invariant Short: x < 2
 """
 
-SCHEMA = Path(frame.__file__).parent / "schemas" / "verdicts.schema.json"
+SCHEMA = Path(koord.__file__).parent / "api" / "schemas" / "verdicts.schema.json"
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import yaml
 
+from koord.api.documents import DOCUMENTS
 from koord.cli.main import COMMANDS
-from koord.cli.schema import DOCUMENTS
 from koord.syntax.catalogue import of_programs
 
 #: The tree that the commands are given in: files are named as in the README.

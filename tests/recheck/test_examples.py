@@ -12,7 +12,7 @@ from tests.recheck.certificates import EXAMPLES, document_of, rechecked
 
 pytest.importorskip("cvc5")
 
-SCHEMA = EXAMPLES.parents[1] / "koord" / "cli" / "schemas" / "certificate.schema.json"
+SCHEMA = EXAMPLES.parents[1] / "koord" / "api" / "schemas" / "certificate.schema.json"
 
 QUICK = [
     ("allstop.krd", 2, "1/10"),

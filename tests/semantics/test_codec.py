@@ -39,7 +39,7 @@ from tests.semantics.driving import NO_TEXT, drive, played
 from tests.semantics.strategies import ROBOTS, storages, types, values
 
 SCHEMA = json.loads(
-    (Path(__file__).parents[2] / "koord/cli/schemas/trace.schema.json").read_text("utf-8")
+    (Path(__file__).parents[2] / "koord/api/schemas/trace.schema.json").read_text("utf-8")
 )
 VALID = Draft202012Validator(SCHEMA)
 

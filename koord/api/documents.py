@@ -1,0 +1,47 @@
+"""The JSON Schemas of what koord reads and writes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+from koord.api.results import ArgumentError
+
+#: What has a schema, and of what it is one. That of configurations is made of the fields read.
+DOCUMENTS: Mapping[str, str] = {
+    "configuration": "configuration files, for editors",
+    "verdicts": "what `koord verify --json` prints",
+    "diagnostics": "what `--json` prints of any command when its input has mistakes",
+    "trace": "traces, as `--trace FILE` and `koord run --json` write them",
+    "certificate": "certificates, as `koord verify --certificate` writes them",
+    "recheck": "what `koord recheck --json` prints",
+    "replay": "what `koord replay --json` prints",
+}
+
+
+def schema_text(document: str) -> str:
+    """The text of the JSON Schema of a document. Raises ArgumentError where there is none."""
+    if document not in DOCUMENTS:
+        known = ", ".join(DOCUMENTS)
+        raise ArgumentError("document", f"there is no schema of {document!r}; there are {known}")
+    if document == "configuration":
+        from koord.runtime.configuration.forms import json_schema
+
+        return json.dumps(json_schema(), indent=2, sort_keys=True) + "\n"
+    name = f"schemas/{document}.schema.json"
+    return files("koord.api").joinpath(name).read_text(encoding="utf-8")
+
+
+def schema(document: str = "configuration") -> dict[str, Any]:
+    """The JSON Schema of what koord reads and writes.
+
+    ``document`` is ``"configuration"``, ``"verdicts"``, ``"diagnostics"``, ``"trace"``,
+    ``"certificate"``, ``"recheck"`` or ``"replay"``. Raises :class:`koord.ArgumentError` for
+    another one.
+
+    >>> koord.schema("verdicts")["title"]
+    """
+    found: dict[str, Any] = json.loads(schema_text(document))
+    return found

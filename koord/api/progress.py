@@ -1,0 +1,62 @@
+"""How long work tells what it is doing, and how it is ended from elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+from msgspec import Struct
+
+
+class Progress(Struct, frozen=True):
+    """What is being done now: ``bmc, round 3 of 20``.
+
+    ``round`` and ``time_s`` are set by runs of robots: the rounds that are over, and the seconds
+    of the run.
+    """
+
+    message: str
+    round: int | None = None
+    time_s: float | None = None
+
+
+#: What hears of progress. It is called from the thread that asked for the work, often.
+Listener: TypeAlias = Callable[[Progress], None]
+
+
+class Cancellation:
+    """Ends calls that it is given to, from another thread.
+
+    They stop within a second or so, and answer with what they know by then::
+
+        stop = koord.Cancellation()
+        threading.Timer(60.0, stop.cancel).start()
+        report = koord.verify("task.krd", cancellation=stop)
+        report.interrupted  # True if it was cut short
+    """
+
+    def __init__(self) -> None:
+        self._requested = False
+
+    def cancel(self) -> None:
+        """End the calls. To ask twice is the same as to ask once."""
+        self._requested = True
+
+    @property
+    def requested(self) -> bool:
+        """Whether somebody has asked for the end."""
+        return self._requested
+
+
+def teller(listener: Listener | None) -> Callable[[str], None]:
+    """What engines tell their progress to: words, which the listener hears as :class:`Progress`."""
+    if listener is None:
+        return lambda text: None
+    return lambda text: listener(Progress(text))
+
+
+def asker(cancellation: Cancellation | None) -> Callable[[], bool]:
+    """What engines ask whether to stop."""
+    if cancellation is None:
+        return lambda: False
+    return lambda: cancellation.requested

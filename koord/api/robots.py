@@ -1,0 +1,105 @@
+"""The robots that are asked about, with their program, as a system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Literal, TypeAlias
+
+from msgspec import Struct
+
+from koord.api.results import ArgumentError
+from koord.semantics.configurations import System, dealt
+from koord.syntax import core
+from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_ROBOTS
+from koord.syntax.costs import excesses
+from koord.syntax.diagnostics import KoordError
+
+
+class Fleet(Struct, frozen=True):
+    """How many robots: a number of them, or a number of each kind (``Car=2,Drone=1``).
+
+    ``any_number`` stands for every number of them: ``total`` is then no more than an example.
+    ``as_stated`` is what is meant where nothing is said: what the program states, or else
+    ``total``.
+    """
+
+    total: int
+    kinds: tuple[tuple[str, int], ...] = ()
+    any_number: bool = False
+    as_stated: bool = False
+
+
+AS_STATED = Fleet(USUAL_ROBOTS, as_stated=True)
+ANY_NUMBER = Fleet(2, any_number=True)
+
+#: How robots are asked for: so many, so many of each kind, every number of them; None: as the
+#: program states with ``param int numAgents``, or else 3.
+Robots: TypeAlias = int | Mapping[str, int] | Literal["any"] | Fleet | None
+
+#: The length of a round in seconds, exactly (a float is the decimal that it is written as); None:
+#: as the program states with ``param float delta``, or else 0.1.
+Seconds: TypeAlias = float | Fraction | None
+
+
+def fleet_of(robots: Robots) -> Fleet:
+    """The fleet that somebody asks for. Raises ArgumentError where there can be none."""
+    match robots:
+        case None:
+            return AS_STATED
+        case "any":
+            return ANY_NUMBER
+        case Fleet():
+            return robots
+        case int():
+            found = Fleet(robots)
+        case Mapping():
+            found = Fleet(sum(robots.values()), tuple(robots.items()))
+        case _:
+            raise ArgumentError("robots", f"{robots!r} is no number of robots")
+    if not 1 <= found.total <= MOST_ROBOTS or any(count < 0 for _, count in found.kinds):
+        most = f"there must be 1 to {MOST_ROBOTS} robots, not {found.total}"
+        raise ArgumentError("robots", most)
+    return found
+
+
+def delta_of(seconds: Seconds) -> Fraction | None:
+    """The length of a round, exactly. Raises ArgumentError for one that is out of range."""
+    if seconds is None:
+        return None
+    delta_s = Fraction(repr(seconds) if isinstance(seconds, float) else seconds)
+    if not LEAST_DELTA_S <= delta_s <= MOST_DELTA_S:
+        raise ArgumentError("delta_s", f"δ must be from 1e-9 to 1e5 seconds, not {seconds}")
+    return delta_s
+
+
+def system_of(program: core.Program, fleet: Fleet, delta_s: Fraction | None) -> System:
+    """The program with its robots; without a δ, with that which it states, or the usual one.
+
+    Raises ArgumentError for kinds it does not have, and KoordError where it is too much for so many
+    robots.
+    """
+    delta_s = program.instance.used_delta_s if delta_s is None else delta_s
+    system = _robots(program, fleet, delta_s)
+    found = excesses(program, system.kinds)
+    if found:
+        raise KoordError(found)
+    return system
+
+
+def _robots(program: core.Program, fleet: Fleet, delta_s: Fraction) -> System:
+    if fleet.as_stated and program.instance.kinds:
+        return System(program, program.instance.kinds, delta_s)
+    if not fleet.kinds:
+        least = len(program.agents) if fleet.any_number else 1
+        return dealt(program, max(fleet.total, least), delta_s)
+    names = [agent.name for agent in program.agents]
+    kinds: list[int] = []
+    for name, count in fleet.kinds:
+        if name not in names:
+            known = f"there are {', '.join(names)}"
+            if names == [""]:
+                known = "there is only one kind, which has no name"
+            raise ArgumentError("robots", f"there is no agent {name} here; {known}")
+        kinds += [names.index(name)] * count
+    return System(program, tuple(kinds), delta_s)
