@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from koord.recheck import quantifiers
-from koord.recheck.maps import has_map
 from koord.recheck.terms import Term
 from koord.recheck.values import NotRecheckedError, Value, Values
 from koord.recheck.world import opened
 from koord.syntax import core
-from koord.syntax.types import ArrayType, ListType, QueueType, RecordType, Type
+from koord.syntax.types import GrowingType, MapType, Type, atoms, contains
 from koord.syntax.walk import nodes
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 def answer(body: Body, e: core.ExternalCall) -> Value:
     """Any answer that the summary allows; the same to the same question. [EXTERNAL]"""
     function = body.world.program.external(e.function)
-    if any(has_map(v.type) for v in (function.result, *function.parameters)):
+    if any(contains(v.type, MapType) for v in (function.result, *function.parameters)):
         # What is supposed of all maps would be supposed of those that are none.
         raise NotRecheckedError("external functions of maps are not rechecked", e.span)
     arguments = [body.value(argument) for argument in e.arguments]
@@ -114,15 +113,7 @@ def _looks_inside(body: Body, promise: core.Expr) -> bool:
 
 def _is_long(type_: Type, v: Values) -> bool:
     """Whether there are lists in a value that are sequences to the solver."""
-    match type_:
-        case ListType() | QueueType():
-            return type_ not in v.sealed
-        case RecordType(fields=fields):
-            return any(_is_long(part, v) for _, part in fields)
-        case ArrayType(element=element):
-            return _is_long(element, v)
-        case _:
-            return False
+    return any(isinstance(atom, GrowingType) and atom not in v.sealed for atom in atoms(type_))
 
 
 def who(robot: Term | None) -> str:

@@ -12,13 +12,13 @@ from msgspec import Struct
 
 from koord.recheck.anyone import Anyone, Crowds
 from koord.recheck.memory import Write
-from koord.recheck.racing import is_flat, made
+from koord.recheck.racing import made
 from koord.recheck.storage import Cell, Crowd, Many, Robot, Storage, Store
 from koord.recheck.terms import INT, Term
 from koord.recheck.turns import Turn
 from koord.syntax import core
 from koord.syntax.core import Home
-from koord.syntax.types import RecordType, Type
+from koord.syntax.types import RecordType, Type, is_flat
 
 Moves = list[list[Anyone[Turn]]]
 

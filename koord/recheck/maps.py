@@ -9,15 +9,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from koord.recheck.terms import BOOL, INT, Term, quoted
-from koord.syntax.types import MapType, Type, show, within
+from koord.syntax.types import MapType, show
 
 if TYPE_CHECKING:
     from koord.recheck.values import Value, Values
-
-
-def has_map(type_: Type) -> bool:
-    """Whether there are maps in values of a type."""
-    return any(isinstance(part, MapType) for part in within(type_))
 
 
 def sort(v: Values, type_: MapType) -> str:

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, assert_never
 
 from koord.recheck import crowds
-from koord.recheck.maps import has_map
 from koord.recheck.terms import Term
 from koord.recheck.values import NotRecheckedError, Value
 from koord.syntax import core
 from koord.syntax.core import QuantifierKind
-from koord.syntax.types import Type
+from koord.syntax.types import MapType, Type, contains
 
 if TYPE_CHECKING:
     from koord.recheck.body import Body
@@ -61,7 +60,7 @@ def fixed_range(body: Body, low: core.Expr, high: core.Expr) -> range:
 def every_value(body: Body, e: core.Quantified, type_: Type) -> Term:
     """A mathematical quantifier, in a summary."""
     assert e.quantifier is QuantifierKind.FORALL
-    if has_map(type_):
+    if contains(type_, MapType):
         raise NotRecheckedError("statements about all maps are not rechecked", e.span)
     binders: list[Term] = []
     body.bound[e.variable.slot] = body.s.stored(

@@ -10,7 +10,7 @@ from koord.recheck.memory import Write
 from koord.recheck.storage import Cell, Storage, Storages, Store
 from koord.recheck.terms import INT, Term
 from koord.syntax.core import Home
-from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Type
+from koord.syntax.types import Type, is_flat
 
 
 class Part(Struct, frozen=True):
@@ -124,16 +124,3 @@ class Racing(Struct):
         name = f"{writes[0][1].variable.name} after a race"
         like = self.s.loosened(storage, type_)
         return self.s.merge(written, self.s.anything(name, type_, like), storage, type_)
-
-
-def is_flat(type_: Type) -> bool:
-    """Whether writes cannot be lost, and are to atoms as a whole: no lists and no maps."""
-    match type_:
-        case RecordType(fields=fields):
-            return all(is_flat(part) for _, part in fields)
-        case ArrayType(element=element):
-            return is_flat(element)
-        case ListType() | QueueType() | MapType():
-            return False
-        case _:
-            return True

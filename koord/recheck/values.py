@@ -23,13 +23,14 @@ from koord.syntax.types import (
     BoolType,
     EnumType,
     FloatType,
+    GrowingType,
     IntType,
     ListType,
     MapType,
     OpaqueType,
-    QueueType,
     RecordType,
     Robots,
+    SequenceType,
     StreamType,
     StringType,
     Type,
@@ -154,7 +155,7 @@ class Values(Struct):
                 return BOOL
             case ListType() if type_ in self.sealed:
                 return self._sealed_sort(type_)
-            case ListType(element=element) | QueueType(element=element):
+            case GrowingType(element=element):
                 return f"(Seq {self.sort(element)})"
             case RecordType() | ArrayType():
                 return self._product(type_)
@@ -206,7 +207,7 @@ class Values(Struct):
         if parts is not None:
             return tuple(self.default(part) for _, part in parts)
         match type_:
-            case ListType() | QueueType():
+            case GrowingType():
                 return ()
             case BoolType():
                 return self.t.truth(False)
@@ -239,7 +240,7 @@ class Values(Struct):
         parts = self.parts(type_)
         if parts is not None:
             return tuple(self.fresh(name + label, part) for label, part in parts)
-        if length is not None and isinstance(type_, ListType | QueueType):
+        if length is not None and isinstance(type_, GrowingType):
             return tuple(self.fresh(f"{name}[{k}]", type_.element) for k in range(length))
         made = self.symbol(name, self.sort(type_))
         self.ranges += [self.t.for_all(self.scope, b) for b in self.bounds(made, type_)]
@@ -307,7 +308,7 @@ class Values(Struct):
             element = self.element(type_)
             flat = [term for item in value for term, _ in self.leaves(item, element)]
             return self._function(f"{show(type_)} of {len(value)}", flat, sort)
-        if isinstance(type_, ListType | QueueType):
+        if isinstance(type_, GrowingType):
             units = [
                 self.t.op("seq.unit", [self.pack(item, type_.element)], sort) for item in value
             ]
@@ -379,7 +380,7 @@ class Values(Struct):
     # --- lists and arrays -----------------------------------------------------------------------
 
     def element(self, type_: Type) -> Type:
-        assert isinstance(type_, ListType | QueueType | ArrayType)
+        assert isinstance(type_, SequenceType)
         return type_.element
 
     def every(self, holds: Callable[[Term], Term]) -> Term:

@@ -11,7 +11,7 @@ from koord.recheck.terms import Term
 from koord.recheck.values import Values
 from koord.syntax import core
 from koord.syntax.core import Direction, Home
-from koord.syntax.types import ArrayType, ListType, MapType, QueueType, Type
+from koord.syntax.types import ArrayType, GrowingType, ListType, MapType, Type
 from koord.syntax.walk import nodes, written
 
 #: A variable: its home, the kind of robot (0 for shared ones), its slot.
@@ -170,8 +170,8 @@ def _in_list(place: core.Place) -> bool:
     """Whether a place is an element of a list, or in one: then the list keeps its length."""
     type_ = place.variable.type
     for step in place.steps:
-        if isinstance(type_, ListType | QueueType | MapType):
-            return isinstance(type_, ListType | QueueType)
+        if isinstance(type_, GrowingType | MapType):
+            return isinstance(type_, GrowingType)
         type_ = step.type
     return False
 

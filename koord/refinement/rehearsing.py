@@ -25,7 +25,7 @@ from koord.semantics.traces.trace import Trace
 from koord.semantics.values import Rec
 from koord.syntax import core
 from koord.syntax.core import Direction, ExternalKind, Home
-from koord.syntax.types import ArrayType, FloatType, ListType, MapType, QueueType, RecordType, Type
+from koord.syntax.types import ArrayType, FloatType, MapType, RecordType, SequenceType, Type
 
 _PHASES = {Turn.INIT: Phase.INIT, Turn.PROG: Phase.PROG, Turn.ENV: Phase.ENV}
 
@@ -42,7 +42,7 @@ def _doubles(value: Any, type_: Type) -> Any:
         case RecordType(fields=fields):
             pairs = zip(value, fields, strict=True)
             return tuple(_doubles(part, of) for part, (_, of) in pairs)
-        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
+        case SequenceType(element=element):
             return tuple(_doubles(item, element) for item in value)
         case MapType(key=key, value=held):
             return tuple((_doubles(k, key), _doubles(v, held)) for k, v in value)

@@ -22,7 +22,7 @@ from koord.semantics.storage import Cell, Storage, Tree, unset
 from koord.semantics.traces.recording import Concrete
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core
-from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Type
+from koord.syntax.types import ArrayType, MapType, RecordType, SequenceType, Type
 
 
 def to_value(value: Any, type_: Type) -> Concrete:
@@ -31,7 +31,7 @@ def to_value(value: Any, type_: Type) -> Concrete:
         case RecordType(fields=fields):
             pairs = zip(value, fields, strict=True)
             return Rec(tuple(to_value(part, t) for part, (_, t) in pairs))
-        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
+        case SequenceType(element=element):
             items = tuple(to_value(item, element) for item in value)
             return Seq(len(items), items)
         case MapType(key=key, value=held):

@@ -12,15 +12,14 @@ from math import prod
 from typing import TypeVar
 
 from koord.semantics.storage import Cell, Many, Storage, Tree
-from koord.semantics.values import Family, Rec, Seq, Table, Value
+from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.types import (
     ArrayType,
     BoolType,
     EnumType,
-    ListType,
     MapType,
-    QueueType,
     RecordType,
+    SequenceType,
     Type,
     within,
 )
@@ -46,9 +45,7 @@ def _value(value: Value[V], type_: Type) -> Value[V]:
         case RecordType(fields=fields) if isinstance(value, Rec):
             pairs = zip(value.fields, fields, strict=True)
             return Rec(tuple(_value(part, field) for part, (_, field) in pairs))
-        case (
-            ListType(element=element) | QueueType(element=element) | ArrayType(element=element)
-        ) if isinstance(value, Seq) and not isinstance(value, Family):
+        case SequenceType(element=element) if type(value) is Seq:
             return Seq(value.length, tuple(_value(item, element) for item in value.items))
         case MapType(key=key, value=held) if isinstance(value, Table):
             entries = value.entries[: how_many(key)]

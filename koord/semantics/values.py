@@ -23,11 +23,10 @@ from koord.syntax.types import (
     BoolType,
     EnumType,
     FloatType,
+    GrowingType,
     IntType,
-    ListType,
     MapType,
     OpaqueType,
-    QueueType,
     RecordType,
     Robots,
     StreamType,
@@ -147,10 +146,27 @@ def default(d: Domain[V], type_: Type, robots: Size[V]) -> Value[V]:
             if not isinstance(count, int):
                 return family_of(count, lambda index: some)
             return listed(d, [some] * count)
-        case ListType() | QueueType():
+        case GrowingType():
             return listed(d, [])
         case MapType():
             return Table(d.const(0, INT), ())
+
+
+def map_scalars(value: Value[V], type_: Type, of: Callable[[V, Type], Value[V]]) -> Value[V]:
+    """The value with something else for each scalar, by its type; lengths stay as they are."""
+    match value:
+        case Rec(fields=fields):
+            parts = zip(fields, type_.parts, strict=True)
+            return Rec(tuple(map_scalars(part, t, of) for part, t in parts))
+        case Seq(length=length, items=items):
+            (element,) = type_.parts
+            return Seq(length, tuple(map_scalars(item, element, of) for item in items))
+        case Table(length=length, entries=entries):
+            k, v = type_.parts
+            pairs = ((map_scalars(a, k, of), map_scalars(b, v, of)) for a, b in entries)
+            return Table(length, tuple(pairs))
+        case _:
+            return of(value, type_)
 
 
 def merge(d: Domain[V], condition: V, then: Value[V], other: Value[V]) -> Value[V]:

@@ -8,38 +8,65 @@ from enum import Enum
 from msgspec import Struct
 
 
-class IntType(Struct, frozen=True):
+class BaseType(Struct, frozen=True):
+    """What all types share. Those made of others say of which: records, sequences, maps."""
+
+    @property
+    def parts(self) -> tuple[Type, ...]:
+        """The types that values are made of; none for scalars."""
+        return ()
+
+
+class ScalarType(BaseType, frozen=True):
+    """Values that are not made of others: one atom, one constant of a domain."""
+
+
+class IntType(ScalarType, frozen=True):
     """ℤ."""
 
 
-class FloatType(Struct, frozen=True):
+class FloatType(ScalarType, frozen=True):
     """ℝ in the semantics and the verifier, IEEE double in the runtime."""
 
 
-class BoolType(Struct, frozen=True):
+class BoolType(ScalarType, frozen=True):
     """Truth values."""
 
 
-class StringType(Struct, frozen=True):
+class StringType(ScalarType, frozen=True):
     """Texts: compared for equality and written to streams."""
 
 
-class StreamType(Struct, frozen=True):
+class StreamType(ScalarType, frozen=True):
     """Something that ``<<`` writes to."""
 
 
-class EnumType(Struct, frozen=True):
+class EnumType(ScalarType, frozen=True):
     """A finite set of named members; a value is the member's position."""
 
     name: str
     members: tuple[str, ...]
 
 
-class RecordType(Struct, frozen=True):
+class OpaqueType(ScalarType, frozen=True):
+    """Values that can only be compared and handed to external functions.
+
+    No program text has this type: the verifier puts it where a value merely flows from one
+    external function to another (``koord.verify.abstraction``).
+    """
+
+    name: str
+
+
+class RecordType(BaseType, frozen=True):
     """A tuple of named fields. ``pos`` is one, with float fields ``x y z``."""
 
     name: str
     fields: tuple[tuple[str, Type], ...]
+
+    @property
+    def parts(self) -> tuple[Type, ...]:
+        return tuple(type_ for _, type_ in self.fields)
 
     def position(self, name: str) -> int | None:
         """Where the field stands, or None if there is none of that name."""
@@ -55,40 +82,43 @@ class Robots(Enum):
     ALL = "numAgents"
 
 
-class ArrayType(Struct, frozen=True):
-    """``T[k]``: exactly ``size`` elements; ``Robots.ALL`` means ``numAgents`` of them."""
+class SequenceType(BaseType, frozen=True):
+    """Elements of one type, in order: arrays, lists and queues."""
 
     element: Type
+
+    @property
+    def parts(self) -> tuple[Type, ...]:
+        return (self.element,)
+
+
+class ArrayType(SequenceType, frozen=True):
+    """``T[k]``: exactly ``size`` elements; ``Robots.ALL`` means ``numAgents`` of them."""
+
     size: int | Robots
 
 
-class ListType(Struct, frozen=True):
-    """``T[]`` and ``List<T>``: any number of elements. An array will do where a list is read."""
-
-    element: Type
+class GrowingType(SequenceType, frozen=True):
+    """Any number of elements; the whole is one atom."""
 
 
-class QueueType(Struct, frozen=True):
+class ListType(GrowingType, frozen=True):
+    """``T[]`` and ``List<T>``. An array will do where a list is read."""
+
+
+class QueueType(GrowingType, frozen=True):
     """``Queue<T>``: a list whose ``pop`` takes the first element."""
 
-    element: Type
 
-
-class MapType(Struct, frozen=True):
+class MapType(BaseType, frozen=True):
     """``Map<K,V>``: keys in order of insertion; equal if they hold the same entries."""
 
     key: Type
     value: Type
 
-
-class OpaqueType(Struct, frozen=True):
-    """Values that can only be compared and handed to external functions.
-
-    No program text has this type: the verifier puts it where a value merely flows from one
-    external function to another (``koord.verify.abstraction``).
-    """
-
-    name: str
+    @property
+    def parts(self) -> tuple[Type, ...]:
+        return (self.key, self.value)
 
 
 Type = (
@@ -117,17 +147,35 @@ POS = RecordType("pos", (("x", FLOAT), ("y", FLOAT), ("z", FLOAT)))
 def within(type_: Type) -> Iterator[Type]:
     """A type, and all types of which its values are made."""
     yield type_
-    match type_:
-        case RecordType(fields=fields):
-            for _, field in fields:
-                yield from within(field)
-        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
-            yield from within(element)
-        case MapType(key=key, value=value):
-            yield from within(key)
-            yield from within(value)
-        case _:
-            return
+    for part in type_.parts:
+        yield from within(part)
+
+
+def contains(type_: Type, kind: type[BaseType]) -> bool:
+    """Whether a type is of a kind, or made of types of which one is."""
+    return any(isinstance(each, kind) for each in within(type_))
+
+
+def part_types(type_: Type, count: int) -> tuple[Type, ...]:
+    """The types of the parts of a record, or of ``count`` elements of a sequence."""
+    if isinstance(type_, RecordType):
+        return type_.parts
+    assert isinstance(type_, SequenceType)
+    return (type_.element,) * count
+
+
+def atoms(type_: Type) -> Iterator[Type]:
+    """The types of the atoms of a variable: records and arrays are trees of them. [ATOM]"""
+    if isinstance(type_, RecordType | ArrayType):
+        for part in type_.parts:
+            yield from atoms(part)
+    else:
+        yield type_
+
+
+def is_flat(type_: Type) -> bool:
+    """Whether all atoms are scalars: equal values have one shape, and writes are to whole atoms."""
+    return all(isinstance(atom, ScalarType) for atom in atoms(type_))
 
 
 def show(type_: Type) -> str:

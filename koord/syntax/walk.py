@@ -9,10 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.syntax import core
-from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType
-
-#: Types are structs too, but no part of the program text.
-_TYPES = (RecordType, ArrayType, ListType, QueueType, MapType)
+from koord.syntax.types import BaseType
 
 #: What was looked up, by class: a program has many nodes of few classes.
 _BELOW: dict[type, tuple[str, ...] | None] = {}
@@ -93,7 +90,7 @@ def _below(class_: type) -> tuple[str, ...] | None:
     """The fields of a node that hold parts of it; None for what is no node."""
     if class_ not in _BELOW:
         known = None
-        if issubclass(class_, Struct) and class_ not in _TYPES:
+        if issubclass(class_, Struct) and not issubclass(class_, BaseType):
             known = tuple(name for name in class_.__struct_fields__ if name != "span")
         _BELOW[class_] = known
     return _BELOW[class_]

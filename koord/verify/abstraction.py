@@ -21,8 +21,8 @@ from koord.syntax.types import (
     ListType,
     MapType,
     OpaqueType,
-    QueueType,
     RecordType,
+    SequenceType,
     Type,
     show,
     within,
@@ -106,11 +106,8 @@ def _types_of(node: object) -> Iterator[Type]:
     """All types that a node mentions, with what is inside them."""
     for attribute in ("type", "result"):
         type_ = getattr(node, attribute, None)
-        if isinstance(type_, _TYPES):
+        if isinstance(type_, Type):
             yield from within(type_)
-
-
-_TYPES = (RecordType, ArrayType, ListType, QueueType, MapType)
 
 
 # --- rewriting ----------------------------------------------------------------------------------
@@ -134,7 +131,7 @@ class _Rewriter:
         self.made: dict[str, core.External] = {}
 
     def rewrite(self, node: Any) -> Any:
-        if isinstance(node, _TYPES):
+        if isinstance(node, Type):
             return self._type(node)
         if isinstance(node, core.MakeList | core.MakeRecord) and node.type in self._hidden:
             return self._call(node)
@@ -146,12 +143,8 @@ class _Rewriter:
         match type_:
             case RecordType(name=name, fields=its_fields):
                 return RecordType(name, tuple((n, self._type(t)) for n, t in its_fields))
-            case ArrayType(element=element, size=size):
-                return ArrayType(self._type(element), size)
-            case ListType(element=element):
-                return ListType(self._type(element))
-            case QueueType(element=element):
-                return QueueType(self._type(element))
+            case SequenceType(element=element):
+                return replace(type_, element=self._type(element))
             case MapType(key=key, value=value):
                 return MapType(self._type(key), self._type(value))
             case _:

@@ -13,9 +13,9 @@ from koord.semantics.room import in_room
 from koord.semantics.storage import Storage, merge_storage
 from koord.syntax import core
 from koord.syntax.core import BinaryOp
-from koord.syntax.types import INT
+from koord.syntax.types import INT, is_flat
 from koord.verify.moments import Option
-from koord.verify.races import Before, Write, is_flat, precedes, set_where_written, winning
+from koord.verify.races import Before, Write, precedes, set_where_written, winning
 from koord.verify.terms import Term, Terms
 
 #: For each event (kind, position), the allwrite slots that it updates outside of ``atomic``.

@@ -15,17 +15,17 @@ from koord.semantics.machine import machine
 from koord.semantics.oracle import NoOracle, Oracle
 from koord.semantics.storage import held
 from koord.semantics.traces.recording import Answer, Opening, Reading, Recording, Round, Start
-from koord.semantics.values import Rec, Seq, Table, Value
+from koord.semantics.values import Rec, Seq, Table, Value, map_scalars
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import (
     ArrayType,
     FloatType,
+    GrowingType,
     IntType,
     ListType,
     MapType,
     OpaqueType,
-    QueueType,
     RecordType,
     Robots,
     Type,
@@ -127,22 +127,13 @@ class Concretion(Struct):
     # --- values ---------------------------------------------------------------------------------
 
     def _value(self, value: Value[Constant], type_: Type) -> Value[Constant]:
-        match type_:
-            case OpaqueType(name=name):
-                assert isinstance(value, str)
-                return self._real((name, value))
-            case RecordType(fields=its_fields) if isinstance(value, Rec):
-                pairs = zip(value.fields, its_fields, strict=True)
-                return Rec(tuple(self._value(part, t) for part, (_, t) in pairs))
-            case (
-                ListType(element=element) | QueueType(element=element) | ArrayType(element=element)
-            ) if isinstance(value, Seq):
-                return Seq(value.length, tuple(self._value(v, element) for v in value.items))
-            case MapType(key=key, value=held) if isinstance(value, Table):
-                entries = ((self._value(k, key), self._value(v, held)) for k, v in value.entries)
-                return Table(value.length, tuple(entries))
-            case _:
-                return value
+        return map_scalars(value, type_, self._scalar)
+
+    def _scalar(self, value: Constant, type_: Type) -> Value[Constant]:
+        if not isinstance(type_, OpaqueType):
+            return value
+        assert isinstance(value, str)
+        return self._real((type_.name, value))
 
     def _real(self, token: Token) -> Value[Constant]:
         if token not in self._values:
@@ -228,7 +219,7 @@ class Concretion(Struct):
                 return self._count
             case RecordType(fields=its_fields):
                 return Rec(tuple(self._invented(t) for _, t in its_fields))
-            case ListType(element=element) | QueueType(element=element):
+            case GrowingType(element=element):
                 return Seq(1, (self._invented(element),))
             case ArrayType(element=element, size=size):
                 count = self.system.robots if size is Robots.ALL else size

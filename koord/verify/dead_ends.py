@@ -18,8 +18,8 @@ from koord.semantics.turns import environment_turn
 from koord.syntax import core
 from koord.syntax.core import Direction, UnaryOp
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.types import is_flat
 from koord.syntax.walk import reached
-from koord.verify.externals import has_list
 from koord.verify.reaching import runs_of
 from koord.verify.solving import Answer, Deadline, Effort, Solver
 from koord.verify.symbols import Symbolic, SymbolicInputs, Unknowns
@@ -77,7 +77,7 @@ def _may_end(system: System, robot: int, deadline: Deadline, seed: int) -> bool:
     types = [port.declaration.variable.type for port in agent.ports]
     below = reached(system.program, tuple(contracts))
     open_ = any(isinstance(node, core.ExternalCall | core.Choose) for node in below)
-    if not contracts or models or open_ or any(map(has_list, types)):
+    if not contracts or models or open_ or not all(map(is_flat, types)):
         return False
     d = Terms(system.patience)
     unknowns = Unknowns(d, system.program, system.robots)

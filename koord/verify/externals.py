@@ -8,7 +8,17 @@ from typing import TypeAlias
 from koord.semantics.crowds import NotFiniteError
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core
-from koord.syntax.types import ArrayType, ListType, MapType, QueueType, RecordType, Robots, Type
+from koord.syntax.types import (
+    ArrayType,
+    GrowingType,
+    MapType,
+    RecordType,
+    Robots,
+    ScalarType,
+    SequenceType,
+    Type,
+    contains,
+)
 from koord.syntax.walk import nodes, reached
 from koord.verify.terms import Sort, Term, Terms
 
@@ -23,7 +33,7 @@ def vouched(external: core.External) -> bool:
     """
     return (
         external.kind is core.ExternalKind.FUNCTION
-        and not any(is_compound(v.type) for v in (external.result, *external.parameters))
+        and all(isinstance(v.type, ScalarType) for v in (external.result, *external.parameters))
         and any(isinstance(n, core.ExternalCall | core.AllValues) for n in nodes(external.ensures))
     )
 
@@ -60,7 +70,7 @@ def encoded(
     """
     flat: list[Term] = []
     for argument, parameter in zip(arguments, external.parameters, strict=True):
-        if has_map(parameter.type):
+        if contains(parameter.type, MapType):
             what = f"a map, as {parameter.name} is, in a question about every value of a type"
             raise NotFiniteError(external.span, what)
         flat += _encoded(d, argument, parameter.type, robots)
@@ -74,7 +84,7 @@ def _encoded(d: Terms, value: Symbolic, type_: Type, robots: int) -> Iterator[Te
             for part, (_, field) in zip(fields, type_.fields, strict=True):
                 yield from _encoded(d, part, field, robots)
         case Seq(length=length, items=items):
-            assert isinstance(type_, ArrayType | ListType | QueueType)
+            assert isinstance(type_, SequenceType)
             rows = [list(_encoded(d, item, type_.element, robots)) for item in items]
             if isinstance(type_, ArrayType):
                 yield from (part for row in rows for part in row)
@@ -93,7 +103,7 @@ def _sorts(d: Terms, type_: Type, robots: int) -> list[Sort]:
             return [sort for _, field in fields for sort in _sorts(d, field, robots)]
         case ArrayType(element=element, size=size):
             return _sorts(d, element, robots) * (robots if size is Robots.ALL else size)
-        case ListType(element=element) | QueueType(element=element):
+        case GrowingType(element=element):
             return [d.list_sort(_sorts(d, element, robots))]
         case _:
             return [d.sort(type_)]
@@ -121,29 +131,3 @@ def _open(length: Term) -> Iterator[Term]:
     """A length, unless the shape says it."""
     if not isinstance(length, int):
         yield length
-
-
-def has_list(type_: Type) -> bool:
-    """Whether equal values of a type may be held in different shapes."""
-    match type_:
-        case RecordType(fields=fields):
-            return any(has_list(field) for _, field in fields)
-        case ArrayType(element=element):
-            return has_list(element)
-        case _:
-            return isinstance(type_, ListType | QueueType | MapType)
-
-
-def is_compound(type_: Type) -> bool:
-    return isinstance(type_, RecordType | ArrayType | ListType | QueueType | MapType)
-
-
-def has_map(type_: Type) -> bool:
-    """Whether there are maps in the values of a type."""
-    match type_:
-        case RecordType(fields=fields):
-            return any(has_map(field) for _, field in fields)
-        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
-            return has_map(element)
-        case _:
-            return isinstance(type_, MapType)

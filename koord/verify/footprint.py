@@ -13,7 +13,7 @@ from enum import IntEnum
 from koord.semantics.configurations import Status
 from koord.syntax import core
 from koord.syntax.core import Direction, Home
-from koord.syntax.types import ListType, QueueType
+from koord.syntax.types import GrowingType
 from koord.syntax.walk import nodes, statements, written
 
 _RESIZING = core.Append | core.Remove | core.Pop
@@ -101,7 +101,7 @@ def _inside_list(place: core.Place) -> bool:
     for step in place.steps:
         if isinstance(step, core.KeyStep):
             return False
-        inside = inside or isinstance(type_, ListType | QueueType)
+        inside = inside or isinstance(type_, GrowingType)
         type_ = step.type
     return inside
 

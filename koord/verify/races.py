@@ -10,7 +10,7 @@ from koord.semantics.masks import Mask, joined
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
-from koord.syntax.types import BOOL, ArrayType, ListType, MapType, QueueType, RecordType, Type
+from koord.syntax.types import BOOL
 from koord.syntax.walk import written
 from koord.verify.terms import Term, Terms
 
@@ -46,19 +46,6 @@ def _unguarded(block: core.Block) -> Iterator[core.Place]:
                 yield from _unguarded(body)
             case _:
                 pass
-
-
-def is_flat(type_: Type) -> bool:
-    """Whether every location of a variable is an atom or made of atoms: no lists, no maps."""
-    match type_:
-        case RecordType(fields=fields):
-            return all(is_flat(field) for _, field in fields)
-        case ArrayType(element=element):
-            return is_flat(element)
-        case ListType() | QueueType() | MapType():
-            return False
-        case _:
-            return True
 
 
 def winning(

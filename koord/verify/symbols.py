@@ -20,7 +20,7 @@ from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import ArrayType, Type
-from koord.verify.externals import has_list, is_compound, scalars
+from koord.verify.externals import scalars
 from koord.verify.terms import Term
 from koord.verify.unknowns import LIST_CAPACITY, Symbolic, Unknowns
 
@@ -153,7 +153,5 @@ __all__ = [
     "SymbolicAnswer",
     "SymbolicInputs",
     "Unknowns",
-    "has_list",
-    "is_compound",
     "scalars",
 ]

@@ -24,18 +24,18 @@ from koord.syntax.types import (
     INT,
     ArrayType,
     EnumType,
-    ListType,
+    GrowingType,
     MapType,
-    QueueType,
     RecordType,
     Robots,
+    ScalarType,
     Type,
+    is_flat,
+    part_types,
 )
 from koord.verify.externals import (
     asked_of_all,
     encoded,
-    has_list,
-    is_compound,
     scalars,
     vouched,
 )
@@ -92,7 +92,7 @@ class Unknowns:
                 count = self.robots if size is Robots.ALL else size
                 items = [self.value(f"{name}[{k}]", element, scalar=made) for k in range(count)]
                 return listed(self.d, items)
-            case ListType(element=element) | QueueType(element=element):
+            case GrowingType(element=element):
                 return self._list(name, element, length, made)
             case MapType(key=key, value=value):
                 entry = RecordType("entry", (("k", key), ("v", value)))
@@ -119,11 +119,13 @@ class Unknowns:
         if written is Written.NEVER:
             return initial
         if isinstance(initial, Tree):
-            types = _part_types(type_, len(initial.parts))
+            types = part_types(type_, len(initial.parts))
+            fields = type_.fields if isinstance(type_, RecordType) else ()
+            labels = [name for name, _ in fields] or range(len(types))
             return Tree(
                 tuple(
                     self.storage(f"{name}.{label}", part_type, part, written)
-                    for (label, part_type), part in zip(types, initial.parts, strict=True)
+                    for label, part_type, part in zip(labels, types, initial.parts, strict=True)
                 )
             )
         is_set = initial.is_set
@@ -134,7 +136,7 @@ class Unknowns:
     def _changed(self, name: str, type_: Type, initial: Symbolic, written: Written) -> Symbolic:
         """Any value of an atom, of the length it had if only its elements are written."""
         if isinstance(initial, Seq) and written is Written.PARTS:
-            assert isinstance(type_, ListType | QueueType)
+            assert isinstance(type_, GrowingType)
             items = [self.value(f"{name}[{k}]", type_.element) for k in range(len(initial.items))]
             return Seq(initial.length, tuple(items))
         return self.value(name, type_)
@@ -163,9 +165,8 @@ class Unknowns:
         if external.name in self._asked_of_all:
             return True
         variables = (external.result, *external.parameters)
-        return not any(has_list(v.type) for v in variables) and not is_compound(
-            external.result.type
-        )
+        flat = all(is_flat(v.type) for v in variables)
+        return flat and isinstance(external.result.type, ScalarType)
 
     def alike(
         self, external: core.External, arguments: tuple[Symbolic, ...], name: str
@@ -282,14 +283,6 @@ class Unknowns:
 def _of_the_text(name: str) -> str:
     """What the program calls it: the name of an unknown without robot, round and element."""
     return re.split(r"[@#\[]", name, maxsplit=1)[0]
-
-
-def _part_types(type_: Type, count: int) -> list[tuple[str, Type]]:
-    """Labels and types of the parts of a tree."""
-    if isinstance(type_, RecordType):
-        return list(type_.fields)
-    assert isinstance(type_, ArrayType)
-    return [(str(position), type_.element) for position in range(count)]
 
 
 class _Axiom(Struct, frozen=True):

@@ -25,15 +25,7 @@ from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import Span
-from koord.syntax.types import (
-    INT,
-    ArrayType,
-    ListType,
-    MapType,
-    QueueType,
-    RecordType,
-    Type,
-)
+from koord.syntax.types import INT, ArrayType, MapType, RecordType, SequenceType, Type
 from koord.verify import moments
 from koord.verify.claims import Claim, ClaimKind, Findings, Phase, broken
 from koord.verify.promises import unkept
@@ -55,7 +47,7 @@ class Reader(Struct, frozen=True):
             pairs = zip(value.fields, type_.fields, strict=True)
             return Rec(tuple(self.value(part, field) for part, (_, field) in pairs))
         if isinstance(value, Seq):
-            assert isinstance(type_, ListType | QueueType | ArrayType)
+            assert isinstance(type_, SequenceType)
             length = self._int(value.length)
             items = tuple(self.value(item, type_.element) for item in value.items[:length])
             return Seq(len(items), items)

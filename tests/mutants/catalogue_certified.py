@@ -96,9 +96,9 @@ CERTIFIED = (
     ),
     Mutant(
         "maps that race are as the last robot leaves them",
-        "recheck.racing.is_flat",
-        "case ListType() | QueueType() | MapType():",
-        "case ListType() | QueueType():",
+        "recheck.racing.Racing.joined",
+        "is_flat(type_)",
+        "is_flat(type_) or hasattr(type_, 'key')",
         (MAPS,),
     ),
     # steps

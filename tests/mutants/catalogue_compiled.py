@@ -86,9 +86,9 @@ COMPILER = (
     ),
     Mutant(
         "records of floats are equal as tuples are",
-        "runtime.compile.spelling.has_floats",
-        "return True",
-        "return False",
+        "runtime.compile.expressions._equality",
+        "contains(e.left.type, FloatType)",
+        "False",
         ("tests/refinement/test_values.py",),
     ),
     Mutant(

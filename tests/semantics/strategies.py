@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from koord.semantics.domain import Constant
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.traces.recording import Concrete
-from koord.semantics.traces.trace import Numbers, part_types
+from koord.semantics.traces.trace import Numbers
 from koord.semantics.values import Rec, Seq, Table, default
 from koord.syntax.types import (
     BOOL,
@@ -28,6 +28,7 @@ from koord.syntax.types import (
     RecordType,
     Robots,
     Type,
+    part_types,
 )
 
 ROBOTS = 3

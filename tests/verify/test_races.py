@@ -19,10 +19,10 @@ from koord.syntax.types import (
     QueueType,
     RecordType,
     Type,
+    is_flat,
 )
 from koord.verify.races import (
     Write,
-    is_flat,
     precedes,
     racy_variables,
     set_where_written,

@@ -17,13 +17,14 @@ from koord.syntax.types import (
     BoolType,
     EnumType,
     FloatType,
+    GrowingType,
     IntType,
     ListType,
     MapType,
     OpaqueType,
-    QueueType,
     RecordType,
     Robots,
+    SequenceType,
     StreamType,
     StringType,
     Type,
@@ -77,7 +78,7 @@ def literal(c: Context, type_: Type, depth: int) -> core.Expr:
             count = size if isinstance(size, int) else 1
             items = tuple(expression(c, element, depth - 1) for _ in range(count))
             return core.MakeList(items, type_, span=span)
-        case ListType(element=element) | QueueType(element=element):
+        case GrowingType(element=element):
             count = draft.weighted([(2, 0), (3, 1), (2, 2)])
             items = tuple(expression(c, element, depth - 1) for _ in range(count))
             return core.MakeList(items, type_, span=span)
@@ -229,7 +230,7 @@ def _on_bools(c: Context, depth: int) -> list[tuple[float, Maker]]:
         return core.Binary(op, left, right, BOOL, span=draft.span())
 
     def equated() -> core.Expr:
-        lists = [t for t in draft.palette.all if isinstance(t, ListType | QueueType | MapType)]
+        lists = [t for t in draft.palette.all if isinstance(t, GrowingType | MapType)]
         common = draft.weighted(
             [(2, draft.scalar()), (1.2, draft.type()), (0.8, draft.pick(lists))]
         )
@@ -286,7 +287,7 @@ def _containers(c: Context, kinds: tuple[type, ...]) -> list[Type]:
 
 
 def _length(c: Context, depth: int) -> core.Expr | None:
-    types = _containers(c, (ListType, QueueType, MapType, ArrayType))
+    types = _containers(c, (SequenceType, MapType))
     if not types:
         return None
     whole = expression(c, c.draft.pick(types), depth)
@@ -294,7 +295,7 @@ def _length(c: Context, depth: int) -> core.Expr | None:
 
 
 def _contains(c: Context, depth: int) -> core.Expr | None:
-    types = _containers(c, (ListType, QueueType, MapType))
+    types = _containers(c, (GrowingType, MapType))
     if not types:
         return None
     type_ = c.draft.pick(types)
@@ -302,7 +303,7 @@ def _contains(c: Context, depth: int) -> core.Expr | None:
     if isinstance(type_, MapType):
         wanted = key(c, type_, depth)
     else:
-        assert isinstance(type_, ListType | QueueType)
+        assert isinstance(type_, GrowingType)
         wanted = expression(c, type_.element, depth)
     return core.Builtin(ListOp.CONTAINS, (whole, wanted), BOOL, span=c.draft.span())
 

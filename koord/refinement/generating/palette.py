@@ -20,6 +20,7 @@ from koord.syntax.types import (
     MapType,
     QueueType,
     RecordType,
+    SequenceType,
     Type,
 )
 
@@ -99,7 +100,7 @@ def _stages(type_: Type) -> Iterator[Stage]:
         case RecordType(fields=fields):
             for position, (_, field) in enumerate(fields):
                 yield Stage(Way.FIELD, type_, field, position)
-        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
+        case SequenceType(element=element):
             yield Stage(Way.INDEX, type_, element)
         case MapType(value=value):
             yield Stage(Way.KEY, type_, value)

@@ -9,7 +9,7 @@ from koord.refinement.generating.drafts import Context
 from koord.refinement.generating.palette import Path, Stage, Way, end, paths
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home
-from koord.syntax.types import INT, ArrayType, ListType, QueueType, Robots, Type
+from koord.syntax.types import INT, ArrayType, GrowingType, Robots, Type
 
 
 @lru_cache(maxsize=4096)
@@ -76,8 +76,7 @@ def growing(c: Context, depth: int) -> core.Place | None:
         for variable in c.writable
         if _may_write(c, variable)
         for path, its_type in _paths(variable.type)
-        if isinstance(its_type, ListType | QueueType)
-        and (path or variable.home is not Home.ALLREAD)
+        if isinstance(its_type, GrowingType) and (path or variable.home is not Home.ALLREAD)
     ]
     return writable(c, c.draft.pick(types), depth) if types else None
 

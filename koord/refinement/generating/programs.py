@@ -19,9 +19,9 @@ from koord.syntax.types import (
     ArrayType,
     BoolType,
     EnumType,
+    GrowingType,
     ListType,
     MapType,
-    QueueType,
     RecordType,
     Robots,
     Type,
@@ -218,7 +218,7 @@ def _likely(draft: Draft, c: Context, result: core.Variable) -> core.Expr:
         case BoolType():
             either = core.Binary(BinaryOp.OR, read, expression(c, BOOL, 1), BOOL, span=draft.span())
             return either
-        case ListType() | QueueType() | MapType():
+        case GrowingType() | MapType():
             length = core.Builtin(core.ListOp.LENGTH, (read,), INT, span=draft.span())
             limit = core.Const(2, INT, span=draft.span())
             return core.Binary(BinaryOp.LE, length, limit, BOOL, span=draft.span())

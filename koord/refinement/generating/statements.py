@@ -15,10 +15,10 @@ from koord.syntax.types import (
     BOOL,
     INT,
     ArrayType,
-    ListType,
+    GrowingType,
     MapType,
-    QueueType,
     Robots,
+    SequenceType,
     Type,
 )
 
@@ -102,7 +102,7 @@ def _on_list(c: Context, depth: int) -> list[core.Stmt]:
     if place is None:
         return []
     type_ = place.type
-    assert isinstance(type_, ListType | QueueType)
+    assert isinstance(type_, GrowingType)
     match c.draft.weighted([(3, "append"), (1, "remove"), (2, "pop")]):
         case "append":
             value = expression(c, type_.element, depth)
@@ -199,7 +199,7 @@ def _bound(c: Context, *, low: bool) -> core.Expr:
     lengths = [
         v
         for v in [*c.variables, *c.bound]
-        if isinstance(v.type, ListType | QueueType | ArrayType | MapType)
+        if isinstance(v.type, SequenceType | MapType)
         and not (c.in_property and v.home in (Home.LOCAL, Home.PORT))
     ]
     if lengths and draft.chance(0.4):
@@ -219,7 +219,7 @@ def _for_each(c: Context, nesting: int) -> list[core.Stmt]:
     types: list[Type] = [
         t
         for t in [*(v.type for v in [*c.variables, *c.bound]), *draft.palette.all]
-        if isinstance(t, ListType | QueueType | ArrayType | MapType)
+        if isinstance(t, SequenceType | MapType)
         and not (isinstance(t, ArrayType) and t.size is Robots.ALL and draft.chance(0.7))
     ]
     if not types:
@@ -228,7 +228,7 @@ def _for_each(c: Context, nesting: int) -> list[core.Stmt]:
     over = expression(c, type_, draft.profile.depth - 1)
     inner = c.inner()
     inner.loops += 1
-    assert isinstance(type_, ListType | QueueType | ArrayType | MapType)
+    assert isinstance(type_, SequenceType | MapType)
     is_map = isinstance(type_, MapType)
     element = type_.value if isinstance(type_, MapType) else type_.element
     key_variable = None

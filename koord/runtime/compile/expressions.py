@@ -16,7 +16,6 @@ from koord.runtime.compile.knowledge import Knowledge
 from koord.runtime.compile.naming import Names
 from koord.runtime.compile.spelling import (
     constant,
-    has_floats,
     is_tree,
     shape,
     string,
@@ -25,14 +24,7 @@ from koord.runtime.compile.spelling import (
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, UnaryOp
 from koord.syntax.source import Span
-from koord.syntax.types import (
-    ArrayType,
-    FloatType,
-    MapType,
-    RecordType,
-    Robots,
-    Type,
-)
+from koord.syntax.types import ArrayType, FloatType, MapType, RecordType, Robots, Type, contains
 
 #: How tightly the parts of a Python expression hold together.
 OR, AND, NOT, COMPARE, ADD, MULTIPLY, NEGATE, ATOM = range(8)
@@ -208,7 +200,7 @@ def _binary(scope: Scope, e: core.Binary) -> Code:
 def _equality(e: core.Binary, left: Code, right: Code) -> Code:
     """[E-EQUAL]"""
     faults, negated = left.faults or right.faults, e.op is BinaryOp.NE
-    if has_floats(e.left.type) and not isinstance(e.left.type, FloatType):
+    if contains(e.left.type, FloatType) and not isinstance(e.left.type, FloatType):
         text = f"same({left.text}, {right.text})"
         return Code(f"not {text}", NOT, faults) if negated else Code(text, ATOM, faults)
     word = "!=" if negated else "=="
@@ -262,7 +254,7 @@ def _builtin(scope: Scope, e: core.Builtin) -> Code:
         case ListOp.CONTAINS:
             wanted = expression(scope, e.arguments[1])
             is_map = isinstance(first.type, MapType)
-            plain = is_map or not has_floats(e.arguments[1].type)
+            plain = is_map or not contains(e.arguments[1].type, FloatType)
             if plain and not (items.faults and wanted.faults):
                 # Python evaluates what is looked for first.
                 text = f"{wanted.within(ADD)} in {items.within(ADD)}"

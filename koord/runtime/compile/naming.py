@@ -16,11 +16,7 @@ from koord.runtime import robot
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.types import (
-    ArrayType,
     EnumType,
-    ListType,
-    MapType,
-    QueueType,
     RecordType,
     Type,
 )
@@ -163,17 +159,7 @@ def _parts(program: core.Program) -> tuple[object, ...]:
 
 
 def _within(type_: Type) -> Iterable[RecordType | EnumType]:
-    match type_:
-        case RecordType(fields=fields):
-            for _, field in fields:
-                yield from _within(field)
-            yield type_
-        case EnumType():
-            yield type_
-        case ArrayType(element=inner) | ListType(element=inner) | QueueType(element=inner):
-            yield from _within(inner)
-        case MapType(key=key, value=value):
-            yield from _within(key)
-            yield from _within(value)
-        case _:
-            pass
+    for part in type_.parts:
+        yield from _within(part)
+    if isinstance(type_, RecordType | EnumType):
+        yield type_

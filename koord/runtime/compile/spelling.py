@@ -13,13 +13,13 @@ from koord.syntax.types import (
     BoolType,
     EnumType,
     FloatType,
+    GrowingType,
     IntType,
-    ListType,
     MapType,
     OpaqueType,
-    QueueType,
     RecordType,
     Robots,
+    SequenceType,
     StreamType,
     StringType,
     Type,
@@ -54,7 +54,7 @@ def annotation(names: Names, type_: Type) -> str:
             return "str"
         case RecordType():
             return names.types[type_]
-        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
+        case SequenceType(element=element):
             return f"tuple[{annotation(names, element)}, ...]"
         case MapType(key=key, value=value):
             return f"dict[{annotation(names, key)}, {annotation(names, value)}]"
@@ -79,7 +79,7 @@ def shape(names: Names, type_: Type) -> str:
             return f"PerRobot({shape(names, element)})"
         case ArrayType(element=element, size=size):
             return f"Array({shape(names, element)}, {size})"
-        case ListType(element=element) | QueueType(element=element):
+        case GrowingType(element=element):
             return f"ListOf({shape(names, element)})"
         case MapType(key=key, value=value):
             return f"MapOf({shape(names, key)}, {shape(names, value)})"
@@ -96,21 +96,6 @@ def tuple_of(items: Iterable[str]) -> str:
 def constant_name(name: str) -> str:
     """What the shape of a class of that name is called."""
     return f"{name.upper()}_"
-
-
-def has_floats(type_: Type) -> bool:
-    """Whether NaN may be in a value of a type: then Python's own equality will not do."""
-    match type_:
-        case FloatType():
-            return True
-        case RecordType(fields=fields):
-            return any(has_floats(field) for _, field in fields)
-        case ArrayType(element=inner) | ListType(element=inner) | QueueType(element=inner):
-            return has_floats(inner)
-        case MapType(key=key, value=value):
-            return has_floats(key) or has_floats(value)
-        case _:
-            return False
 
 
 def is_tree(type_: Type) -> bool:

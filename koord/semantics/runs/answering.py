@@ -18,20 +18,11 @@ from koord.semantics.runs.sampling import Sampler, values_held, values_within
 from koord.semantics.storage import held
 from koord.semantics.traces.recording import Answer, Concrete, Reading, Start
 from koord.semantics.traces.rendering import show_value
-from koord.semantics.values import Rec, Seq, Table
+from koord.semantics.values import Rec, Seq, Table, map_scalars
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
-from koord.syntax.types import (
-    FLOAT,
-    ArrayType,
-    FloatType,
-    ListType,
-    MapType,
-    QueueType,
-    RecordType,
-    Type,
-)
+from koord.syntax.types import FLOAT, ArrayType, FloatType, Type
 
 Question: TypeAlias = "tuple[str, tuple[Concrete, ...]]"
 
@@ -257,22 +248,12 @@ class SampledInputs(Struct):
 
     def coerced(self, value: Concrete, type_: Type) -> Concrete:
         """A value with its rationals as floats of the run's domain."""
-        match value:
-            case Rec(fields=parts):
-                assert isinstance(type_, RecordType)
-                pairs = zip(parts, type_.fields, strict=True)
-                return Rec(tuple(self.coerced(part, t) for part, (_, t) in pairs))
-            case Seq(length=length, items=items):
-                assert isinstance(type_, ArrayType | ListType | QueueType)
-                return Seq(length, tuple(self.coerced(item, type_.element) for item in items))
-            case Table(length=length, entries=entries):
-                assert isinstance(type_, MapType)
-                pairs_of = ((k, self.coerced(v, type_.value)) for k, v in entries)
-                return Table(length, tuple(pairs_of))
-            case _:
-                if not isinstance(type_, FloatType):
-                    return value
-                return self.sampler.numbers.domain.const(value, FLOAT)
+        d = self.sampler.numbers.domain
+
+        def of(number: Constant, its: Type) -> Concrete:
+            return d.const(number, FLOAT) if isinstance(its, FloatType) else number
+
+        return map_scalars(value, type_, of)
 
 
 class _Draws(Struct, frozen=True):

@@ -24,10 +24,9 @@ from koord.syntax.types import (
     BoolType,
     EnumType,
     FloatType,
+    GrowingType,
     IntType,
-    ListType,
     MapType,
-    QueueType,
     RecordType,
     Robots,
     Type,
@@ -144,7 +143,7 @@ class Plain(Sampler):
             case ArrayType(element=element, size=size):
                 count = self.system.robots if size is Robots.ALL else size
                 return Seq(count, tuple(self.value(element) for _ in range(count)))
-            case ListType(element=element) | QueueType(element=element):
+            case GrowingType(element=element):
                 return Seq(length or 0, tuple(self.value(element) for _ in range(length or 0)))
             case MapType():
                 return Table(0, ())

@@ -22,7 +22,7 @@ from koord.semantics.traces.recording import Concrete
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, QuantifierKind, UnaryOp
-from koord.syntax.types import FLOAT, INT, ArrayType, ListType, QueueType
+from koord.syntax.types import FLOAT, INT, SequenceType
 from koord.syntax.walk import rebuilt
 
 #: How far apart the sides of an order may be put.
@@ -89,7 +89,7 @@ def _of_element(e: core.Quantified, label: int) -> core.Expr:
     """The body; over a variable's elements it speaks of the element itself, which can be mended."""
     match e.domain:
         case core.Elements(sequence=core.Read(place=core.Place(type=type_) as place)) if isinstance(
-            type_, ArrayType | ListType | QueueType
+            type_, SequenceType
         ):
             step = core.IndexStep(core.Const(label, INT), type_.element)
             element = core.Read(replace(place, steps=(*place.steps, step)))

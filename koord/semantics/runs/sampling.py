@@ -18,7 +18,7 @@ from koord.semantics.domain import Constant
 from koord.semantics.storage import Cell, Storage, Tree, contents
 from koord.semantics.traces.occurrences import constants
 from koord.semantics.traces.recording import Concrete
-from koord.semantics.traces.trace import Numbers, part_types
+from koord.semantics.traces.trace import Numbers
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax.types import (
     BOOL,
@@ -29,16 +29,17 @@ from koord.syntax.types import (
     BoolType,
     EnumType,
     FloatType,
+    GrowingType,
     IntType,
-    ListType,
     MapType,
     OpaqueType,
-    QueueType,
     RecordType,
     Robots,
+    SequenceType,
     StreamType,
     StringType,
     Type,
+    part_types,
 )
 
 #: Floats between two known ones lie on a grid of so many steps: exact numbers stay short.
@@ -88,7 +89,7 @@ class Sampler:
                 return self._record(fields, known)
             case ArrayType(element=element, size=size):
                 return self._list(element, self.system.robots if size is Robots.ALL else size)
-            case ListType(element=element) | QueueType(element=element):
+            case GrowingType(element=element):
                 count = self.rng.randint(0, _LONGEST_LIST) if length is None else length
                 return self._list(element, count)
             case MapType(key=key, value=value):
@@ -199,7 +200,7 @@ def values_within(value: Concrete, type_: Type) -> Iterator[tuple[Type, Concrete
             for part, (_, t) in zip(parts, type_.fields, strict=True):
                 yield from values_within(part, t)
         case Seq(items=items):
-            assert isinstance(type_, ArrayType | ListType | QueueType)
+            assert isinstance(type_, SequenceType)
             for item in items:
                 yield from values_within(item, type_.element)
         case _:

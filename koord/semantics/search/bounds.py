@@ -25,9 +25,8 @@ from koord.syntax.types import (
     ArrayType,
     BoolType,
     EnumType,
+    GrowingType,
     IntType,
-    ListType,
-    QueueType,
     RecordType,
     Robots,
     Type,
@@ -333,7 +332,7 @@ def candidates(
             return _products(parts, lambda x: Rec(x))
         case ArrayType(element=element, size=size):
             length = robots if size is Robots.ALL else size
-        case ListType(element=element) | QueueType(element=element):
+        case GrowingType(element=element):
             if length is None:
                 return None
         case _:

@@ -18,11 +18,11 @@ from koord.syntax.types import (
     BoolType,
     EnumType,
     IntType,
-    ListType,
     MapType,
-    QueueType,
     RecordType,
+    SequenceType,
     Type,
+    part_types,
 )
 
 #: Entries of a cache, beyond which it is emptied.
@@ -172,13 +172,13 @@ def _form(
         case Cell(is_set=is_set, value=value):
             return (_form(value, type_, found),) if is_set is True else None
         case Tree(parts=parts):
-            types = _part_types(type_, len(parts))
+            types = part_types(type_, len(parts))
             return tuple(_form(part, t, found) for part, t in zip(parts, types, strict=True))
         case Rec(fields=fields):
-            types = _part_types(type_, len(fields))
+            types = part_types(type_, len(fields))
             return tuple(_form(part, t, found) for part, t in zip(fields, types, strict=True))
         case Seq(items=items):
-            assert isinstance(type_, ListType | QueueType | ArrayType)
+            assert isinstance(type_, SequenceType)
             return tuple(_form(item, type_.element, found) for item in items)
         case Table(entries=entries):
             assert isinstance(type_, MapType)
@@ -191,13 +191,6 @@ def _form(
             return 0
 
 
-def _part_types(type_: Type, count: int) -> list[Type]:
-    if isinstance(type_, RecordType):
-        return [field for _, field in type_.fields]
-    assert isinstance(type_, ArrayType)
-    return [type_.element] * count
-
-
 class _Maker(Generic[V]):
     """Builds storages from forms; ``scalars`` are taken one after the other."""
 
@@ -208,7 +201,7 @@ class _Maker(Generic[V]):
     def storage(self, form: Form, type_: Type) -> Storage[V]:
         if isinstance(type_, RecordType | ArrayType):
             assert isinstance(form, tuple)
-            types = _part_types(type_, len(form))
+            types = part_types(type_, len(form))
             return Tree(tuple(map(self.storage, form, types)))
         if form is None:
             # A domain's constants are Python's own in every domain that builds storages here.
@@ -223,9 +216,7 @@ class _Maker(Generic[V]):
             case RecordType(fields=fields):
                 assert isinstance(form, tuple)
                 return Rec(tuple(self.value(f, t) for f, (_, t) in zip(form, fields, strict=True)))
-            case (
-                ArrayType(element=element) | ListType(element=element) | QueueType(element=element)
-            ):
+            case SequenceType(element=element):
                 assert isinstance(form, tuple)
                 items: Seq[Any] = Seq(len(form), tuple(self.value(f, element) for f in form))
                 return items

@@ -10,16 +10,7 @@ from __future__ import annotations
 
 from msgspec import Struct, field
 
-from koord.syntax.types import (
-    ArrayType,
-    IntType,
-    ListType,
-    MapType,
-    QueueType,
-    RecordType,
-    Robots,
-    Type,
-)
+from koord.syntax.types import ArrayType, GrowingType, IntType, MapType, RecordType, Robots, Type
 
 
 class Sort(Struct, eq=False):
@@ -101,7 +92,7 @@ def shape(type_: Type) -> Shape:
             return Fields(tuple(shape(part) for _, part in fields))
         case ArrayType(element=element, size=size):
             return Items(Sort(), shape(element), size is Robots.ALL)
-        case ListType(element=element) | QueueType(element=element):
+        case GrowingType(element=element):
             return Items(Sort(), shape(element), False)
         case MapType(key=key, value=value):
             return Entries(shape(key), shape(value))

@@ -193,10 +193,5 @@ def _fills(initial: core.Expr, type_: Type) -> bool:
 
 
 def _has_array(type_: Type) -> bool:
-    match type_:
-        case ArrayType():
-            return True
-        case RecordType(fields=fields):
-            return any(_has_array(field) for _, field in fields)
-        case _:
-            return False
+    own = type_.parts if isinstance(type_, RecordType) else ()
+    return isinstance(type_, ArrayType) or any(map(_has_array, own))

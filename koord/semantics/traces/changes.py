@@ -12,17 +12,8 @@ from koord.semantics.storage import Cell, Storage
 from koord.semantics.traces.codec_values import encode_value
 from koord.semantics.traces.names import Named, Names
 from koord.semantics.traces.rendering import ROUNDED, show_storage, show_value
-from koord.semantics.traces.trace import part_types
 from koord.semantics.values import Rec, Seq, Table, Value, identical
-from koord.syntax.types import (
-    POS,
-    ArrayType,
-    ListType,
-    MapType,
-    QueueType,
-    RecordType,
-    Type,
-)
+from koord.syntax.types import POS, MapType, RecordType, SequenceType, Type, part_types
 
 
 class Change(Struct, frozen=True):
@@ -170,7 +161,7 @@ def _of_value(
                 below = _below(name, type_, position)
                 yield from _of_value(below, t, before[position], after[position])
         case Seq(items=before), Seq(items=after) if len(before) == len(after):
-            assert isinstance(type_, ArrayType | ListType | QueueType)
+            assert isinstance(type_, SequenceType)
             for position, (a, b) in enumerate(zip(before, after, strict=True)):
                 yield from _of_value(f"{name}[{position}]", type_.element, a, b)
         case Table(entries=before), Table(entries=after) if [k for k, _ in before] == [

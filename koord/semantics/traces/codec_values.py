@@ -18,7 +18,7 @@ from typing import TypeAlias, assert_never
 from koord.semantics.domain import LONGEST_NUMBER_BITS, Constant
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.traces.json_reader import Reader, shortened
-from koord.semantics.traces.trace import Numbers, part_types
+from koord.semantics.traces.trace import Numbers
 from koord.semantics.values import (
     Rec,
     Seq,
@@ -31,16 +31,17 @@ from koord.syntax.types import (
     BoolType,
     EnumType,
     FloatType,
+    GrowingType,
     IntType,
-    ListType,
     MapType,
     OpaqueType,
-    QueueType,
     RecordType,
     Robots,
+    SequenceType,
     StreamType,
     StringType,
     Type,
+    part_types,
     show,
 )
 
@@ -123,7 +124,7 @@ def encode_value(value: Value[Constant], type_: Type) -> Json:
             pairs = zip(type_.fields, parts, strict=True)
             return {name: encode_value(part, t) for (name, t), part in pairs}
         case Seq(items=items):
-            assert isinstance(type_, ArrayType | ListType | QueueType)
+            assert isinstance(type_, SequenceType)
             return [encode_value(item, type_.element) for item in items]
         case Table(entries=entries):
             assert isinstance(type_, MapType)
@@ -168,7 +169,7 @@ def decode_value(reader: Reader, type_: Type, robots: int, numbers: Numbers) -> 
         case ArrayType(element=element, size=size):
             items = reader.items(robots if size is Robots.ALL else size)
             return _sequence(items, element, robots, numbers)
-        case ListType(element=element) | QueueType(element=element):
+        case GrowingType(element=element):
             return _sequence(reader.items(), element, robots, numbers)
         case MapType():
             return _decode_map(reader, type_, robots, numbers)

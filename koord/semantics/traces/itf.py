@@ -25,18 +25,18 @@ from koord.semantics.traces.codec_values import Json, encode_value
 from koord.semantics.traces.json_reader import Reader
 from koord.semantics.traces.names import Named, Names, distinct
 from koord.semantics.traces.recording import Concrete
-from koord.semantics.traces.trace import Trace, part_types
+from koord.semantics.traces.trace import Trace
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax.diagnostics import refusal
 from koord.syntax.types import (
     ArrayType,
     EnumType,
     FloatType,
-    ListType,
     MapType,
-    QueueType,
     RecordType,
+    SequenceType,
     Type,
+    part_types,
 )
 
 #: Where the document's ``#meta`` holds the trace.
@@ -199,7 +199,7 @@ def itf_value(value: Concrete, type_: Type) -> Json:
             pairs = zip(type_.fields, parts, strict=True)
             return {name: itf_value(part, t) for (name, t), part in pairs}
         case Seq(items=items):
-            assert isinstance(type_, ArrayType | ListType | QueueType)
+            assert isinstance(type_, SequenceType)
             return [itf_value(item, type_.element) for item in items]
         case Table(entries=entries):
             assert isinstance(type_, MapType)

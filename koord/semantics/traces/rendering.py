@@ -7,19 +7,17 @@ from fractions import Fraction
 
 from koord.semantics.domain import Constant
 from koord.semantics.storage import Cell, Storage
-from koord.semantics.traces.trace import part_types
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.types import (
     POS,
-    ArrayType,
     BoolType,
     EnumType,
-    ListType,
     MapType,
-    QueueType,
     RecordType,
+    SequenceType,
     StringType,
     Type,
+    part_types,
 )
 
 UNSET = "unset"
@@ -48,7 +46,7 @@ def show_value(value: Value[Constant], type_: Type) -> str:
             shown = ", ".join(f"{name} = {show_value(part, t)}" for (name, t), part in pairs)
             return f"{type_.name}({shown})"
         case Seq(items=items):
-            assert isinstance(type_, ArrayType | ListType | QueueType)
+            assert isinstance(type_, SequenceType)
             return f"[{', '.join(show_value(item, type_.element) for item in items)}]"
         case Table(entries=entries):
             assert isinstance(type_, MapType)

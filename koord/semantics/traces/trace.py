@@ -21,7 +21,6 @@ from koord.semantics.traces.recording import Recording
 from koord.syntax import core
 from koord.syntax.problem import Problem
 from koord.syntax.source import Source
-from koord.syntax.types import ArrayType, RecordType, Type
 
 if TYPE_CHECKING:
     from koord.syntax.elaborate.settings import ParamValue
@@ -181,11 +180,3 @@ def assembled(
     for step in steps:
         tracer.add(step)
     return tracer.trace(sources, system, numbers, recording, violation)
-
-
-def part_types(type_: Type, count: int) -> tuple[Type, ...]:
-    """The types of the parts of a tree of storage."""
-    if isinstance(type_, RecordType):
-        return tuple(field_type for _, field_type in type_.fields)
-    assert isinstance(type_, ArrayType)
-    return (type_.element,) * count

@@ -6,9 +6,6 @@ from msgspec import Struct, field
 
 from koord.syntax.types import (
     ArrayType,
-    ListType,
-    MapType,
-    QueueType,
     RecordType,
     Robots,
     Type,
@@ -40,7 +37,7 @@ class Sizes(Struct):
         waiting = [type_]
         while waiting:
             current = waiting[-1]
-            missing = [part for part in _parts(current) if id(part) not in self._known]
+            missing = [part for part in current.parts if id(part) not in self._known]
             if missing:
                 waiting += missing
                 continue
@@ -49,22 +46,10 @@ class Sizes(Struct):
         return self._known[id(type_)][1]
 
     def _size(self, type_: Type) -> Size:
-        below = [self._known[id(part)][1] for part in _parts(type_)]
+        below = [self._known[id(part)][1] for part in type_.parts]
         if not below:
             return Size(1, 1) if isinstance(type_, RecordType) else _SCALAR
         parts = sum(size.parts for size in below)
         if isinstance(type_, ArrayType):
             parts *= self.robots if type_.size is Robots.ALL else type_.size
         return Size(max(1, parts), 1 + max(size.depth for size in below))
-
-
-def _parts(type_: Type) -> tuple[Type, ...]:
-    match type_:
-        case RecordType(fields=fields):
-            return tuple(part for _, part in fields)
-        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
-            return (element,)
-        case MapType(key=key, value=value):
-            return (key, value)
-        case _:
-            return ()

@@ -14,7 +14,7 @@ from koord.syntax.elaborate.phrases import a
 from koord.syntax.elaborate.places import meaning
 from koord.syntax.elaborate.suggest import did_you_mean
 from koord.syntax.elaborate.targets import target
-from koord.syntax.types import BOOL, INT, ListType, MapType, QueueType, RecordType, Type
+from koord.syntax.types import BOOL, INT, GrowingType, MapType, RecordType, Type
 
 
 def call_statement(body: Body, s: ast.CallStmt) -> core.Block:
@@ -65,11 +65,7 @@ def _changed(body: Body, call: ast.Call, count: int) -> core.Place | None:
 
 
 def _growing(type_: Type) -> Type | None:
-    match type_:
-        case ListType(element=element) | QueueType(element=element):
-            return element
-        case _:
-            return None
+    return type_.element if isinstance(type_, GrowingType) else None
 
 
 def _no_list(body: Body, call: ast.Call, place: core.Place, what: str) -> core.Block:

@@ -18,10 +18,12 @@ from koord.syntax.types import (
     ListType,
     MapType,
     QueueType,
-    RecordType,
     Robots,
+    SequenceType,
+    StreamType,
     Type,
     show,
+    within,
 )
 
 #: The names of types that every program has.
@@ -113,13 +115,8 @@ def _generic(body: Body, name: str, found: list[Type], written: ast.NamedType) -
 
 
 def _comparable(type_: Type) -> bool:
-    match type_:
-        case RecordType(fields=fields):
-            return all(_comparable(field) for _, field in fields)
-        case ListType() | ArrayType() | QueueType() | MapType():
-            return False
-        case _:
-            return type_ != STREAM
+    unfit = (SequenceType, MapType, StreamType)
+    return not any(isinstance(each, unfit) for each in within(type_))
 
 
 def _size(body: Body, size: ast.Expr) -> int | Robots | None:
@@ -156,8 +153,4 @@ def is_numeric(type_: Type) -> bool:
 
 def element_of(type_: Type) -> Type | None:
     """The type of the elements of a list, array or queue."""
-    match type_:
-        case ListType(element=element) | QueueType(element=element) | ArrayType(element=element):
-            return element
-        case _:
-            return None
+    return type_.element if isinstance(type_, SequenceType) else None

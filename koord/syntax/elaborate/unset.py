@@ -18,9 +18,8 @@ from koord.syntax.types import (
     STRING,
     ArrayType,
     EnumType,
-    ListType,
+    GrowingType,
     MapType,
-    QueueType,
     RecordType,
     Type,
 )
@@ -190,7 +189,7 @@ def _warn(session: Session, declaration: core.Declaration, path: Path) -> None:
 def _first(type_: Type) -> str | None:
     """A value to begin with."""
     match type_:
-        case ListType() | QueueType():
+        case GrowingType():
             return "[]"
         case MapType():
             return "{}"

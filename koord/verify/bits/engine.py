@@ -75,12 +75,9 @@ class ByBits(Struct):
 
 def _has_floats(ledger: Ledger) -> bool:
     return any(
-        isinstance(node, Declaration) and _is_float(node) for node in nodes(ledger.system.program)
+        isinstance(node, Declaration) and isinstance(node.variable.type, FloatType)
+        for node in nodes(ledger.system.program)
     )
-
-
-def _is_float(entry: Declaration) -> bool:
-    return any(isinstance(node, FloatType) for node in nodes(entry.variable.type))
 
 
 def _leave(

@@ -26,11 +26,11 @@ from koord.syntax.types import (
     BOOL,
     INT,
     ArrayType,
+    GrowingType,
     IntType,
-    ListType,
-    QueueType,
     RecordType,
     Robots,
+    SequenceType,
     StreamType,
     StringType,
     Type,
@@ -227,7 +227,7 @@ def _parts(
             for k, ((label, its_type), part) in enumerate(zip(fields, parts, strict=True)):
                 inner = shape.parts[k] if isinstance(shape, Fields) else None
                 yield (*name, f".{label}"), its_type, part, inner
-        case ArrayType(element=element) | ListType(element=element) | QueueType(element=element):
+        case SequenceType(element=element):
             over_robots = isinstance(type_, ArrayType) and type_.size is Robots.ALL
             inner = shape.element if isinstance(shape, Items) else None
             for k, part in enumerate(parts):
@@ -249,7 +249,7 @@ def _valued(
             for label, its_type, below, its_shape in _parts(name, type_, parts, shape):
                 yield from _valued(at, label, its_type, below, its_shape, inside)
         case Seq(length=length, items=items):
-            listed = isinstance(type_, ListType | QueueType)
+            listed = isinstance(type_, GrowingType)
             if listed and at.written is not Written.PARTS:
                 yield from _scalar(at, ("length(", *name, ")"), INT, length, None, inside)
             elements = _parts(name, type_, items, shape)

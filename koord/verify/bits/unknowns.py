@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from koord.syntax import core
-from koord.syntax.types import Type
+from koord.syntax.types import ScalarType, Type, is_flat
 from koord.verify.bits.domain import Bit, BitDomain, Bits
 from koord.verify.bits.numbers import Number
-from koord.verify.externals import has_list, is_compound, scalars
+from koord.verify.externals import scalars
 from koord.verify.unknowns import Symbolic, Unknowns
 
 
@@ -28,7 +28,7 @@ class BitUnknowns(Unknowns):
         """The answer of a mathematical function; across rounds alike for few arguments only."""
         result = external.result.type
         variables = (external.result, *external.parameters)
-        if not any(has_list(v.type) for v in variables) and not is_compound(result):
+        if all(is_flat(v.type) for v in variables) and isinstance(result, ScalarType):
             flat = [scalar for argument in arguments for scalar in scalars(argument)]
             if self.bits.is_relation(cast(Any, flat), result):
                 return cast(Any, self.bits.applied(external.name, cast(Any, flat), result))

@@ -14,10 +14,10 @@ from koord.semantics.storage import Many, Storage, Tree, many_of, merge_storage_
 from koord.semantics.turns import Turned
 from koord.syntax import core
 from koord.syntax.core import BinaryOp
-from koord.syntax.types import INT
+from koord.syntax.types import INT, is_flat
 from koord.verify.every_n.crowd import World
 from koord.verify.footprint import Written
-from koord.verify.races import is_flat, racy_places
+from koord.verify.races import racy_places
 from koord.verify.terms import Term, Terms
 
 #: Of variables with more locations than this it is not said who wrote which of them last.

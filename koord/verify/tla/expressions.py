@@ -18,7 +18,16 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, UnaryOp
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import Span
-from koord.syntax.types import ArrayType, BoolType, EnumType, IntType, ListType, RecordType, Type
+from koord.syntax.types import (
+    ArrayType,
+    BoolType,
+    EnumType,
+    IntType,
+    ListType,
+    RecordType,
+    Type,
+    within,
+)
 
 _INFIX = {
     BinaryOp.ADD: "+",
@@ -61,21 +70,16 @@ def name_of(name: str) -> str:
 
 def check_type(type_: Type, span: Span) -> None:
     """Raises KoordError for types whose values the translation does not have."""
-    match type_:
-        case BoolType() | IntType() | EnumType():
-            return
-        case ArrayType(element=element) | ListType(element=element):
-            check_type(element, span)
-        case RecordType(fields=fields):
-            for _, of in fields:
-                check_type(of, span)
-        case _:
+    for each in within(type_):
+        if not isinstance(each, _TRANSLATED):
             raise refused(
-                f"a {_KINDS.get(type(type_).__name__, 'value of this type')}",
+                f"a {_KINDS.get(type(each).__name__, 'value of this type')}",
                 span,
                 "use Booleans, integers, enumerations, records and arrays",
             )
 
+
+_TRANSLATED = (BoolType, IntType, EnumType, ArrayType, ListType, RecordType)
 
 _KINDS = {
     "FloatType": "float",

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from koord.semantics.configurations import System
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind, Start
-from koord.syntax.types import INT, ArrayType, ListType, RecordType, Type
+from koord.syntax.types import INT, ArrayType, ListType, contains, within
 from koord.syntax.walk import nodes, reached, statements, written
 from koord.verify.tla.expressions import (
     Scope,
@@ -160,7 +160,7 @@ def _check(program: core.Program) -> None:
                 raise refused("an allwrite variable that INIT writes", place.span, hint)
     for entry in _declarations(program):
         check_type(entry.variable.type, entry.span)
-        if any(isinstance(t, ListType) for t in _within(entry.variable.type)):
+        if contains(entry.variable.type, ListType):
             raise refused("a list that is kept", entry.span, "use an array: its length is known")
     starting = [e.initial for e in _declarations(program)] + [a.init for a in program.agents]
     for node in (n for part in starting for n in reached(program, part)):
@@ -201,21 +201,9 @@ def _declarations(program: core.Program) -> list[core.Declaration]:
     return [*program.allwrite, *program.allread, *own]
 
 
-def _within(type_: Type) -> Iterator[Type]:
-    yield type_
-    match type_:
-        case ArrayType(element=element) | ListType(element=element):
-            yield from _within(element)
-        case RecordType(fields=fields):
-            for _, of in fields:
-                yield from _within(of)
-        case _:
-            return
-
-
 def _longest(system: System) -> int:
     """The most elements that any array has."""
-    types = [t for e in _declarations(system.program) for t in _within(e.variable.type)]
+    types = [t for e in _declarations(system.program) for t in within(e.variable.type)]
     sizes = [t.size for t in types if isinstance(t, ArrayType) and isinstance(t.size, int)]
     return max([system.robots, *sizes])
 
