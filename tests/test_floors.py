@@ -104,7 +104,6 @@ WORKING = {
     "sweeps",
     "systems",
     "tables",
-    "traces",
     "verdicts",
     "verified",
 }

@@ -16,6 +16,7 @@ from msgspec import Struct
 from koord.api.files import check_writable
 from koord.api.programs import Program
 from koord.api.robots import AS_STATED, Fleet, system_of
+from koord.api.traces import sources_of
 from koord.cli.arguments import (
     add_json,
     add_settings,
@@ -32,7 +33,6 @@ from koord.cli.progress import Interruption, LiveLine
 from koord.cli.protocol_check import NETWORKS
 from koord.cli.refused_runs import RefusedRun, again, problem_of, told
 from koord.cli.terminal import Paint, style_of, visible
-from koord.cli.traces import sources_of
 from koord.refinement.cases import Case, Target, Tried, all_generated, generated, of_program, tried
 from koord.refinement.running import Compiled, ready
 from koord.refinement.shrinking import TRIES, ever_smaller

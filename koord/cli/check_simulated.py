@@ -8,13 +8,13 @@ import sys
 
 from msgspec import Struct, to_builtins
 
+from koord.api.traces import write_trace
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.fitting import asked
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.simulated_traces import Tracing
 from koord.cli.terminal import Paint, style_of, visible
-from koord.cli.traces import write_trace
 from koord.refinement.judging import Judged
 from koord.sim.running import run
 from koord.syntax.diagnostics import KoordError

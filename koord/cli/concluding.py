@@ -35,7 +35,7 @@ def concluded(
     """
     told = None
     if tracing is not None:
-        from koord.cli.traces import complete_trace
+        from koord.api.traces import complete_trace
 
         ran = tracing.ran(simulation)
         complete_trace(arguments.trace, tracing.trace(ran))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from koord.api.programs import Program
+from koord.api.traces import sources_of
 from koord.cli import departures, fairness
 from koord.cli.excerpt import place
 from koord.cli.tables import Shown, Table, repeats
 from koord.cli.terminal import Paint, Style
-from koord.cli.traces import sources_of
 from koord.refinement.rerunning import Departure, Rerun, rerun
 from koord.semantics.configurations import Configuration, System
 from koord.semantics.domain import Constant

@@ -6,10 +6,10 @@ import argparse
 from fractions import Fraction
 
 from koord.api.programs import Program
+from koord.api.traces import read_trace
 from koord.cli.files import read_program, read_written
 from koord.cli.fitting import NO_FILE
 from koord.cli.simulating import Job, watching
-from koord.cli.traces import read_trace
 from koord.refinement.rehearsing import Rehearsal, Rehearsed, places
 from koord.refinement.running import ready
 from koord.runtime.configuration.checking import load as load_configuration

@@ -13,6 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api.files import InputFile
+from koord.api.traces import read_trace
 from koord.cli import departures
 from koord.cli.arguments import add_json, check_files, number
 from koord.cli.diagnostics import report_error
@@ -20,7 +21,6 @@ from koord.cli.exits import Exit
 from koord.cli.files import name_of, read_program, read_written
 from koord.cli.tables import Rounds, Table, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.cli.traces import read_trace
 from koord.refinement.rerunning import Departure, rerun
 from koord.semantics.execution import Step
 from koord.semantics.replay import Refused, Replayed, replay

@@ -19,6 +19,7 @@ from koord.api.growing import Growing, part_of, remove_part
 from koord.api.programs import Program
 from koord.api.results import ArgumentError
 from koord.api.robots import Fleet, system_of
+from koord.api.traces import complete_trace, sources_of, write_trace
 from koord.cli.arguments import (
     add_bounds,
     add_files,
@@ -36,7 +37,6 @@ from koord.cli.interactive import Interactive
 from koord.cli.progress import Interruption
 from koord.cli.tables import Rounds, Table
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.cli.traces import complete_trace, sources_of, write_trace
 from koord.semantics.configurations import NO_EVENT, System
 from koord.semantics.patience import OutOfPatienceError, Patience
 from koord.semantics.runs.policies import AtRandom, First, Play

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
+from koord.api.traces import sources_of
 from koord.cli.simulating import Job
-from koord.cli.traces import sources_of
 from koord.refinement.hearing import Hearing
 from koord.refinement.judging import Judged, judge
 from koord.refinement.running import Ran, ready

@@ -213,8 +213,8 @@ def _exit(report: Verification) -> Exit:
 
 def _keep(program: Program, asked: Asked, path: str) -> None:
     """Write the trace of the first violation, the shortest of several; say so if there is none."""
+    from koord.api.traces import sources_of, write_counterexample
     from koord.cli import counterexamples
-    from koord.cli.traces import sources_of, write_counterexample
 
     broken = [v for v in asked.report.verdicts if v.counterexample is not None]
     if not broken:

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from koord.api.traces import read_trace
 from koord.cli import main as frame
 from koord.cli.exits import Exit
 from koord.cli.main import main
-from koord.cli.traces import read_trace
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.traces import encode_runs

@@ -11,9 +11,9 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from koord.api.traces import read_trace
 from koord.cli.exits import Exit
 from koord.cli.main import main
-from koord.cli.traces import read_trace
 from koord.semantics.replay import replay
 from koord.semantics.traces.codec import decode, encode
 from koord.syntax.diagnostics import KoordError

@@ -128,7 +128,7 @@ SHOWN = (
     ),
     Mutant(
         "what would not be legal is kept",
-        "cli.traces.write_counterexample",
+        "api.traces.write_counterexample",
         "refused is not None",
         "refused is not None and not data",
         ("tests/cli/test_replay.py",),

@@ -63,7 +63,7 @@ SIMULATED = (
     ),
     Mutant(
         "what is cut off counts as whole",
-        "cli.traces.read_trace",
+        "api.traces.read_trace",
         "replace(read_trace(whole, name, program), cut_off=True)",
         "replace(read_trace(whole, name, program))",
         (PARTS,),

@@ -9,7 +9,7 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
-from koord.cli.traces import read_trace
+from koord.api.traces import read_trace
 from koord.semantics.configurations import System
 from koord.semantics.replay import replay
 from koord.semantics.runs.policies import AtRandom
