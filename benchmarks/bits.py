@@ -46,20 +46,20 @@ def asked(how: str, file: str, robots: int, tasks: int, rounds: int, *claims: st
 
 def work(how: str, path: str, robots: str, tasks: str, rounds: str, *names: str) -> str:
     """What the process does: the answer in a word."""
-    from koord.semantics.configurations import dealt
     from koord.syntax.elaborate.settings import Settings
     from koord.syntax.load import load
     from koord.syntax.source import Source
-    from koord.verify.abstraction import abstracted
-    from koord.verify.bits import pdr
-    from koord.verify.bits.checking import holds_always
-    from koord.verify.bits.clauses import QUICK, Clauses
-    from koord.verify.bits.narrowing import narrowed
-    from koord.verify.bits.renaming import images
-    from koord.verify.bits.transition import circuit_of
-    from koord.verify.bits.unrolling import Unrolled
+    from koord.syntax.system import dealt
     from koord.verify.claims import claims_of
-    from koord.verify.solving import Answer, Deadline
+    from koord.verify.encoding.solver import Answer, Deadline
+    from koord.verify.engines.bits import ic3
+    from koord.verify.engines.bits.checking import holds_always
+    from koord.verify.engines.bits.circuit import circuit_of
+    from koord.verify.engines.bits.clauses import QUICK, Clauses
+    from koord.verify.engines.bits.constraint_selection import narrowed
+    from koord.verify.engines.bits.robot_permutations import images
+    from koord.verify.engines.bits.unrolling import Unrolled
+    from koord.verify.reduction.abstraction import abstracted
 
     settings = Settings({"tasks": int(tasks)} if int(tasks) else {})
     program = load(Source(path, Path(path).read_text(encoding="utf-8")), settings).program
@@ -82,9 +82,9 @@ def work(how: str, path: str, robots: str, tasks: str, rounds: str, *names: str)
     question = narrowed(circuit, claims, ())
     properties = tuple(claim.stated for claim in claims if claim.stated is not None)
     renamed = images(system, properties, question.latches)
-    search = pdr.Search(Clauses(g, QUICK), question, Deadline(), renamed)
+    search = ic3.Search(Clauses(g, QUICK), question, Deadline(), renamed)
     found = search.run()
-    if not isinstance(found, pdr.Invariant):
+    if not isinstance(found, ic3.Invariant):
         return "no invariant"
     assert holds_always(g, question, found.cubes)
     return f"{len(found.cubes)} clauses, checked"

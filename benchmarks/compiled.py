@@ -76,14 +76,14 @@ def event(name: str, times: int) -> dict[str, Any]:
     """Microseconds of an event, compiled and by the reference."""
     from koord.refinement.running import ready
     from koord.runtime.engine.fleet import Fleet
-    from koord.semantics.configurations import dealt
+    from koord.sampling.sampled_inputs import SampledInputs
+    from koord.sampling.values import Sampler
     from koord.semantics.domain import DOUBLES
     from koord.semantics.rounds import enabled, initialised, run_event, run_skip
-    from koord.semantics.runs.answering import SampledInputs
-    from koord.semantics.runs.sampling import Sampler
-    from koord.semantics.traces.trace import Numbers
     from koord.syntax.load import load
     from koord.syntax.source import Source
+    from koord.syntax.system import dealt
+    from koord.traces.trace import Numbers
 
     program = load(Source("event.krd", EVENTS[name])).program
     assert program is not None

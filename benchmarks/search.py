@@ -74,14 +74,14 @@ def searched(
     name: str, tasks: int, robots: int, reduced: bool, patience_s: float
 ) -> dict[str, Any]:
     """One search to its end, or for so many seconds of CPU time, with all reductions or none."""
-    from koord.semantics.configurations import dealt
     from koord.semantics.liveness import LIVENESS
-    from koord.semantics.search.engine import survey
-    from koord.semantics.search.findings import Exhausted, OutOfBounds
-    from koord.semantics.search.limits import Limits, resident_mb
     from koord.syntax.elaborate.settings import Settings
     from koord.syntax.load import load
     from koord.syntax.source import Source
+    from koord.syntax.system import dealt
+    from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds
+    from koord.verify.engines.explicit.limits import Limits, resident_mb
+    from koord.verify.engines.explicit.search import survey
 
     text = TASK if tasks else Path(EXAMPLES / f"{name}.krd").read_text("utf-8")
     settings = Settings({"tasks": tasks}) if tasks else Settings()

@@ -34,14 +34,14 @@ RUNS: tuple[tuple[str, str, str], ...] = (
 
 def interpreted(name: str, numbers_name: str, policy_name: str, rounds: int) -> dict[str, Any]:
     """CPU seconds and numbers of steps of a run, and of the same run made again."""
-    from koord.semantics.configurations import dealt
+    from koord.sampling.monitors import Watch
+    from koord.sampling.policies import AtRandom, First, Play
+    from koord.sampling.running import new_run
     from koord.semantics.execution import execute
-    from koord.semantics.runs.policies import AtRandom, First, Play
-    from koord.semantics.runs.running import new_run
-    from koord.semantics.runs.watching import Watch
-    from koord.semantics.traces.trace import Numbers
     from koord.syntax.load import load
     from koord.syntax.source import Source
+    from koord.syntax.system import dealt
+    from koord.traces.trace import Numbers
 
     path = EXAMPLES / f"{name}.krd"
     program = load(Source(path.name, Path(path).read_text("utf-8"))).program

@@ -20,10 +20,10 @@ from koord.refinement.storms import Stormy, storm
 from koord.runtime.chaos.ether import why_not
 from koord.runtime.chaos.faults import Faults
 from koord.runtime.protocol.setup import Timing
-from koord.semantics.configurations import dealt
-from koord.semantics.traces.trace import Sources
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import dealt
+from koord.traces.trace import Sources
 
 ROBOTS = 8
 DELTA_S = 0.1

@@ -11,11 +11,11 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from koord.refinement.hosting import SeededHost, settled_starts
+from koord.refinement.deployed_hosts import SeededHost, settled_starts
 from koord.runtime.compile.naming import Names
 from koord.runtime.robot import Host, Key, Robot, Turn
-from koord.semantics.configurations import System
 from koord.sim.hosting import ANSWERED, SENSED, plain_name
+from koord.syntax.system import System
 
 
 class FallbackHost(Struct):

@@ -9,11 +9,11 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 
 from koord.api.results import ArgumentError
-from koord.semantics.configurations import System, dealt
 from koord.syntax import core
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_ROBOTS
 from koord.syntax.costs import excesses
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.system import System, dealt
 
 
 class Fleet(Struct, frozen=True):

@@ -9,17 +9,17 @@ from msgspec.structs import replace
 from koord.api.files import write_atomically
 from koord.api.growing import part_of
 from koord.api.programs import Program, no_program
-from koord.semantics.replay import replay
-from koord.semantics.traces.codec import decode_document, encode, load_embedded
-from koord.semantics.traces.itf import embedded_trace, encode_itf, is_itf
-from koord.semantics.traces.json_reader import parse
-from koord.semantics.traces.parts import completed, mended
-from koord.semantics.traces.trace import Sources, Trace
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.elaborate.settings import Settings
 from koord.syntax.load import load as elaborate
 from koord.syntax.source import Source
+from koord.traces.codec import decode_document, encode, load_embedded
+from koord.traces.itf import embedded_trace, encode_itf, is_itf
+from koord.traces.json_reader import parse
+from koord.traces.parts import completed, mended
+from koord.traces.replay import replay
+from koord.traces.trace import Sources, Trace
 
 #: By convention, and by what other tools look for.
 ITF_SUFFIX = ".itf.json"

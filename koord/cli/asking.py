@@ -14,11 +14,11 @@ from msgspec.structs import replace
 
 from koord.cli.progress import Interruption, LiveLine
 from koord.cli.requests import Request
-from koord.semantics.configurations import System
+from koord.syntax.system import System
 
 if TYPE_CHECKING:
     from koord.verify.instants import Shadowed
-    from koord.verify.resting import Resting
+    from koord.verify.proof_core import Resting
     from koord.verify.verdicts import Bounds, Verdict
     from koord.verify.verdicts import Report as Verification
 
@@ -66,8 +66,8 @@ def asked_each(systems: Sequence[System], request: Request) -> Iterator[Asked]:
     """
     check_loadable()
     # Loaded once, before there are several processes.
-    import koord.verify.apart  # noqa: F401
-    from koord.verify.pool import Pool
+    import koord.verify.time_limits  # noqa: F401
+    from koord.verify.processes import Pool
 
     with Interruption() as interruption:
 
@@ -108,15 +108,14 @@ def check_loadable() -> None:
         from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
     except ImportError:
         return
-    if getrlimit(RLIMIT_AS)[0] == RLIM_INFINITY or "koord.verify.apart" in sys.modules:
+    if getrlimit(RLIMIT_AS)[0] == RLIM_INFINITY or "koord.verify.time_limits" in sys.modules:
         return
     child = os.fork()
     if child == 0:
         try:
-            import koord.verify.apart
-            import koord.verify.bits.engine
-            import koord.verify.horn.engine
-            import koord.verify.live.settling  # noqa: F401
+            import koord.verify.engines.bits.engine
+            import koord.verify.engines.horn.engine
+            import koord.verify.liveness_strategy  # noqa: F401
         except BaseException:
             os._exit(1)
         os._exit(0)
@@ -157,10 +156,10 @@ def _asked(
     interrupted: Callable[[], bool],
 ) -> Asked:
     """The verdicts on one system: if any number of robots is asked for, an example of them."""
-    from koord.verify.apart import verify_apart
     from koord.verify.claims import claims_of, liveness_of
-    from koord.verify.portfolio import Choice
-    from koord.verify.solving import Deadline
+    from koord.verify.encoding.solver import Deadline
+    from koord.verify.strategy import Choice
+    from koord.verify.time_limits import verify_apart
     from koord.verify.verdicts import Report
 
     known = [claim.name for claim in (*claims_of(system), *liveness_of(system))]
@@ -207,7 +206,7 @@ def resting(
     system: System, bounds: Bounds, report: Verification, request: Request
 ) -> Resting | None:
     """What the proofs rest on; None where Ctrl-C ended the search for proofs or for this."""
-    from koord.verify.resting import resting as rested
+    from koord.verify.proof_core import resting as rested
 
     if report.interrupted:
         return None

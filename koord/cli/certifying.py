@@ -8,9 +8,9 @@ import sys
 from koord import __version__
 from koord.api.files import write_atomically
 from koord.api.programs import Program
-from koord.semantics.configurations import System
+from koord.syntax.system import System
 from koord.verify.certificates import Texts, certificate, shown_by
-from koord.verify.solving import Deadline
+from koord.verify.encoding.solver import Deadline
 from koord.verify.verdicts import Report
 
 

@@ -36,8 +36,8 @@ from koord.cli.terminal import Paint, style_of, visible
 from koord.refinement.cases import Case, Target, Tried, all_generated, generated, of_program, tried
 from koord.refinement.running import Compiled, ready
 from koord.refinement.shrinking import TRIES, ever_smaller
-from koord.semantics.configurations import System
 from koord.syntax import core
+from koord.syntax.system import System
 
 #: So many robots, in turn.
 _ROBOTS = (1, 2, 3, 4)

@@ -10,21 +10,15 @@ from koord.cli import departures, fairness
 from koord.cli.excerpt import place
 from koord.cli.tables import Shown, Table, repeats
 from koord.cli.terminal import Paint, Style
-from koord.refinement.rerunning import Departure, Rerun, rerun
-from koord.semantics.configurations import Configuration, System
+from koord.refinement.compiled_replay import Departure, Rerun, rerun
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.execution import execute
-from koord.semantics.lassos import left_behind
-from koord.semantics.traces.names import Names
-from koord.semantics.traces.recording import Recording
-from koord.semantics.traces.trace import (
-    Numbers,
-    Sources,
-    Trace,
-    Violation,
-    ViolationKind,
-    traced,
-)
+from koord.semantics.recording import Recording
+from koord.syntax.system import System
+from koord.traces.lassos import left_behind
+from koord.traces.names import Names
+from koord.traces.trace import Numbers, Sources, Trace, Violation, ViolationKind, traced
 from koord.verify.claims import Claim, ClaimKind, rule_of
 from koord.verify.instants import instant_of
 from koord.verify.verdicts import Counterexample, Verdict

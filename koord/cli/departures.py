@@ -6,12 +6,12 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from koord.cli.terminal import visible
-from koord.semantics.traces.changes import Change
-from koord.semantics.traces.json_reader import shortened
-from koord.semantics.traces.trace import BEFORE_ROUNDS
+from koord.traces.changes import Change
+from koord.traces.json_reader import shortened
+from koord.traces.trace import BEFORE_ROUNDS
 
 if TYPE_CHECKING:
-    from koord.refinement.rerunning import Rerun
+    from koord.refinement.compiled_replay import Rerun
 
 _WIDEST = 40
 

@@ -23,16 +23,16 @@ from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import Reading, load_programs
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import visible
-from koord.semantics.configurations import System
-from koord.semantics.crowds import NotFiniteError
-from koord.semantics.patience import OutOfPatienceError, Patience
+from koord.semantics.parameterised import NotFiniteError
+from koord.syntax.budget import OutOfPatienceError, Patience
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import NOWHERE
+from koord.syntax.system import System
 
 if TYPE_CHECKING:
-    from koord.verify.bits.exporting import Format
+    from koord.verify.engines.bits.circuit_files import Format
 
-#: What a program can be written as; see :class:`koord.verify.bits.exporting.Format`.
+#: What a program can be written as; see :class:`koord.verify.engines.bits.circuit_files.Format`.
 FORMATS = ("aiger", "vmt", "smt2", "tla")
 
 #: Names of modules.
@@ -104,7 +104,7 @@ class _Asked(Struct, frozen=True):
 
 def _within(system: System, seconds: float | None) -> System:
     """A system of which nobody waits for longer."""
-    from koord.verify.solving import Deadline
+    from koord.verify.encoding.solver import Deadline
 
     return replace(system, patience=Patience(Deadline.after(seconds).passed))
 
@@ -127,7 +127,7 @@ def _written(asked: _Asked) -> tuple[bytes, tuple[str, ...]]:
     """The file, and what it says more loosely. Raises KoordError, and OutOfPatienceError."""
     if asked.arguments.export == "tla":
         return _module(asked), ()
-    from koord.verify.exporting import problem
+    from koord.verify.export.problems import problem
 
     names, rounds = tuple(asked.arguments.names), asked.arguments.rounds
     try:
@@ -140,7 +140,7 @@ def _written(asked: _Asked) -> tuple[bytes, tuple[str, ...]]:
 
 
 def _module(asked: _Asked) -> bytes:
-    from koord.verify.tla.module import module
+    from koord.verify.export.tla.module import module
 
     output = asked.arguments.output
     path = Path(asked.program.source.name if output == DASH else output)
@@ -214,7 +214,7 @@ def _takes(flag: str, asked: _Asked) -> bool | None:
 
 def _format(arguments: argparse.Namespace) -> Format:
     """What is asked for; AIGER has a binary form, in files of a name of their own."""
-    from koord.verify.bits.exporting import Format
+    from koord.verify.engines.bits.circuit_files import Format
 
     asked = Format(arguments.export)
     binary = asked is Format.AIGER and arguments.output.endswith(".aig")

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from koord.api.programs import Program
-from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT
-from koord.semantics.excuses import Excuses, excuses, told
 from koord.semantics.execution import execute
-from koord.verify.live.expecting import Lassoed, Text, excluding
+from koord.syntax.system import System
+from koord.traces.fairness import Excuses, excuses, told
+from koord.verify.fairness_suggestions import Lassoed, Text, excluding
 from koord.verify.verdicts import Counterexample, Verdict
 
 

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from msgspec import Struct, field
 
 from koord.cli.tables import Shown, Table
+from koord.sampling.monitors import Watch
+from koord.sampling.policies import First, take
+from koord.sampling.running import Moment, Move, Run
 from koord.semantics.execution import Step
 from koord.semantics.rounds import IllegalStepError
-from koord.semantics.runs.policies import First, take
-from koord.semantics.runs.running import Moment, Move, Run
-from koord.semantics.runs.watching import Watch
-from koord.semantics.traces.trace import Violation
+from koord.traces.trace import Violation
 
 HELP = """\
   a number   take that turn; Enter alone takes the first one

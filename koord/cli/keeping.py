@@ -213,7 +213,7 @@ def watched(
 
 
 def _trace(tracing: Tracing, simulation: Simulation, file: BinaryIO) -> Callable[[], None]:
-    from koord.semantics.traces.parts import PartTrace
+    from koord.traces.parts import PartTrace
 
     part = PartTrace(file)
 

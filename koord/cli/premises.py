@@ -7,8 +7,8 @@ from itertools import groupby
 
 from koord.api.programs import Program
 from koord.cli.terminal import Paint, Style
-from koord.verify.premises import Premise, PremiseKind
-from koord.verify.resting import Resting
+from koord.syntax.analysis.premises import Premise, PremiseKind
+from koord.verify.proof_core import Resting
 
 
 def lines(loaded: Program, found: Resting, style: Style) -> Iterator[str]:

@@ -18,7 +18,7 @@ from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.recheck.certificate import REWRITE, Certificate, digest_of, read
 from koord.recheck.checking import Outcome, Part, Rechecked, recheck
-from koord.recheck.settling import Settled
+from koord.recheck.discharge import Settled
 from koord.recheck.solving import Answer, MissingSolverError, version
 from koord.recheck.statements import Premise, PremiseKind, Statement
 from koord.syntax.diagnostics import KoordError, refusal

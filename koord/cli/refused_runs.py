@@ -15,9 +15,9 @@ from koord.api.files import write_atomically
 from koord.cli.files import DASH
 from koord.refinement.cases import Case, Tried
 from koord.runtime.compile import compiled
-from koord.semantics.traces.codec import encode
 from koord.syntax.literals import literal, number
 from koord.syntax.problem import Problem
+from koord.traces.codec import encode
 
 #: Of a run that is refused, so many of the locations that differ are shown.
 _SHOWN = 8

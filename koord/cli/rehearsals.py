@@ -10,7 +10,7 @@ from koord.api.traces import read_trace
 from koord.cli.files import read_program, read_written
 from koord.cli.fitting import NO_FILE
 from koord.cli.simulating import Job, watching
-from koord.refinement.rehearsing import Rehearsal, Rehearsed, places
+from koord.refinement.replaying_host import Rehearsal, Rehearsed, places
 from koord.refinement.running import ready
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.robot import Host

@@ -21,13 +21,13 @@ from koord.cli.exits import Exit
 from koord.cli.files import name_of, read_program, read_written
 from koord.cli.tables import Rounds, Table, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.refinement.rerunning import Departure, rerun
+from koord.refinement.compiled_replay import Departure, rerun
+from koord.sampling.policies import Taken
 from koord.semantics.execution import Step
-from koord.semantics.replay import Refused, Replayed, replay
-from koord.semantics.runs.policies import Taken
-from koord.semantics.traces.names import Names
-from koord.semantics.traces.trace import BEFORE_ROUNDS, Trace, Violation, ViolationKind
 from koord.syntax.diagnostics import KoordError
+from koord.traces.names import Names
+from koord.traces.replay import Refused, Replayed, replay
+from koord.traces.trace import BEFORE_ROUNDS, Trace, Violation, ViolationKind
 
 #: Raised when the JSON changes in a way that its readers must know of.
 JSON_VERSION = 1

@@ -120,7 +120,7 @@ def _request(arguments: argparse.Namespace) -> Request:
 
 
 def _check_abc() -> None:
-    from koord.verify.bits.abc import installed
+    from koord.verify.engines.bits.abc import installed
 
     if installed() is None:
         raise argparse.ArgumentTypeError(

@@ -37,15 +37,19 @@ from koord.cli.interactive import Interactive
 from koord.cli.progress import Interruption
 from koord.cli.tables import Rounds, Table
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.semantics.configurations import NO_EVENT, System
-from koord.semantics.patience import OutOfPatienceError, Patience
-from koord.semantics.runs.policies import AtRandom, First, Play
-from koord.semantics.runs.running import Moment, Run, new_run
-from koord.semantics.runs.watching import Watch
-from koord.semantics.traces.codec import encode
-from koord.semantics.traces.names import Names
-from koord.semantics.traces.parts import PartTrace
-from koord.semantics.traces.trace import (
+from koord.sampling.monitors import Watch
+from koord.sampling.policies import AtRandom, First, Play
+from koord.sampling.running import Moment, Run, new_run
+from koord.semantics.configurations import NO_EVENT
+from koord.syntax.budget import OutOfPatienceError, Patience
+from koord.syntax.core import PropertyKind
+from koord.syntax.diagnostics import KoordError
+from koord.syntax.source import Span
+from koord.syntax.system import System
+from koord.traces.codec import encode
+from koord.traces.names import Names
+from koord.traces.parts import PartTrace
+from koord.traces.trace import (
     BEFORE_ROUNDS,
     Numbers,
     Sources,
@@ -55,9 +59,6 @@ from koord.semantics.traces.trace import (
     ViolationKind,
     assembled,
 )
-from koord.syntax.core import PropertyKind
-from koord.syntax.diagnostics import KoordError
-from koord.syntax.source import Span
 
 #: A trace grows so often: a step may take long, and what was before it is to be there then.
 _PERIOD_S = 0.05

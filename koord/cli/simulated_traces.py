@@ -6,18 +6,18 @@ from msgspec.structs import replace
 
 from koord.api.traces import sources_of
 from koord.cli.simulating import Job
-from koord.refinement.hearing import Hearing
 from koord.refinement.judging import Judged, judge
 from koord.refinement.running import Ran, ready
+from koord.refinement.tracing_host import Hearing
 from koord.runtime.compile.slack import loosened
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host
 from koord.runtime.shapes import Shape
-from koord.semantics.configurations import System
-from koord.semantics.traces.trace import Trace
 from koord.sim.running import Simulation
 from koord.syntax.costs import excesses
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.system import System
+from koord.traces.trace import Trace
 
 
 class Tracing:

@@ -78,7 +78,7 @@ class Job(Struct, frozen=True):
         if not starts and not self.by_chance:
             return None
         from koord.api.fallback_host import Fallback
-        from koord.semantics.configurations import System
+        from koord.syntax.system import System
 
         system = System(program, self.kinds, self.delta_s)
         return Fallback.of(system, self.scene.seed, starts=starts)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from koord.semantics.auxiliary import Var
-from koord.semantics.configurations import System
+from koord.syntax.analysis.auxiliary import Var
 from koord.syntax.core import Direction, Home
+from koord.syntax.system import System
 from koord.verify.claims import ClaimKind
-from koord.verify.cone.influence import Happens, Part
-from koord.verify.cone.slices import Slices
-from koord.verify.subjects import identity
+from koord.verify.reduction.influence import Happens, Part
+from koord.verify.reduction.problems import identity
+from koord.verify.reduction.slices import Slices
 from koord.verify.verdicts import Report
 
 

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 from koord.cli.tables import Table
 from koord.cli.terminal import Paint, Style
-from koord.semantics.configurations import NO_EVENT, System
-from koord.semantics.traces.names import Names
+from koord.semantics.configurations import NO_EVENT
+from koord.syntax.system import System
+from koord.traces.names import Names
 from koord.verify.verdicts import BrokenStep, Verdict
 
 

@@ -14,8 +14,8 @@ from msgspec.structs import replace
 from koord.api.files import write_atomically
 from koord.cli.terminal import Paint, Style, visible
 from koord.cli.verdicts import PAINT, outcome_of
-from koord.semantics.configurations import System
 from koord.syntax.problem import Problem
+from koord.syntax.system import System
 from koord.verify.verdicts import Engine, Outcome, Report
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from koord.semantics.configurations import System, dealt
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, Severity
 from koord.syntax.source import whole_file
+from koord.syntax.system import System, dealt
 
 if TYPE_CHECKING:
     from koord.runtime.configuration.model import Configuration

@@ -16,17 +16,18 @@ from typing import TYPE_CHECKING
 from msgspec import Struct, field
 
 from koord.cli.terminal import Paint, Style, visible
-from koord.semantics.configurations import Configuration, System, Written
+from koord.semantics.configurations import Configuration, Written
 from koord.semantics.domain import Constant
 from koord.semantics.execution import Step
+from koord.semantics.recording import Recording
 from koord.semantics.storage import Storage
-from koord.semantics.traces.changes import Change, changes
-from koord.semantics.traces.names import Named, Names
-from koord.semantics.traces.recording import Recording
-from koord.semantics.traces.rendering import UNSET, show_fraction, show_output, show_storage
+from koord.syntax.system import System
+from koord.traces.changes import Change, changes
+from koord.traces.names import Named, Names
+from koord.traces.rendering import UNSET, show_fraction, show_output, show_storage
 
 if TYPE_CHECKING:
-    from koord.semantics.runs.policies import Taken
+    from koord.sampling.policies import Taken
 
 #: Of what one step changed, so many lines are shown.
 _MOST_LINES = 12

@@ -12,7 +12,7 @@ from koord.cli.terminal import Paint, Style, visible
 from koord.syntax.problem import Problem
 from koord.verify import obstacles
 from koord.verify.claims import ClaimKind
-from koord.verify.vacuity import words
+from koord.verify.vacuity.analysis import words
 from koord.verify.verdicts import (
     Bounds,
     Counterexample,
@@ -29,7 +29,7 @@ from koord.verify.verdicts import (
 )
 
 if TYPE_CHECKING:
-    from koord.refinement.rerunning import Rerun
+    from koord.refinement.compiled_replay import Rerun
 
 #: So many invariants that were found are shown; files have all of them.
 MOST_SHOWN = 12

@@ -19,7 +19,7 @@ from koord.syntax.diagnostics import KoordError
 from koord.syntax.problem import Problem
 
 if TYPE_CHECKING:
-    from koord.refinement.rerunning import Rerun
+    from koord.refinement.compiled_replay import Rerun
     from koord.verify.verdicts import Counterexample, Failure, Verdict
     from koord.verify.verdicts import Report as Verification
 

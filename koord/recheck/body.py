@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from fractions import Fraction
 from typing import assert_never
 
-from koord.recheck import blocks, crowds, externals, maps, places, quantifiers
+from koord.recheck import all_robots, blocks, externals, maps, places, quantifiers
 from koord.recheck.memory import Fault, Frame, Memory, Write
 from koord.recheck.storage import Crowd, State, Storage, Storages
 from koord.recheck.terms import Term, Terms
@@ -141,7 +141,7 @@ class Body:
             case core.Quantified():
                 return quantifiers.quantified(self, e)
             case core.Ran() | core.Stopped() if self.crowd is not None:
-                return crowds.of_robot(self, e)
+                return all_robots.of_robot(self, e)
             case core.Ran():
                 return quantifiers.of_robots(
                     self, e.robot, [quantifiers.ran(self, e, i) for i in self.everyone()]
@@ -229,7 +229,7 @@ class Body:
             )
         value = self.value(first)
         if isinstance(value, Family) and e.op not in (ListOp.LENGTH, ListOp.CONTAINS):
-            return crowds.of_all(self, e, value)
+            return all_robots.of_all(self, e, value)
         match e.op:
             case ListOp.LENGTH:
                 return self.v.length(value, first.type)

@@ -14,10 +14,10 @@ from koord.recheck import instances
 from koord.recheck.certificate import REWRITE, Certificate
 from koord.recheck.claims import NO_START, Obligation
 from koord.recheck.commands import Harmless, NotACommandError, harmless
+from koord.recheck.discharge import Settled, Settling
 from koord.recheck.every_number import EveryNumber
+from koord.recheck.initial_states import Argument, Meant, Opened, meant, opened
 from koord.recheck.obligations import Obligations
-from koord.recheck.opening import Argument, Meant, Opened, meant, opened
-from koord.recheck.settling import Settled, Settling
 from koord.recheck.solving import Answer, Session, SolverEndedError, TextError, answer_of, read
 from koord.recheck.statements import Statement
 from koord.recheck.terms import Terms

@@ -11,7 +11,6 @@ from functools import cached_property, partial
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.recheck.anyone import Anyone, Begun, Crowds
 from koord.recheck.claims import (
     NO_END,
     NO_START,
@@ -22,7 +21,8 @@ from koord.recheck.claims import (
     Obligation,
     stated,
 )
-from koord.recheck.gatherings import Gathered, Gathering, Moves, may_run, off, stopped_together
+from koord.recheck.every_n_rounds import Gathered, Gathering, Moves, may_run, off, stopped_together
+from koord.recheck.generic_turn import Anyone, Begun, Crowds
 from koord.recheck.memory import Fault
 from koord.recheck.racing import made
 from koord.recheck.storage import Crowd, Many, Robot, Storages

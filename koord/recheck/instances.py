@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from msgspec import Struct
 
 from koord.recheck.claims import Attempt, Goal, Obligation
+from koord.recheck.discharge import Settled, Settling, conjuncts
 from koord.recheck.grounding import Grounding, numbers, plainest
-from koord.recheck.settling import Settled, Settling, conjuncts
 from koord.recheck.solving import Answer
 from koord.recheck.terms import Term
 

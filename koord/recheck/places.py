@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, assert_never
 
-from koord.recheck import crowds, maps
+from koord.recheck import all_robots, maps
 from koord.recheck.memory import Write
 from koord.recheck.storage import AtKey, Cell, Field, Location, Many, Storage
 from koord.recheck.terms import Term
@@ -37,7 +37,7 @@ def read(body: Body, place: core.Place) -> Value:
 def check_index(body: Body, index: Term, storage: Storage, span: Span) -> None:
     t = body.t
     if isinstance(storage, Many):
-        there = crowds.is_robot(body, index)
+        there = all_robots.is_robot(body, index)
     else:
         assert isinstance(storage, tuple)
         size = t.integer(len(storage))
@@ -59,7 +59,7 @@ def part(body: Body, value: Value, type_: Type, steps: Sequence[core.Step]) -> V
             value = maps.at(body.v, value, location.key, location.type)
         else:
             there = (
-                crowds.is_robot(body, location)
+                all_robots.is_robot(body, location)
                 if isinstance(value, Family)
                 else body.v.inside(value, location)
             )
@@ -109,7 +109,7 @@ def of_named(body: Body, place: core.Place) -> Storage:
     assert place.robot is not None
     number, type_ = body.condition(place.robot), place.variable.type
     if body.crowd is not None:
-        return crowds.named(body, place, number)
+        return all_robots.named(body, place, number)
     found: Storage = body.s.unset(type_)
     there: list[Term] = []
     for i in reversed(body.everyone()):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, assert_never
 
-from koord.recheck import crowds
+from koord.recheck import all_robots
 from koord.recheck.terms import Term
 from koord.recheck.values import NotRecheckedError, Value
 from koord.syntax import core
@@ -20,8 +20,8 @@ def quantified(body: Body, e: core.Quantified) -> Term:
     slot, universal = e.variable.slot, e.quantifier is QuantifierKind.FORALL
     if isinstance(e.domain, core.AllValues):
         return every_value(body, e, e.domain.type)
-    if crowds.is_open(body, e.domain):
-        return crowds.quantified(body, e)
+    if all_robots.is_open(body, e.domain):
+        return all_robots.quantified(body, e)
     result = body.t.truth(universal)
     for value in instances(body, e):
         # What is decided already is not looked at, and cannot fault.

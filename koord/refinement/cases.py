@@ -18,10 +18,10 @@ from koord.refinement.judging import Judged, judge
 from koord.refinement.running import Compiled, Ran, ready, run
 from koord.runtime.chaos.faults import CALM, Faults
 from koord.runtime.engine.schedules import AtRandom, Deployed, Schedule, Unheard
-from koord.semantics.configurations import System
-from koord.semantics.replay import Refused
-from koord.semantics.traces.trace import Sources
 from koord.syntax.source import Source
+from koord.syntax.system import System
+from koord.traces.replay import Refused
+from koord.traces.trace import Sources
 
 #: Seeds of the cases of one campaign are drawn from so many.
 _SEEDS = 2**31

@@ -19,10 +19,8 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.refinement.gathering import gathered
-from koord.refinement.hosting import SeededHost, settled_starts
-from koord.refinement.running import Compiled, Ran
-from koord.refinement.witnessing import (
+from koord.refinement.deployed_hosts import SeededHost, settled_starts
+from koord.refinement.instrumented_robot import (
     GAVE_UP,
     GaveUpError,
     Scribe,
@@ -30,6 +28,8 @@ from koord.refinement.witnessing import (
     Witnessed,
     WitnessedHost,
 )
+from koord.refinement.running import Compiled, Ran
+from koord.refinement.trace_merge import gathered
 from koord.runtime.chaos.faults import CALM, Faults
 from koord.runtime.chaos.network import Network, Newborn
 from koord.runtime.chaos.unreliable import Unreliable
@@ -45,10 +45,10 @@ from koord.runtime.protocol.state import fresh, returning
 from koord.runtime.transports.transport import Transport
 from koord.runtime.transports.udp import Plan, Udp
 from koord.runtime.wire.bodies import kind_and_body, message_of
-from koord.semantics.configurations import System
-from koord.semantics.traces.trace import Sources
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source
+from koord.syntax.system import System
+from koord.traces.trace import Sources
 
 #: A run that is not over after so long is stuck: virtual seconds, and real ones.
 _VIRTUAL_S, _REAL_S = 300.0, 60.0

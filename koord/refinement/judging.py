@@ -9,11 +9,11 @@ from msgspec.structs import replace
 
 from koord.refinement.running import Ran
 from koord.refinement.summaries import with_summaries
-from koord.semantics.configurations import Configuration, System
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.execution import RecordedInputs, Step, execute
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.replay import Planned, Refused, Replayed, replay
+from koord.semantics.recording import Answer, Concrete, Recording, Round
 from koord.semantics.rounds import (
     IllegalStepError,
     evolved,
@@ -21,11 +21,12 @@ from koord.semantics.rounds import (
     run_event,
     run_skip,
 )
-from koord.semantics.traces.recording import Answer, Concrete, Recording, Round
-from koord.semantics.traces.trace import Trace
 from koord.semantics.values import default
 from koord.syntax import core
+from koord.syntax.system import System
 from koord.syntax.types import Type
+from koord.traces.replay import Planned, Refused, Replayed, replay
+from koord.traces.trace import Trace
 
 
 class Judged(Struct, frozen=True):

@@ -18,15 +18,15 @@ from koord.semantics.configurations import Configuration, Store
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.execution import RecordedInputs
-from koord.semantics.lassos import flaw_of
-from koord.semantics.replay import update_lost
+from koord.semantics.recording import Answer, Opening, Reading, Round
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.traces.recording import Answer, Opening, Reading, Round
-from koord.semantics.traces.trace import Trace, Violation, ViolationKind
 from koord.semantics.turns import environment_turn, holds_in
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core
+from koord.traces.lassos import flaw_of
+from koord.traces.replay import update_lost
+from koord.traces.trace import Trace, Violation, ViolationKind
 
 #: Two floats are the same up to rounding if they are this close, relative to the larger of them
 #: or, near zero, in their own unit.

@@ -7,8 +7,8 @@ from random import Random
 
 from msgspec import Struct, field
 
-from koord.refinement.answering import SampledHost
-from koord.refinement.translating import Observer, to_written
+from koord.refinement.sampling_host import SampledHost
+from koord.refinement.value_translation import Observer, to_written
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.naming import Names
@@ -16,16 +16,17 @@ from koord.runtime.engine.fleet import Fleet, Shown
 from koord.runtime.engine.schedules import AtRandom, Deployed, Schedule
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.robot import Robot
-from koord.semantics.configurations import Configuration, Fault, FaultKind, System
+from koord.sampling.sampled_inputs import SampledInputs
+from koord.sampling.values import Sampler
+from koord.semantics.configurations import Configuration, Fault, FaultKind
 from koord.semantics.domain import Constant
-from koord.semantics.runs.answering import SampledInputs
-from koord.semantics.runs.sampling import Sampler
-from koord.semantics.traces.recording import Opening, Recording, Round
-from koord.semantics.traces.trace import Emitted, Numbers, Sources, Trace
+from koord.semantics.recording import Opening, Recording, Round
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import NOWHERE, Span
+from koord.syntax.system import System
 from koord.syntax.walk import nodes
+from koord.traces.trace import Emitted, Numbers, Sources, Trace
 
 
 class Compiled(Struct, frozen=True):

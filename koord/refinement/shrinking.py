@@ -8,8 +8,8 @@ from typing import TypeVar
 from msgspec.structs import replace
 
 from koord.refinement.cases import Case, Tried
-from koord.semantics.configurations import System
 from koord.syntax import core
+from koord.syntax.system import System
 from koord.syntax.types import BOOL
 
 T = TypeVar("T")

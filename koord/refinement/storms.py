@@ -12,8 +12,8 @@ from tempfile import TemporaryDirectory
 from msgspec import Struct
 
 from koord.refinement.deployed import Expedition, read_from, spare, written_to
+from koord.refinement.instrumented_robot import Acted, Coordinated, Told, Witnessed
 from koord.refinement.judging import Judged, judge
-from koord.refinement.witnessing import Acted, Coordinated, Told, Witnessed
 from koord.runtime.chaos.ether import Hub, plan, plugged_in
 from koord.runtime.chaos.faults import Faults
 from koord.runtime.deploy.local import Fleet, Launch, launched

@@ -16,28 +16,22 @@ from typing import TypeAlias
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.semantics.configurations import Configuration, System
+from koord.sampling.initial_state_search import settle_robot
+from koord.sampling.sampled_inputs import SampledInputs
+from koord.sampling.values import Sampler
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.execution import RecordedInputs
 from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.recording import Answer, Concrete, Opening, Reading, Recording, Round
 from koord.semantics.rounds import IllegalStepError, evolved, initialised, run_event, run_skip
-from koord.semantics.runs.answering import SampledInputs
-from koord.semantics.runs.sampling import Sampler
-from koord.semantics.runs.settling import settle_robot
-from koord.semantics.traces.recording import (
-    Answer,
-    Concrete,
-    Opening,
-    Reading,
-    Recording,
-    Round,
-)
-from koord.semantics.traces.trace import Numbers, Trace
 from koord.semantics.turns import holds_in
 from koord.syntax import core
 from koord.syntax.core import Direction
+from koord.syntax.system import System
 from koord.syntax.types import Type
 from koord.syntax.walk import nodes
+from koord.traces.trace import Numbers, Trace
 
 #: What a function answers to arguments, asked by a robot.
 Library: TypeAlias = Callable[[core.External, tuple[Concrete, ...], int | None], Concrete]

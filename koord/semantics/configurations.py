@@ -7,19 +7,13 @@ variables and its copy of every shared one; ``cp`` is ``ports``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from enum import Enum, IntEnum
-from fractions import Fraction
-from typing import Any, ClassVar, Generic, TypeVar
+from enum import Enum
+from typing import Generic, TypeVar
 
-from msgspec import Struct, field
+from msgspec import Struct
 
-from koord.semantics.crowds import Crowd, Size
-from koord.semantics.patience import ENDLESS, Patience
 from koord.semantics.storage import Storage
 from koord.semantics.values import Value
-from koord.syntax import core
-from koord.syntax.content import ByContent
-from koord.syntax.problem import fleet
 from koord.syntax.source import Span
 from koord.syntax.types import Type
 
@@ -31,14 +25,6 @@ class Turn(Enum):
 
     PROG = "prog"
     ENV = "env"
-
-
-class Status(IntEnum):
-    """Whether a robot still runs events. [STOP]"""
-
-    RUNNING = 0
-    ASKED = 1  #: ``trystop()`` was called: goes on until everyone asked
-    STOPPED = 2
 
 
 class FaultKind(Enum):
@@ -115,43 +101,3 @@ class Configuration(Struct, Generic[V], frozen=True):
     taken: frozenset[int] = frozenset()
     fault: Fault | None = None
     at: Callable[[V], Sequence[tuple[V, Robot[V]]]] | None = None
-
-
-class System(ByContent, frozen=True):
-    """A program with its robots: ``kinds[i]`` is robot i's position in ``program.agents``.
-
-    With a ``crowd`` the robots of ``kinds`` are only those that are looked at, and not all.
-    ``patience`` is no part of it: it ends what takes too long.
-    """
-
-    ASIDE: ClassVar[frozenset[str]] = frozenset({"patience"})
-
-    program: core.Program
-    kinds: tuple[int, ...]
-    delta_s: Fraction = core.USUAL_DELTA_S
-    crowd: Crowd[Any] | None = None
-    patience: Patience = field(default_factory=lambda: ENDLESS)
-
-    @property
-    def robots(self) -> int:
-        """``numAgents``."""
-        return len(self.kinds)
-
-    @property
-    def size(self) -> Size[Any]:
-        """How many elements an array over robots has."""
-        return len(self.kinds) if self.crowd is None else self.crowd
-
-    @property
-    def fleet(self) -> str:
-        """The robots in words, by kind: ``3 robots``, ``3 robots (2 Car, 1 Drone)``."""
-        return fleet(self.program, self.kinds)
-
-    def agent(self, robot: int) -> core.Agent:
-        """The kind of one robot."""
-        return self.program.agents[self.kinds[robot]]
-
-
-def dealt(program: core.Program, robots: int, delta_s: Fraction = core.USUAL_DELTA_S) -> System:
-    """A system of that many robots, of the kinds in order of declaration, round-robin."""
-    return System(program, core.round_robin(robots, len(program.agents)), delta_s)

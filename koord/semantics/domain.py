@@ -1,7 +1,7 @@
 """Number domains: what the semantics is written over.
 
 The rules of :mod:`koord.semantics` never look into a scalar; they combine scalars with the five
-methods here. Exact rationals and doubles are in this file, Z3 terms in ``koord.verify.terms``.
+methods here. Exact rationals and doubles are in this file, Z3 terms in ``koord.verify``.
 """
 
 from __future__ import annotations

@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterable, Iterator
 
 from msgspec import Struct
 
-from koord.semantics.configurations import Configuration, System
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.recording import Answer, Concrete, Reading, Recording, Round, Start
 from koord.semantics.rounds import (
     IllegalStepError,
     Stepped,
@@ -22,11 +23,11 @@ from koord.semantics.rounds import (
     run_event,
     run_skip,
 )
-from koord.semantics.traces.recording import Answer, Concrete, Reading, Recording, Round, Start
 from koord.semantics.turns import holds_in
 from koord.semantics.values import identical
 from koord.syntax import core
 from koord.syntax.core import Home
+from koord.syntax.system import System
 from koord.syntax.types import Type
 
 # --- inputs from a recording --------------------------------------------------------------------

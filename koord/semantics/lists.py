@@ -6,9 +6,9 @@ from typing import TypeVar, assert_never
 
 from koord.semantics import expressions
 from koord.semantics.configurations import FaultKind
-from koord.semantics.crowds import Crowd
 from koord.semantics.domain import disjunction
 from koord.semantics.machine import Machine
+from koord.semantics.parameterised import Crowd
 from koord.semantics.values import (
     Family,
     Seq,

@@ -1,15 +1,15 @@
 """What is said of whole runs: the statements in them, and what fairness is about.
 
-:mod:`koord.semantics.lassos` says of one run whether it is fair, and whether it breaks a statement.
+:mod:`koord.traces.lassos` says of one run whether it is fair, and whether it breaks a statement.
 """
 
 from __future__ import annotations
 
 from msgspec import Struct
 
-from koord.semantics.configurations import System
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind, QuantifierKind
+from koord.syntax.system import System
 from koord.syntax.types import INT
 from koord.syntax.walk import nodes
 

@@ -13,22 +13,16 @@ from typing import Generic, TypeVar
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.semantics.configurations import (
-    Configuration,
-    Fault,
-    FaultKind,
-    Store,
-    System,
-    Written,
-)
-from koord.semantics.crowds import Crowd, NotFiniteError
+from koord.semantics.configurations import Configuration, Fault, FaultKind, Store, Written
 from koord.semantics.domain import Domain
 from koord.semantics.masks import Mask
 from koord.semantics.oracle import Oracle
+from koord.semantics.parameterised import Crowd, NotFiniteError
 from koord.semantics.storage import Storage, merge_storage, set_only_if
 from koord.semantics.values import Value
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.source import Span
+from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT
 
 V = TypeVar("V")

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import TypeVar, assert_never
 
 from koord.semantics import expressions
-from koord.semantics.configurations import FaultKind, Robot, Status
+from koord.semantics.configurations import FaultKind, Robot
 from koord.semantics.domain import disjunction
 from koord.semantics.machine import Machine
 from koord.semantics.storage import (
@@ -31,7 +31,8 @@ from koord.semantics.values import (
     scalar,
 )
 from koord.syntax import core
-from koord.syntax.core import BinaryOp, Home
+from koord.syntax.core import BinaryOp, Home, slot_in
+from koord.syntax.system import Status
 from koord.syntax.types import INT
 
 V = TypeVar("V")
@@ -159,23 +160,6 @@ def _of_robot(m: Machine[V], variable: core.Variable, robot: Robot[V]) -> Storag
     slot = slot_in(m.system.program.agents[robot.kind], variable)
     storages = robot.locals if variable.home is Home.LOCAL else robot.ports
     return storages[slot] if slot is not None else None
-
-
-def slot_in(agent: core.Agent, variable: core.Variable) -> int | None:
-    """The slot of a local or port in one kind of robot: kinds may number a name differently."""
-    declarations = (
-        agent.locals
-        if variable.home is Home.LOCAL
-        else tuple(port.declaration for port in agent.ports)
-    )
-    if variable.slot < len(declarations):
-        here = declarations[variable.slot].variable
-        if here.name == variable.name and here.type == variable.type:
-            return variable.slot
-    for declaration in declarations:
-        if declaration.variable.name == variable.name:
-            return declaration.variable.slot
-    return None
 
 
 # --- what became of a turn ------------------------------------------------------------------------

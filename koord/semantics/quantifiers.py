@@ -7,9 +7,9 @@ from typing import TypeAlias, TypeVar
 
 from koord.semantics import expressions
 from koord.semantics.configurations import FaultKind
-from koord.semantics.crowds import Crowd
 from koord.semantics.domain import disjunction
 from koord.semantics.machine import Machine, NotFiniteError
+from koord.semantics.parameterised import Crowd
 from koord.semantics.storage import (
     held,
 )

@@ -18,9 +18,7 @@ from koord.semantics.configurations import (
     Configuration,
     Fault,
     Robot,
-    Status,
     Store,
-    System,
     Turn,
     Written,
 )
@@ -40,6 +38,7 @@ from koord.semantics.turns import (
     skip_turn,
 )
 from koord.syntax import core
+from koord.syntax.system import Status, System
 from koord.syntax.types import INT
 
 V = TypeVar("V")

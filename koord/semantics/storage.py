@@ -11,8 +11,8 @@ from typing import Generic, TypeAlias, TypeVar
 
 from msgspec import Struct
 
-from koord.semantics.crowds import Crowd, NotFiniteError, Size
 from koord.semantics.domain import Domain, conjunction
+from koord.semantics.parameterised import Crowd, NotFiniteError, Size
 from koord.semantics.values import (
     UNLISTED,
     Family,

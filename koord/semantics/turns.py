@@ -13,9 +13,7 @@ from koord.semantics.configurations import (
     Configuration,
     Fault,
     Robot,
-    Status,
     Store,
-    System,
     Turn,
     Written,
 )
@@ -28,6 +26,7 @@ from koord.semantics.statements import assign, run
 from koord.semantics.storage import Storage, stored, unset
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, Start
+from koord.syntax.system import Status, System
 from koord.syntax.types import BOOL, INT, ArrayType, Robots, Type
 
 V = TypeVar("V")

@@ -13,8 +13,8 @@ from typing import Any, Generic, NoReturn, TypeAlias, TypeVar
 
 from msgspec import Struct
 
-from koord.semantics.crowds import Crowd, NotFiniteError, Size
 from koord.semantics.domain import Constant, Domain, conjunction, disjunction
+from koord.semantics.parameterised import Crowd, NotFiniteError, Size
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import (

@@ -698,3 +698,20 @@ class Program(Node, frozen=True):
 
     def external(self, name: str) -> External:
         return next(f for f in self.externals if f.name == name)
+
+
+def slot_in(agent: Agent, variable: Variable) -> int | None:
+    """The slot of a local or port in one kind of robot: kinds may number a name differently."""
+    declarations = (
+        agent.locals
+        if variable.home is Home.LOCAL
+        else tuple(port.declaration for port in agent.ports)
+    )
+    if variable.slot < len(declarations):
+        here = declarations[variable.slot].variable
+        if here.name == variable.name and here.type == variable.type:
+            return variable.slot
+    for declaration in declarations:
+        if declaration.variable.name == variable.name:
+            return declaration.variable.slot
+    return None

@@ -52,7 +52,7 @@ class OpaqueType(ScalarType, frozen=True):
     """Values that can only be compared and handed to external functions.
 
     No program text has this type: the verifier puts it where a value merely flows from one
-    external function to another (``koord.verify.abstraction``).
+    external function to another (``koord.verify.reduction.abstraction``).
     """
 
     name: str

@@ -94,3 +94,9 @@ def _below(class_: type) -> tuple[str, ...] | None:
             known = tuple(name for name in class_.__struct_fields__ if name != "span")
         _BELOW[class_] = known
     return _BELOW[class_]
+
+
+def asks(program: core.Program, part: core.Expr | core.Block) -> bool:
+    """Whether a part of a program leaves something open."""
+    open_ = core.ExternalCall | core.Choose
+    return any(isinstance(node, open_) for node in reached(program, part))

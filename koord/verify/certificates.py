@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.semantics.configurations import System
 from koord.semantics.domain import disjunction
 from koord.syntax import ast, core
 from koord.syntax.core import PropertyKind
@@ -22,14 +21,15 @@ from koord.syntax.load import load
 from koord.syntax.parser import parse
 from koord.syntax.source import Source
 from koord.syntax.stated import stated
-from koord.verify.abstraction import abstracted
-from koord.verify.bmc import Unrolling, violations
+from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
-from koord.verify.engines import MAX_DEPTH, PROOF_S
-from koord.verify.every_n.candidates import candidates
-from koord.verify.every_n.proving import GENEROUS, infer
-from koord.verify.induction import prove, step_scripts
-from koord.verify.solving import Deadline, Effort
+from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.encoding.unrolling import Unrolling, violations
+from koord.verify.engines.every_n.candidates import candidates
+from koord.verify.engines.every_n.proving import GENEROUS, infer
+from koord.verify.engines.induction.engine import prove, step_scripts
+from koord.verify.engines.workers import MAX_DEPTH, PROOF_S
+from koord.verify.reduction.abstraction import abstracted
 from koord.verify.verdicts import Engine, Outcome, Report, as_invariant
 
 FORMAT = "koord certificate"

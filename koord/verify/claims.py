@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 
 from msgspec import Struct
 
-from koord.semantics.configurations import Configuration, System
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Domain, conjunction, disjunction
 from koord.semantics.liveness import LIVENESS
 from koord.semantics.machine import Legality
@@ -16,6 +16,7 @@ from koord.semantics.races import rewritten
 from koord.semantics.turns import holds_in
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind, UnaryOp
+from koord.syntax.system import System
 from koord.syntax.walk import nodes
 
 V = TypeVar("V")

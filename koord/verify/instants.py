@@ -14,26 +14,28 @@ from fractions import Fraction
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.semantics.configurations import System
-from koord.semantics.crowds import NotFiniteError
 from koord.semantics.domain import disjunction
 from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.recording import Answer, Recording
 from koord.semantics.storage import same_storage
-from koord.semantics.traces.recording import Answer, Recording
 from koord.semantics.turns import environment_turn
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, Home, UnaryOp
 from koord.syntax.source import NOWHERE, Span
+from koord.syntax.system import System
 from koord.syntax.types import FLOAT, FloatType, Type, within
 from koord.syntax.walk import last_site, statements, written
-from koord.verify.apart import verify_apart
-from koord.verify.bmc import Unrolling
 from koord.verify.claims import Claim, ClaimKind
+from koord.verify.encoding.solver import Answer as Solved
+from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.encoding.symbols import Symbolic, SymbolicInputs, SymbolicOracle
+from koord.verify.encoding.terms import Term
+from koord.verify.encoding.unrolling import Unrolling
 from koord.verify.failures import SHADOWS, failure_of
 from koord.verify.obstacles import Unshown
-from koord.verify.pool import was_interrupted
-from koord.verify.portfolio import Choice
-from koord.verify.shadows import (
+from koord.verify.processes import was_interrupted
+from koord.verify.reduction.shadows import (
     BETWEEN,
     INSTANT,
     Shadows,
@@ -42,10 +44,8 @@ from koord.verify.shadows import (
     ports_of,
     with_primed,
 )
-from koord.verify.solving import Answer as Solved
-from koord.verify.solving import Deadline, Effort
-from koord.verify.symbols import Symbolic, SymbolicInputs, SymbolicOracle
-from koord.verify.terms import Term
+from koord.verify.strategy import Choice
+from koord.verify.time_limits import verify_apart
 from koord.verify.verdicts import Bounds, Engine, Failure, Outcome, Report, Verdict
 
 

@@ -13,13 +13,14 @@ from typing import Protocol, TypeAlias
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.semantics.configurations import System
 from koord.semantics.domain import NumberTooLongError
 from koord.semantics.machine import NotFiniteError
-from koord.semantics.patience import OutOfPatienceError
-from koord.semantics.traces.recording import Recording
+from koord.semantics.recording import Recording
+from koord.syntax.budget import OutOfPatienceError
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.system import System
 from koord.verify.claims import Claim, Phase
+from koord.verify.encoding.solver import Deadline
 from koord.verify.failures import failure_of
 from koord.verify.obstacles import (
     Beyond,
@@ -30,8 +31,7 @@ from koord.verify.obstacles import (
     failed_at,
     gave_up,
 )
-from koord.verify.pool import was_interrupted
-from koord.verify.solving import Deadline
+from koord.verify.processes import was_interrupted
 from koord.verify.verdicts import (
     Bounds,
     BrokenStep,

@@ -10,7 +10,7 @@ from typing import TypeAlias, assert_never
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.verify.solving import Deadline
+from koord.verify.encoding.solver import Deadline
 from koord.verify.verdicts import Engine, Failure, engine_named
 
 

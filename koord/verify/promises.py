@@ -13,18 +13,18 @@ from collections.abc import Callable, Iterable
 
 from msgspec import Struct
 
-from koord.semantics.configurations import System
+from koord.sampling.values import values_within
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.expressions import statement
 from koord.semantics.machine import machine
 from koord.semantics.oracle import Key
-from koord.semantics.runs.sampling import values_within
+from koord.semantics.recording import Answer, Concrete
 from koord.semantics.storage import held
-from koord.semantics.traces.recording import Answer, Concrete
 from koord.semantics.values import default
 from koord.syntax import core
+from koord.syntax.system import System
 from koord.syntax.types import Type
-from koord.verify.externals import quantifies
+from koord.verify.encoding.externals import quantifies
 
 #: So many values are put into promises before a run is taken to keep them.
 _MOST_TRIED = 20_000

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
-from koord.semantics.traces.recording import Recording
+from koord.semantics.recording import Recording
 from koord.syntax.content import ByContent
 from koord.syntax.source import Span
 from koord.verify.claims import Claim, Phase
@@ -56,7 +56,7 @@ class Bounds(Struct, frozen=True):
     """How far to look: rounds, and seconds for everything (None: no limit).
 
     ``violations`` is how many different counterexamples to look for where a claim is violated.
-    ``claim_s`` is for each claim (:mod:`koord.verify.apart`).
+    ``claim_s`` is for each claim (:mod:`koord.verify.time_limits`).
     """
 
     rounds: int = 20

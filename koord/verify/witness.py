@@ -7,8 +7,8 @@ from itertools import combinations
 from msgspec import Struct
 from msgspec.structs import replace
 
-import koord.verify.solving as solving
-from koord.semantics.configurations import Configuration, Fault, System
+import koord.verify.encoding.solver as solving
+from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import RecordedInputs, Step, execute, until
 from koord.semantics.expressions import condition, statement
@@ -16,21 +16,22 @@ from koord.semantics.machine import machine
 from koord.semantics.oracle import Phase as Asked
 from koord.semantics.quantifiers import instances
 from koord.semantics.races import overlap, updates
+from koord.semantics.recording import Answer, Opening, Reading, Recording, Round, Start
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import held
-from koord.semantics.traces.recording import Answer, Opening, Reading, Recording, Round, Start
-from koord.semantics.traces.rendering import show_value
 from koord.semantics.turns import program_turn
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import Span
+from koord.syntax.system import System
 from koord.syntax.types import INT, ArrayType, MapType, RecordType, SequenceType, Type
-from koord.verify import moments
+from koord.traces.rendering import show_value
 from koord.verify.claims import Claim, ClaimKind, Findings, Phase, broken
+from koord.verify.encoding import moments
+from koord.verify.encoding.symbols import Symbolic, SymbolicAnswer, SymbolicInputs
+from koord.verify.encoding.terms import Term
 from koord.verify.promises import unkept
-from koord.verify.symbols import Symbolic, SymbolicAnswer, SymbolicInputs
-from koord.verify.terms import Term
 from koord.verify.verdicts import Counterexample
 
 

@@ -12,13 +12,14 @@ from typing import TypeAlias, TypeVar
 import z3
 from msgspec import Struct
 
-from koord.semantics.configurations import Configuration, Fault, Robot, Store, System, Written
+from koord.semantics.configurations import Configuration, Fault, Robot, Store, Written
 from koord.semantics.domain import Constant
 from koord.semantics.machine import Legality
+from koord.semantics.recording import Concrete
 from koord.semantics.storage import Storage, Tree
-from koord.semantics.traces.recording import Concrete
 from koord.semantics.turns import Evolved, Turned
 from koord.semantics.values import Rec, Seq, Table, Value
+from koord.syntax.system import System
 from koord.syntax.types import (
     BOOL,
     INT,
@@ -31,7 +32,7 @@ from koord.syntax.types import (
     StringType,
     Type,
 )
-from koord.verify.terms import Term
+from koord.verify.encoding.terms import Term
 from tests.agreement.symbols import Symbols, own_types, part_types, shared_types
 
 V = TypeVar("V")

@@ -13,14 +13,15 @@ from typing import TypeAlias
 
 import z3
 
-from koord.semantics.configurations import Configuration, Robot, Store, System
+from koord.semantics.configurations import Configuration, Robot, Store
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.recording import Answer, Concrete, Reading, Start
 from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.traces.recording import Answer, Concrete, Reading, Start
 from koord.semantics.values import Rec, Seq, Table, Value, default
 from koord.syntax import core
 from koord.syntax.core import Home
+from koord.syntax.system import System
 from koord.syntax.types import (
     BOOL,
     INT,
@@ -31,7 +32,7 @@ from koord.syntax.types import (
     RecordType,
     Type,
 )
-from koord.verify.terms import Term, Terms
+from koord.verify.encoding.terms import Term, Terms
 from tests.generators.configurations import value
 
 Symbolic: TypeAlias = "Value[Term]"

@@ -28,11 +28,11 @@ from koord.syntax.types import (
     StringType,
     Type,
 )
-from koord.verify.bits import numbers
-from koord.verify.bits.domain import BitDomain, Bits
-from koord.verify.bits.numbers import Number
-from koord.verify.bits.runs import Assignment, Names
-from koord.verify.terms import Term
+from koord.verify.encoding.terms import Term
+from koord.verify.engines.bits import numbers
+from koord.verify.engines.bits.domain import BitDomain, Bits
+from koord.verify.engines.bits.found_runs import Assignment, Names
+from koord.verify.engines.bits.numbers import Number
 from tests.agreement.flattening import flat_evolved, flat_turned, itself
 from tests.agreement.symbols import Asked, Symbols
 from tests.agreement.triples import Triple, exact_steps, steps, triple

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.verify.terms import Terms
+from koord.verify.encoding.terms import Terms
 from tests.agreement.triples import exact_steps, steps, triple
 from tests.sampling import first
 

@@ -16,30 +16,30 @@ from random import Random
 import pytest
 
 from koord.cli.counterexamples import trace_of
+from koord.refinement.compiled_replay import rerun
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
-from koord.refinement.rerunning import rerun
 from koord.refinement.running import ready
-from koord.semantics.configurations import System
 from koord.semantics.machine import NotFiniteError
-from koord.semantics.replay import replay
-from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import Exhausted, Subject, Violated
-from koord.semantics.search.finite import NotFinite
-from koord.semantics.search.limits import Limits
-from koord.semantics.traces.codec import decode, encode
-from koord.semantics.traces.trace import Numbers, traced
+from koord.syntax.system import System
+from koord.traces.codec import decode, encode
+from koord.traces.replay import replay
+from koord.traces.trace import Numbers, traced
 from koord.verify.claims import Claim, ClaimKind, claims_of
-from koord.verify.every_n.proving import SPARING, prove
-from koord.verify.portfolio import Choice
-from koord.verify.solving import Deadline, Effort
+from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.engines.every_n.proving import SPARING, prove
+from koord.verify.engines.explicit.findings import Exhausted, Subject, Violated
+from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import survey
+from koord.verify.strategy import Choice
 from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
 from tests.generators.large import large
 from tests.generators.staged import staged
 from tests.sampling import first
 from tests.semantics.driving import NO_TEXT
 from tests.verify.asking import ask, bounded, inductive, of_text
-from tests.verify.bits.asking import on_bits
+from tests.verify.engines.bits.asking import on_bits
 
 NAMES = {
     Subject.PROPERTY: "{}",

@@ -13,11 +13,11 @@ from random import Random
 import pytest
 
 from koord.cli.verdicts import SOONER, as_json, said
-from koord.semantics.configurations import System
 from koord.syntax.problem import Problem
-from koord.verify.bits import abc
+from koord.syntax.system import System
 from koord.verify.claims import ClaimKind
-from koord.verify.portfolio import Choice
+from koord.verify.engines.bits import abc
+from koord.verify.strategy import Choice
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.agreement.test_engines import Searched, searched
 from tests.generators.staged import staged

@@ -16,16 +16,16 @@ from koord.refinement.generating.palette import palette
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
 from koord.refinement.generating.properties import property_
-from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import execute
-from koord.semantics.lassos import flaw_of
-from koord.semantics.search.findings import Exhausted
-from koord.semantics.search.limits import Limits
-from koord.semantics.search.live import Lively, lively
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind
+from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT
+from koord.traces.lassos import flaw_of
+from koord.verify.engines.explicit.fair_search import Lively, lively
+from koord.verify.engines.explicit.findings import Exhausted
+from koord.verify.engines.explicit.limits import Limits
 from tests.sampling import first
 from tests.semantics.plain_lassos import PlainLassos
 from tests.semantics.plain_search import TooMuchError

@@ -12,14 +12,14 @@ from random import Random
 
 import pytest
 
+from koord.refinement.compiled_replay import rerun
 from koord.refinement.generating.programs import system
-from koord.refinement.rerunning import rerun
-from koord.semantics.configurations import System
-from koord.semantics.traces.trace import Numbers, traced
+from koord.syntax.system import System
 from koord.syntax.types import MapType
 from koord.syntax.walk import nodes
-from koord.verify.live.settling import Ways, settled
-from koord.verify.solving import Deadline
+from koord.traces.trace import Numbers, traced
+from koord.verify.encoding.solver import Deadline
+from koord.verify.liveness_strategy import Ways, settled
 from koord.verify.verdicts import Bounds, Emptiness, Outcome
 from tests.agreement.test_lassos import LIVELY, searched, with_liveness
 from tests.sampling import first

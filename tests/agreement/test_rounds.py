@@ -11,11 +11,12 @@ from itertools import permutations
 import pytest
 from msgspec.structs import replace
 
-from koord.semantics.configurations import NO_EVENT, Configuration, Status, Turn
+from koord.semantics.configurations import NO_EVENT, Configuration, Turn
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import RecordedInputs
 from koord.semantics.rounds import run_event, run_skip
 from koord.semantics.turns import Turned, committed, program_turn, skip_turn
+from koord.syntax.system import Status
 from tests.agreement.triples import Triple, triple
 from tests.sampling import first
 

@@ -13,15 +13,15 @@ import pytest
 
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
 from koord.refinement.generating.programs import system
-from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import RecordedInputs, execute
-from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import Exhausted, OutOfBounds, Subject, Survey, Violated
-from koord.semantics.search.finite import NotFinite
-from koord.semantics.search.limits import Limits
-from koord.semantics.search.symmetry import Symmetry, symmetry_of
 from koord.semantics.turns import holds_in
+from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
+from koord.syntax.system import System
+from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds, Subject, Survey, Violated
+from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import survey
 from tests.generators.staged import staged
 from tests.sampling import first
 from tests.semantics.plain_search import PlainSearch, TooMuchError

@@ -15,14 +15,14 @@ import pytest
 
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
-from koord.semantics.configurations import System
-from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import Exhausted
-from koord.semantics.search.limits import Limits
-from koord.verify import portfolio
-from koord.verify.cone.influence import Cone, Part
-from koord.verify.cone.slices import Slices
-from koord.verify.portfolio import Choice
+from koord.syntax.system import System
+from koord.verify import strategy
+from koord.verify.engines.explicit.findings import Exhausted
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import survey
+from koord.verify.reduction.influence import Cone, Part
+from koord.verify.reduction.slices import Slices
+from koord.verify.strategy import Choice
 from koord.verify.verdicts import Outcome
 from tests.generators.junk import with_junk
 from tests.generators.staged import staged
@@ -60,8 +60,8 @@ class Wholes(Slices, frozen=True):
 def told(of: System, choice: Choice, slices: type[Slices] = Slices) -> Told:
     """What is said of each claim that is not about junk; nobody asks what never happens."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(portfolio, "Slices", slices)
-        patch.setattr(portfolio, "look", lambda ledger: "")
+        patch.setattr(strategy, "Slices", slices)
+        patch.setattr(strategy, "look", lambda ledger: "")
         verdicts = list(ask(of, rounds=ROUNDS, choice=choice))
     return {
         v.claim.name: (v.outcome, v.rounds if v.counterexample is None else v.counterexample.round)

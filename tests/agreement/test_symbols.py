@@ -25,7 +25,7 @@ from koord.semantics.turns import (
 )
 from koord.syntax import core
 from koord.syntax.types import BOOL
-from koord.verify.terms import Term, Terms
+from koord.verify.encoding.terms import Term, Terms
 from tests.agreement.flattening import (
     first_fault,
     flat_evolved,

@@ -25,7 +25,7 @@ from koord.semantics.storage import (
 )
 from koord.semantics.values import Table, Value, equal, insert, lookup, put_at, without
 from koord.syntax.types import BOOL, INT, MapType, Type
-from koord.verify.terms import Term, Terms
+from koord.verify.encoding.terms import Term, Terms
 from tests.agreement.flattening import (
     Meaning,
     exact_storage,

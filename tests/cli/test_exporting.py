@@ -11,9 +11,9 @@ import pytest
 from koord.cli import exporting
 from koord.cli.exits import Exit
 from koord.cli.main import main
-from koord.semantics.crowds import NotFiniteError
+from koord.semantics.parameterised import NotFiniteError
 from koord.syntax.source import NOWHERE
-from koord.verify import exporting as verify_exporting
+from koord.verify.export import problems as verify_exporting
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 

@@ -31,7 +31,7 @@ import koord.cli.run as run
 from koord.cli.progress import LiveLine
 from koord.cli.tables import Rounds
 from koord.runtime.records import RecordFile
-from koord.semantics.traces.parts import PartTrace
+from koord.traces.parts import PartTrace
 from koord.sim.viewing import PartPage
 from koord.cli.main import main
 

@@ -24,13 +24,9 @@ from koord.recheck import certificate
 from koord.runtime.compile import NumberTooLargeError, compiled
 from koord.runtime.configuration import reading
 from koord.runtime.configuration.checking import load as configured
+from koord.sampling.growth import MOST_LISTED, _check_all, _Scale
 from koord.semantics.domain import EXACT, LONGEST_NUMBER_BITS, Constant, NumberTooLongError
 from koord.semantics.machine import NotFiniteError
-from koord.semantics.runs.lengths import MOST_LISTED, _check_all, _Scale
-from koord.semantics.search import exploring, limits
-from koord.semantics.search.cells import MOST_SCALARS, Cells, Scalars, TooLargeError
-from koord.semantics.search.exploring import Chooser, UnboundedError
-from koord.semantics.search.limits import Limits, Meter
 from koord.semantics.storage import Cell
 from koord.semantics.values import MOST_ROOM, Seq, put_at
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, BinaryOp
@@ -48,7 +44,12 @@ from koord.syntax.parser import MAX_CHARACTERS, parse
 from koord.syntax.parser_lines import MAX_DEPTH as MAX_OPERATORS
 from koord.syntax.source import Source
 from koord.syntax.types import INT, ListType
-from koord.verify.terms import Terms
+from koord.traces import enumeration
+from koord.traces.enumeration import Chooser, UnboundedError
+from koord.verify.encoding.terms import Terms
+from koord.verify.engines.explicit import limits
+from koord.verify.engines.explicit.cells import MOST_SCALARS, Cells, Scalars, TooLargeError
+from koord.verify.engines.explicit.limits import Limits, Meter
 from tests.recheck.certificates import document_of
 
 LIMITS = Path(__file__).parents[2] / "specs" / "limits.md"
@@ -322,7 +323,7 @@ CASES = (
     ),
     counted("elements that a list or map may have whose length is not known", MOST_ROOM, room),
     counted("scalars that one variable holds", MOST_SCALARS, scalars),
-    counted("values of something that is left open", exploring._MOST_OPTIONS, options),
+    counted("values of something that is left open", enumeration._MOST_OPTIONS, options),
     counted("states", Limits().states, states),
     counted("MB of memory", Limits().memory_mb, memory),
 )

@@ -15,9 +15,9 @@ from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
-from koord.semantics.traces import encode_runs
-from koord.semantics.traces.codec import encode
-from koord.semantics.traces.names import Names
+from koord.traces import encode_runs
+from koord.traces.codec import encode
+from koord.traces.names import Names
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 

@@ -568,7 +568,7 @@ def test_an_engine_that_fails_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In the reasons, in a line of its own and as JSON; the exit code is that of the verdicts."""
-    from koord.verify.bits.engine import ByBits
+    from koord.verify.engines.bits.engine import ByBits
 
     def work(self: ByBits, ledger: object) -> None:
         raise AssertionError("made to fail")

@@ -14,9 +14,9 @@ from typing import Any
 from koord.api.traces import read_trace
 from koord.cli.exits import Exit
 from koord.cli.main import main
-from koord.semantics.replay import replay
-from koord.semantics.traces.codec import decode, encode
 from koord.syntax.diagnostics import KoordError
+from koord.traces.codec import decode, encode
+from koord.traces.replay import replay
 
 NAME = "fuzzed.json"
 SEED = Path(__file__).parent / "seed.krd"

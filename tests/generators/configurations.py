@@ -6,17 +6,11 @@ from fractions import Fraction
 from random import Random
 from typing import TypeAlias
 
-from koord.semantics.configurations import (
-    NO_EVENT,
-    Configuration,
-    Robot,
-    Status,
-    Store,
-    System,
-)
+from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.storage import Cell, Storage, Tree, unset
 from koord.semantics.values import Rec, Seq, Table, Value
+from koord.syntax.system import Status, System
 from koord.syntax.types import (
     ArrayType,
     BoolType,

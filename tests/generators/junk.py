@@ -7,10 +7,10 @@ from random import Random
 
 from msgspec.structs import replace
 
-from koord.semantics.configurations import System
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, Home, Start
 from koord.syntax.source import Span
+from koord.syntax.system import System
 from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, Robots
 
 _ZERO = core.Const(0, INT)

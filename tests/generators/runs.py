@@ -8,9 +8,10 @@ from functools import partial
 from random import Random
 from typing import TypeAlias, TypeVar
 
-from koord.semantics.configurations import Configuration, System
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.recording import Answer, Opening, Reading, Recording, Round, Start
 from koord.semantics.rounds import (
     IllegalStepError,
     Stepped,
@@ -20,11 +21,11 @@ from koord.semantics.rounds import (
     run_event,
     run_skip,
 )
-from koord.semantics.traces.recording import Answer, Opening, Reading, Recording, Round, Start
 from koord.semantics.turns import holds_in
 from koord.semantics.values import Value
 from koord.syntax import core
 from koord.syntax.core import ExternalKind, Home
+from koord.syntax.system import System
 from koord.syntax.types import INT, ArrayType, Type
 from tests.generators.configurations import value
 

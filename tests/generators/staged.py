@@ -12,10 +12,10 @@ from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE, Profile
 from koord.refinement.generating.programs import system
-from koord.semantics.configurations import System
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home
 from koord.syntax.source import Span
+from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT
 
 #: The last stage.

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from koord.refinement.generating.profiles import GENERAL, Profile
 from koord.refinement.generating.programs import system
-from koord.semantics.configurations import System
+from koord.syntax.system import System
 
 
 def systems(profile: Profile = GENERAL) -> st.SearchStrategy[System]:

@@ -15,10 +15,11 @@ from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE, GENERAL, Profile
 from koord.refinement.generating.programs import system
-from koord.semantics.configurations import System, Turn
+from koord.semantics.configurations import Turn
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import execute
 from koord.syntax import core, types
+from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT
 from tests.generators.configurations import configuration
 from tests.generators.runs import recording

@@ -18,23 +18,23 @@ from tests.mutants.mutant import Mutant
 from tests.mutants.protocol import PROTOCOL, WIRE_MISTAKES
 from tests.mutants.simulated import SIMULATED
 
-REPLAY = "tests/semantics/test_replay.py"
+REPLAY = "tests/traces/test_replay.py"
 RUN = "tests/semantics/test_run.py"
 AGREEMENT = "tests/agreement/test_symbols.py"
-ROUNDS = "tests/verify/test_rounds.py"
-BMC = "tests/verify/test_bmc.py"
-INDUCTION = "tests/verify/test_induction.py"
-PORTFOLIO = "tests/verify/test_portfolio.py"
-SINGLY = "tests/verify/test_singly.py"
+ROUNDS = "tests/verify/encoding/test_rounds.py"
+BMC = "tests/verify/engines/bmc/test_engine.py"
+INDUCTION = "tests/verify/engines/induction/test_engine.py"
+PORTFOLIO = "tests/verify/test_strategy.py"
+SINGLY = "tests/verify/test_per_claim.py"
 WITNESS = "tests/verify/test_witness.py"
-FOOTPRINT = "tests/verify/test_footprint.py"
-ABSTRACTION = "tests/verify/test_abstraction.py"
-SYMBOLS = "tests/verify/test_symbols.py"
-SOLVING = "tests/verify/test_solving.py"
-REPRESENTATIVES = "tests/verify/test_representatives.py"
-TERMS = "tests/verify/test_terms.py"
+FOOTPRINT = "tests/syntax/test_footprint.py"
+ABSTRACTION = "tests/verify/reduction/test_abstraction.py"
+SYMBOLS = "tests/verify/encoding/test_symbols.py"
+SOLVING = "tests/verify/encoding/test_solver.py"
+REPRESENTATIVES = "tests/verify/engines/induction/test_representatives.py"
+TERMS = "tests/verify/encoding/test_terms.py"
 CLAIMS = "tests/verify/test_claims.py"
-VACUITY = "tests/verify/test_vacuity.py"
+VACUITY = "tests/verify/vacuity/test_vacuity.py"
 
 #: Mistakes in the rules: the program does something else than the text says.
 SEMANTICS = (
@@ -266,35 +266,35 @@ SEMANTICS = (
 VERIFY = (
     Mutant(
         "two robots may enter one lock class",
-        "verify.choices.one_winner_each",
+        "verify.encoding.choices.one_winner_each",
         "constraints += _at_most_one(d, [disjunction(d, x) for x in entering.values()])",
         "del entering",
         (ROUNDS,),
     ),
     Mutant(
         "a robot may run two events",
-        "verify.choices.one_event_each",
+        "verify.encoding.choices.one_event_each",
         "constraints += _at_most_one(d, mine)",
         "del mine",
         (ROUNDS,),
     ),
     Mutant(
         "stopped robots may run in the formula",
-        "verify.rounds.Encoder._options",
+        "verify.encoding.rounds.Encoder._options",
         "[selectable, running, *(x.condition for x in turned.legality)]",
         "[selectable, *(x.condition for x in turned.legality)]",
         (BMC,),
     ),
     Mutant(
         "END-PROG stops nobody in the formula",
-        "verify.rounds.Encoder._end_of_program_turns",
+        "verify.encoding.rounds.Encoder._end_of_program_turns",
         "d.known(asked) is not False",
         "d.known(asked) is None and d.known(asked) is True",
         (ROUNDS,),
     ),
     Mutant(
         "urgent events oblige nobody",
-        "verify.rounds.Encoder.round",
+        "verify.encoding.rounds.Encoder.round",
         (
             "urgency = (\n"
             "    obligations(self.d, self.system, start, options, inputs)\n"
@@ -307,133 +307,133 @@ VERIFY = (
     ),
     Mutant(
         "nobody looks inside a round",
-        "verify.rounds.Encoder.round",
+        "verify.encoding.rounds.Encoder.round",
         "not self._urgent and not self._stops_show",
         "self._urgent or True",
         (ROUNDS, BMC),
     ),
     Mutant(
         "nobody sees a round that a skip has begun",
-        "verify.rounds.Encoder.round",
+        "verify.encoding.rounds.Encoder.round",
         "[*acting, *free]",
         "acting",
         (ROUNDS,),
     ),
     Mutant(
         "another event undoes what the chosen one wrote to a list",
-        "verify.commits._in_order",
+        "verify.encoding.commits._in_order",
         "joined(d, changed, source, mask)",
         "joined(d, current, source, mask)",
         (ROUNDS,),
     ),
     Mutant(
         "an order need not be transitive",
-        "verify.choices.order_of",
+        "verify.encoding.choices.order_of",
         "places[j]",
         "d.fresh(label, INT)",
         (ROUNDS,),
     ),
     Mutant(
         "there is one order only",
-        "verify.choices.order_of",
+        "verify.encoding.choices.order_of",
         "places[j]",
         "places[i]",
         (ROUNDS,),
     ),
     Mutant(
         "the first writer wins",
-        "verify.races.winning",
+        "verify.encoding.races.winning",
         "precedes(d, robot, other, before)",
         "precedes(d, other, robot, before)",
         (ROUNDS, WITNESS),
     ),
     Mutant(
         "winners are chosen without regard to the order",
-        "verify.races.winning",
+        "verify.encoding.races.winning",
         "precedes(d, robot, other, before)",
         "robot < other",
         (ROUNDS,),
     ),
     Mutant(
         "what is written in loops does not race",
-        "verify.races._unguarded",
+        "verify.encoding.races._unguarded",
         "case core.ForRange(body=body) | core.ForEach(body=body):",
         "case core.ForEach(body=body):",
-        ("tests/verify/test_races.py",),
+        ("tests/verify/encoding/test_races.py",),
     ),
     Mutant(
         "assumptions are dropped",
-        "verify.bmc.assumed",
+        "verify.encoding.unrolling.assumed",
         "[holds, *(x.condition for x in legality)]",
         "[holds][:0]",
         (BMC,),
     ),
     Mutant(
         "a faulted configuration has successors",
-        "verify.bmc.Unrolling._sound",
+        "verify.encoding.unrolling.Unrolling._sound",
         "self.solver.add([self.encoder.d.unary(UnaryOp.NOT, moment.findings.fault)])",
         "del moment",
         (BMC,),
     ),
     Mutant(
         "what a faulting step finds counts",
-        "verify.bmc.violations",
+        "verify.encoding.unrolling.violations",
         "claim.kind is not ClaimKind.FAULT",
         "claim.is_state_property",
         (BMC,),
     ),
     Mutant(
         "the replay is not consulted",
-        "verify.bmc._look",
+        "verify.engines.bmc.engine._look",
         "judge(recording, claim, moment.phase)",
         'Counterexample(recording, moment.configuration.round, moment.phase, "")',
         (PORTFOLIO, ABSTRACTION),
     ),
     Mutant(
         "induction assumes what it is to prove",
-        "verify.induction._Step.__init__",
+        "verify.engines.induction.engine._Step.__init__",
         "self._last = taken",
         "self._last = taken\nself._assumed.append(taken.middle)",
         (INDUCTION,),
     ),
     Mutant(
         "induction skips the middle of the round",
-        "verify.induction._Step.__init__",
+        "verify.engines.induction.engine._Step.__init__",
         "taken.moments",
         "taken.moments[-1:]",
         (INDUCTION,),
     ),
     Mutant(
         "induction does not look inside the round",
-        "verify.induction._Step.__init__",
+        "verify.engines.induction.engine._Step.__init__",
         "taken.moments",
         "taken.moments[-2:]",
         (INDUCTION,),
     ),
     Mutant(
         "induction proves what it had no time for",
-        "verify.induction._Step._broken_by",
+        "verify.engines.induction.engine._Step._broken_by",
         '{claim: "timeout" if deadline.is_near() else "too much for the solver"}',
         "{}",
         (INDUCTION,),
     ),
     Mutant(
         "induction does not mind what it does not cover",
-        "verify.induction.prove",
+        "verify.engines.induction.engine.prove",
         "not within_limits",
         "not candidates",
         (INDUCTION,),
     ),
     Mutant(
         "claims that fail stay lemmas",
-        "verify.induction.prove",
+        "verify.engines.induction.engine.prove",
         "[*given, *candidates]",
         "[*given, *claims]",
         (INDUCTION,),
     ),
     Mutant(
         "induction believes what did not replay",
-        "verify.engines.ByInduction.over",
+        "verify.engines.workers.ByInduction.over",
         "[c for c in ledger.open() if c not in bounded.unreplayed]",
         "ledger.open()",
         (PORTFOLIO,),
@@ -461,56 +461,56 @@ VERIFY = (
     ),
     Mutant(
         "rounds that were looked at meanwhile count whatever was proved",
-        "verify.singly.ByRounds.work",
+        "verify.per_claim.ByRounds.work",
         "ledger.open() != open_",
         "not open_",
         (SINGLY,),
     ),
     Mutant(
         "others go on for ever where one is violated",
-        "verify.singly.ByRounds.work",
+        "verify.per_claim.ByRounds.work",
         "ledger.is_violated or not tired",
         "not tired",
         (SINGLY,),
     ),
     Mutant(
         "what takes longer than a slice is given up",
-        "verify.singly._slices",
+        "verify.per_claim._slices",
         "[*SLICES, AT_LAST] if wanting > 1 else [AT_LAST]",
         "[SLICES[0]]",
         (SINGLY,),
     ),
     Mutant(
         "a process that asks is asked as well",
-        "verify.pool.Pool.hand_in",
+        "verify.processes.Pool.hand_in",
         "self.jobs - 1",
         "self.jobs",
-        ("tests/verify/test_pool.py",),
+        ("tests/verify/test_processes.py",),
     ),
     Mutant(
         "long lists are claimed to be covered",
-        "verify.unknowns.Unknowns._list",
+        "verify.encoding.unknowns.Unknowns._list",
         "self.limits.append(limit)",
         "del limit",
         (SYMBOLS, PORTFOLIO),
     ),
     Mutant(
         "equal questions get different answers",
-        "verify.unknowns.Unknowns.alike",
+        "verify.encoding.unknowns.Unknowns.alike",
         "self.constraints.append(self.d.binary(BinaryOp.IMPLIES, same, agree))",
         "del same, agree",
         (SYMBOLS,),
     ),
     Mutant(
         "the axiom of a summary is dropped",
-        "verify.unknowns.Unknowns.function",
+        "verify.encoding.unknowns.Unknowns.function",
         "self.constraints += [self._axiom(external, promise) for promise in external.ensures]",
         "pass",
         (SYMBOLS, ABSTRACTION),
     ),
     Mutant(
         "the axiom of a summary is negated",
-        "verify.unknowns.Unknowns._axiom.kept",
+        "verify.encoding.unknowns.Unknowns._axiom.kept",
         "self.d.binary(BinaryOp.IMPLIES, met, statement(m, promise))",
         "self.d.unary(core.UnaryOp.NOT, statement(m, promise))",
         (SYMBOLS, ABSTRACTION),
@@ -524,35 +524,35 @@ VERIFY = (
     ),
     Mutant(
         "lists keep their length whatever is written",
-        "verify.footprint._note",
+        "syntax.analysis.footprint._note",
         "Written.PARTS if _inside_list(place) else Written.WHOLE",
         "Written.PARTS",
         (FOOTPRINT,),
     ),
     Mutant(
         "who does not ask is never stopped",
-        "verify.footprint.statuses",
+        "syntax.analysis.footprint.statuses",
         "asking or _has(agent, core.Stop)",
         "_has(agent, core.TryStop) or _has(agent, core.Stop)",
         (FOOTPRINT,),
     ),
     Mutant(
         "all opaque values are of one type",
-        "verify.abstraction._sort_name",
+        "verify.reduction.abstraction._sort_name",
         "show(type_)",
         '"opaque" if show(type_) else ""',
         (ABSTRACTION,),
     ),
     Mutant(
         "a callers duty is looked into by nobody",
-        "verify.abstraction._flowing",
+        "verify.reduction.abstraction._flowing",
         "(replace(program, externals=()), duties)",
         "(replace(program, externals=()), duties[:0])",
         (ABSTRACTION,),
     ),
     Mutant(
         "answers are made up without regard to the summary",
-        "verify.concretion.Concretion._answered",
+        "verify.reduction.concretion.Concretion._answered",
         "self._meets(original, arguments, candidate)",
         "self._meets(original, arguments, candidate) or True",
         (ABSTRACTION,),
@@ -566,7 +566,7 @@ VERIFY = (
     ),
     Mutant(
         "any two writes that meet are a lost update",
-        "semantics.replay.update_lost",
+        "traces.replay.update_lost",
         "k != other and slot in updates",
         "k != other",
         (REPLAY,),
@@ -601,31 +601,31 @@ VERIFY = (
     ),
     Mutant(
         "one robot stands for two",
-        "verify.representatives._narrowed",
+        "verify.engines.induction.representatives._narrowed",
         "named + 1",
         "named",
         (REPRESENTATIVES,),
     ),
     Mutant(
         "robots stand for those of other kinds",
-        "verify.representatives._narrowed",
+        "verify.engines.induction.representatives._narrowed",
         "(None, system.kinds[0])",
         "(None, *range(9))",
         (REPRESENTATIVES,),
     ),
     Mutant(
         "robots stand for others wherever they are told apart",
-        "verify.representatives.representatives",
+        "verify.engines.induction.representatives.representatives",
         "not isinstance(symmetry, Symmetry) or symmetry.groups != everyone",
         "not everyone",
         (REPRESENTATIVES,),
     ),
     Mutant(
         "a step of three rounds rests on one",
-        "verify.engines.ByInduction.over",
+        "verify.engines.workers.ByInduction.over",
         "not claims or bounded.completed is None or bounded.completed < depth - 1",
         "not claims or bounded.completed is None",
-        ("tests/verify/test_induction.py",),
+        ("tests/verify/engines/induction/test_engine.py",),
     ),
     Mutant(
         "what holds for some rounds is a lemma",
@@ -636,147 +636,147 @@ VERIFY = (
     ),
     Mutant(
         "what some robots cannot do nobody can",
-        "verify.reaching.unbroken",
+        "verify.vacuity.reachability.unbroken",
         "pending = [claim for claim in nevers if claim in few.claims]",
         "return few",
         (PORTFOLIO,),
     ),
     Mutant(
         "robots change places whatever is said of them",
-        "verify.wishes._with",
+        "verify.vacuity.reachability_goals._with",
         "(*program.properties, *stated)",
         "program.properties",
         (VACUITY,),
     ),
     Mutant(
         "invariants suppose nothing between the ends of rounds",
-        "verify.wishes._suppositions",
+        "verify.vacuity.reachability_goals._suppositions",
         "stated.kind is PropertyKind.INVARIANT",
         "False",
         (VACUITY,),
     ),
     Mutant(
         "what contracts promise is known where it is asked what they suppose",
-        "verify.unmet._Asking._freed",
+        "verify.vacuity.unreachable._Asking._freed",
         "replace(self.system, program=without(self.system.program, promises))",
         "self.system",
         (VACUITY,),
     ),
     Mutant(
         "what contracts suppose is looked at after the turn",
-        "verify.wishes._is_before",
+        "verify.vacuity.reachability_goals._is_before",
         "node.primed",
         "False",
         (VACUITY,),
     ),
     Mutant(
         "a function lacks answers if another one can see to it",
-        "verify.summaries._hangs_on_others",
+        "verify.vacuity.contradictory_summaries._hangs_on_others",
         "any(isinstance(node, core.ExternalCall | core.AllValues) for node in below)",
         "not below",
         (VACUITY,),
     ),
     Mutant(
         "goals are reached where some start has them",
-        "verify.live.hollow._holds_at_once",
+        "verify.vacuity.vacuous_goals._holds_at_once",
         "answer is Answer.UNSAT and not unrolling.unknowns.limits",
         "not unrolling.unknowns.limits",
         (VACUITY,),
     ),
     Mutant(
         "a question that was limited may take any time",
-        "verify.solving.Solver.check",
+        "verify.encoding.solver.Solver.check",
         "deadline.sooner(_longest_s(limit))",
         "deadline",
-        ("tests/verify/test_solving.py",),
+        ("tests/verify/encoding/test_solver.py",),
     ),
     Mutant(
         "a question that nobody limited may take any time",
-        "verify.solving.Solver.check",
+        "verify.encoding.solver.Solver.check",
         "deadline.sooner(LONGEST_UNLIMITED_S)",
         "deadline",
-        ("tests/verify/test_solving.py",),
+        ("tests/verify/encoding/test_solver.py",),
     ),
     Mutant(
         "a solver does not hear of the deadline",
-        "verify.solving.Solver.check",
+        "verify.encoding.solver.Solver.check",
         "_FOR_EVER if left is None else max(1, int(left * 1000))",
         "_FOR_EVER",
         ("tests/verify/test_limits_are_given.py",),
     ),
     Mutant(
         "after a crash a claim has all of its time again",
-        "verify.apart._Asking.each",
+        "verify.time_limits._Asking.each",
         "left_s[name] - job.lasted_s",
         "left_s[name]",
-        ("tests/verify/test_apart.py",),
+        ("tests/verify/test_time_limits.py",),
     ),
     Mutant(
         "where all is answered proofs cost as much as ever",
-        "verify.engines.ByInduction._effort",
+        "verify.engines.workers.ByInduction._effort",
         "ledger.wanting",
         "ledger.open",
-        ("tests/verify/test_induction.py",),
+        ("tests/verify/engines/induction/test_engine.py",),
     ),
     Mutant(
         "what two robots cannot do no number can",
-        "verify.portfolio._Beside.end",
+        "verify.strategy._Beside.end",
         "self.of_any_number",
         "False",
         (VACUITY,),
     ),
     Mutant(
         "what is true of a few robots whatever they do is true of all",
-        "verify.vacuity._unbreakable",
+        "verify.vacuity.analysis._unbreakable",
         "regardless = any_number.true_of_anything(ledger, regardless)",
         "pass",
         (VACUITY,),
     ),
     Mutant(
         "what no robots could do is true of anything they did in INIT",
-        "verify.any_number._of_anything.free",
+        "verify.vacuity.any_number._of_anything.free",
         "replace(entry, initial=Start.ARBITRARY)",
         "entry",
         (VACUITY,),
     ),
     Mutant(
         "readings that are not found at random are none",
-        "verify.dead_ends.dead_end",
+        "verify.vacuity.dead_ends.dead_end",
         "_has_readings(system, robot, state, deadline, seed)",
         "state and False",
         (VACUITY,),
     ),
     Mutant(
         "what excludes each other is supposed",
-        "verify.suppositions._implication",
+        "syntax.analysis.suppositions._implication",
         "len(negated) != 1",
         "not (negated := negated[:1])",
         (VACUITY,),
     ),
     Mutant(
         "what excludes each other but for something is supposed",
-        "verify.suppositions._implication",
+        "syntax.analysis.suppositions._implication",
         "isinstance(supposed, core.Binary) and supposed.op is BinaryOp.AND",
         "False",
         (VACUITY,),
     ),
     Mutant(
         "all that a function supposes is meant wherever it is called",
-        "verify.suppositions.Reading.denials",
+        "syntax.analysis.suppositions.Reading.denials",
         "self._calls[e.function] == 1 and admits(e)",
         "admits(e)",
         (VACUITY,),
     ),
     Mutant(
         "cases forget a denial",
-        "verify.solving._split",
+        "verify.encoding.solver._split",
         "_split(z3.Not(part))",
         "_split(part)",
         (SOLVING,),
     ),
     Mutant(
         "terms divide as the solver does",
-        "verify.terms.Terms._quotient",
+        "verify.encoding.terms.Terms._quotient",
         "z3.If(right > 0, left / right, (-left) / (-right))",
         "left / right",
         (TERMS,),

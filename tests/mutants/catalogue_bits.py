@@ -5,73 +5,73 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 AGREEMENT = "tests/agreement/test_bits.py"
-NUMBERS = "tests/verify/bits/test_numbers.py"
-IC3 = "tests/verify/bits/test_pdr.py"
+NUMBERS = "tests/verify/engines/bits/test_numbers.py"
+IC3 = "tests/verify/engines/bits/test_ic3.py"
 GENERATED = "tests/agreement/test_engines.py"
-EXPORTING = "tests/verify/bits/test_exporting.py"
-ENGINE = "tests/verify/bits/test_engine.py"
+EXPORTING = "tests/verify/engines/bits/test_circuit_files.py"
+ENGINE = "tests/verify/engines/bits/test_engine.py"
 
 BITS = (
     # the domain
     Mutant(
         "a carry is lost",
-        "verify.bits.numbers._sum",
+        "verify.engines.bits.numbers._sum",
         "g.either(g.both(x, y), g.both(half, carry))",
         "g.both(half, carry)",
         (NUMBERS, AGREEMENT),
     ),
     Mutant(
         "the sign of a factor has positive weight",
-        "verify.bits.numbers._product",
+        "verify.engines.bits.numbers._product",
         "_sum(g, total, tuple(x ^ 1 for x in part), TRUE)",
         "_sum(g, total, part, FALSE)",
         (NUMBERS,),
     ),
     Mutant(
         "signs are compared as other bits are",
-        "verify.bits.numbers.at_most",
+        "verify.engines.bits.numbers.at_most",
         "g.choose(g.differ(left[-1], right[-1]), left[-1], holds)",
         "g.choose(g.differ(left[-1], right[-1]), right[-1], holds)",
         (NUMBERS, AGREEMENT),
     ),
     Mutant(
         "a fresh number leaves its range",
-        "verify.bits.domain.BitDomain.in_range",
+        "verify.engines.bits.domain.BitDomain.in_range",
         "[numbers.at_most(g, low, wide), numbers.at_most(g, wide, high)]",
         "[numbers.at_most(g, low, wide)]",
         (f"{GENERATED}::test_bits_agree_at_the_ends_of_ranges", NUMBERS),
     ),
     Mutant(
         "what is calculated from any number is that number",
-        "verify.bits.domain.BitDomain._another",
+        "verify.engines.bits.domain.BitDomain._another",
         "number.loose == FALSE",
         "number.loose >= FALSE",
         (NUMBERS,),
     ),
     Mutant(
         "choices that are too wide to be kept are all the same",
-        "verify.bits.domain.BitDomain.ite",
+        "verify.engines.bits.domain.BitDomain.ite",
         "made.loose == TRUE",
         "made.loose < FALSE",
         (NUMBERS, ENGINE),
     ),
     Mutant(
         "comparisons forget that a factor makes numbers wider",
-        "verify.bits.numbers.rescaled",
+        "verify.engines.bits.numbers.rescaled",
         "_product(g, a, _constant(factor, 0))",
         "multiplied(g, a, _constant(factor, 0))",
         (NUMBERS,),
     ),
     Mutant(
         "a quotient that is too wide to be kept is zero",
-        "verify.bits.numbers.divided",
+        "verify.engines.bits.numbers.divided",
         "g.either(loose, result.loose)",
         "loose",
         (NUMBERS,),
     ),
     Mutant(
         "a choice of the graph takes the wrong side",
-        "verify.bits.graph.Graph.choose",
+        "verify.engines.bits.graph.Graph.choose",
         "self.either(condition, other)",
         "self.either(condition, other ^ 1)",
         (NUMBERS, AGREEMENT),
@@ -79,64 +79,64 @@ BITS = (
     # the circuit
     Mutant(
         "a program turn is legal whoever runs",
-        "verify.bits.transition._Builder.finished",
+        "verify.engines.bits.circuit._Builder.finished",
         "program + [literal(cast(Bits, x)) for x in p.taken.urgency]",
         "[literal(cast(Bits, x)) for x in p.taken.urgency]",
         (ENGINE,),
     ),
     Mutant(
         "urgent events may wait",
-        "verify.bits.transition._Builder.finished",
+        "verify.engines.bits.circuit._Builder.finished",
         "p.taken.urgency",
         "p.taken.urgency[:0]",
         (ENGINE,),
     ),
     Mutant(
         "variables start as they please",
-        "verify.bits.transition._Builder.finished",
+        "verify.engines.bits.circuit._Builder.finished",
         "[*opens, fault ^ 1]",
         "[fault ^ 1]",
         (GENERATED, ENGINE),
     ),
     Mutant(
         "a number that strays is kept as it is cut",
-        "verify.bits.transition._Landing._number",
+        "verify.engines.bits.circuit._Landing._number",
         'self._set(f"{path} strays", fresh.loose, strays)',
         'self._set(f"{path} strays", fresh.loose, FALSE)',
         (ENGINE,),
     ),
     Mutant(
         "lists that outgrow their room are cut unseen",
-        "verify.bits.transition._Builder.finished",
+        "verify.engines.bits.circuit._Builder.finished",
         "g.any_of(lost)",
         "FALSE",
         (ENGINE,),
     ),
     Mutant(
         "narrow questions forget what is about the claim",
-        "verify.bits.narrowing.narrowed",
+        "verify.engines.bits.constraint_selection.narrowed",
         "g.all_of(kept)",
         "g.all_of(kept) ^ 1",
-        ("tests/verify/bits/test_narrowing.py",),
+        ("tests/verify/engines/bits/test_constraint_selection.py",),
     ),
     # clauses and rounds
     Mutant(
         "a choice is written down on one side",
-        "verify.bits.clauses.Clauses._write",
+        "verify.engines.bits.clauses.Clauses._write",
         "[[me, -c, -t], [me, c, -e], [me, -t, -e]]",
         "[[me, -c, -t], [me, -t, -e]]",
         (IC3,),
     ),
     Mutant(
         "a negation needs the clauses of its node",
-        "verify.bits.clauses._turned",
+        "verify.engines.bits.clauses._turned",
         "(sides & 1) << 1 | sides >> 1",
         "sides",
         (IC3,),
     ),
     Mutant(
         "each round starts afresh",
-        "verify.bits.unrolling.Unrolled.begin",
+        "verify.engines.bits.unrolling.Unrolled.begin",
         "latch.next",
         "latch.init",
         (GENERATED, ENGINE),
@@ -144,56 +144,56 @@ BITS = (
     # IC3
     Mutant(
         "a clause is learned one frame too late",
-        "verify.bits.pdr.Search._blocked",
+        "verify.engines.bits.ic3.Search._blocked",
         "self._leads_to(level - 1, wanted)",
         "self._leads_to(level, wanted)",
         (IC3,),
     ),
     Mutant(
         "a clause may keep INIT out",
-        "verify.bits.pdr.Search._apart",
+        "verify.engines.bits.ic3.Search._apart",
         "not self._starts_in(enough)",
         "enough",
         (IC3,),
     ),
     Mutant(
         "a smaller cube need not be apart from INIT",
-        "verify.bits.pdr.Search._dropped",
+        "verify.engines.bits.ic3.Search._dropped",
         "if self._starts_in(cube):\n    return None",
         "pass",
         (IC3,),
     ),
     Mutant(
         "what leads to a cube is lifted without the step",
-        "verify.bits.pdr._Lifting.before",
+        "verify.engines.bits.ic3._Lifting.before",
         "goal = [self.clauses.of(self.question.steps)]",
         "goal: list[int] = []",
         (IC3,),
     ),
     Mutant(
         "clauses are pushed unasked",
-        "verify.bits.pdr.Search._pushed",
+        "verify.engines.bits.ic3.Search._pushed",
         "self._leads_to(level, cube, but=False) is None",
         "not cube",
         (IC3,),
     ),
     Mutant(
         "the check of an invariant forgets the step",
-        "verify.bits.checking.keeps",
+        "verify.engines.bits.checking.keeps",
         "initiated and safe and kept",
         "initiated and safe",
         (IC3,),
     ),
     Mutant(
         "the check of an invariant forgets INIT",
-        "verify.bits.checking.keeps",
+        "verify.engines.bits.checking.keeps",
         "initiated and safe and kept",
         "safe and kept",
         (IC3,),
     ),
     Mutant(
         "the check of an invariant forgets what is bad",
-        "verify.bits.checking.keeps",
+        "verify.engines.bits.checking.keeps",
         "initiated and safe and kept",
         "initiated and kept",
         (IC3,),
@@ -201,14 +201,14 @@ BITS = (
     # other tools
     Mutant(
         "what is exported is bad before INIT",
-        "verify.bits.exporting.machine_of",
+        "verify.engines.bits.circuit_files.machine_of",
         "g.both(begun ^ 1, circuit.bad_start.get(claim, FALSE))",
         "circuit.bad_start.get(claim, FALSE)",
         (EXPORTING,),
     ),
     Mutant(
         "what is exported goes on behind an illegal step",
-        "verify.bits.exporting._begun",
+        "verify.engines.bits.circuit_files._begun",
         "g.both(valid, steps)",
         "steps",
         (EXPORTING,),

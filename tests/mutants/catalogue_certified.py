@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.mutants.mutant import Mutant
 
-LEMMAS = "tests/verify/bits/test_lemmas.py"
+LEMMAS = "tests/verify/engines/bits/test_invariants.py"
 FOUND = "tests/recheck/test_found.py"
 MAPS = "tests/recheck/test_maps.py"
 EXAMPLES = "tests/recheck/test_mutations.py"
@@ -18,56 +18,56 @@ CERTIFIED = (
     # invariants of bits in words
     Mutant(
         "cubes grow into states that are reached",
-        "verify.bits.primes.Primes._is_out",
+        "verify.engines.bits.prime_implicants.Primes._is_out",
         "not self._inside.solve([self._inside.of(x) for x in literals])",
         "bool(literals)",
         (LEMMAS,),
     ),
     Mutant(
         "robots that variables hold stay where others move",
-        "verify.bits.primes.Table._held",
+        "verify.engines.bits.prime_implicants.Table._held",
         "not self.places[k].of_robots",
         "k >= 0",
         (LEMMAS,),
     ),
     Mutant(
         "sets of robots that are not spoken of stay",
-        "verify.bits.primes.Table.orbit",
+        "verify.engines.bits.prime_implicants.Table.orbit",
         "zip([*m, *still[0]], [*new, *still[1]], strict=True)",
         "zip(m, new, strict=True)",
         (LEMMAS,),
     ),
     Mutant(
         "what keeps a part of an invariant is not needed",
-        "verify.bits.minimal._Core._closed",
+        "verify.engines.bits.invariant_core._Core._closed",
         "map(self._broken, sorted(new))",
         "[]",
         (LEMMAS,),
     ),
     Mutant(
         "parts are left out that others need",
-        "verify.bits.minimal._Core.of",
+        "verify.engines.bits.invariant_core._Core.of",
         "[*goals, *(self._broken(other) for other in found if other != k)]",
         "[*goals]",
         (LEMMAS,),
     ),
     Mutant(
         "ranges are not said",
-        "verify.bits.saying.said",
+        "verify.engines.bits.invariant_printer.said",
         "[*_ranges(found.ranged, table), *clauses]",
         "[*clauses]",
         (LEMMAS,),
     ),
     Mutant(
         "clauses are joined that differ in more than a number",
-        "verify.bits.saying._form",
+        "verify.engines.bits.invariant_printer._form",
         "tuple(sorted(parts, key=str)), clause.alike",
         "clause.alike",
         (LEMMAS,),
     ),
     Mutant(
         "who asked to stop is said to be stopped",
-        "verify.bits.saying._Speaking._of_robot",
+        "verify.engines.bits.invariant_printer._Speaking._of_robot",
         "stopped == running or (place.moves and (Status.ASKED in held) != running)",
         "stopped == running",
         (LEMMAS,),
@@ -119,7 +119,7 @@ CERTIFIED = (
     ),
     Mutant(
         "what is claimed need not follow from the invariant",
-        "recheck.opening._argument",
+        "recheck.initial_states._argument",
         "consequences.append(replace(own[claimed.name], name=claimed.name))",
         "pass",
         (EDITS,),
@@ -133,7 +133,7 @@ CERTIFIED = (
     ),
     Mutant(
         "the subject of a claim does not count",
-        "recheck.opening._argument",
+        "recheck.initial_states._argument",
         "claimed.subject",
         '""',
         (EDITS,),
@@ -161,7 +161,7 @@ CERTIFIED = (
     ),
     Mutant(
         "params of a certificate are left out",
-        "recheck.opening._elaborated",
+        "recheck.initial_states._elaborated",
         "elaborate(tree, certificate.settings)",
         "elaborate(tree)",
         (SAID,),

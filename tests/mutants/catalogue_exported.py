@@ -6,8 +6,8 @@ from tests.mutants.mutant import Mutant
 
 DAMAGE = "tests/recheck/test_damage.py"
 CRASHING = "tests/recheck/test_crashing.py"
-WAYS = "tests/verify/test_portfolio.py"
-SCRIPTS = "tests/verify/test_scripts.py"
+WAYS = "tests/verify/test_strategy.py"
+SCRIPTS = "tests/verify/export/test_smtlib.py"
 EXPORTS = "tests/cli/test_exporting.py"
 
 EXPORTED = (
@@ -42,7 +42,7 @@ EXPORTED = (
     ),
     Mutant(
         "a crash takes a refutation with it",
-        "recheck.settling.Settling._told",
+        "recheck.discharge.Settling._told",
         (
             "try:\n"
             "    if news or definitions:\n"
@@ -68,14 +68,14 @@ EXPORTED = (
     # ways to break a claim
     Mutant(
         "other ways are looked for beyond the bound",
-        "verify.varieties._others",
+        "verify.engines.bmc.counterexample_enumeration._others",
         "moment.configuration.round >= ledger.bounds.rounds",
         "moment.configuration.round > ledger.bounds.rounds",
         (WAYS,),
     ),
     Mutant(
         "there are no more ways when enough were found",
-        "verify.varieties.others",
+        "verify.engines.bmc.counterexample_enumeration.others",
         "Ways(complete=False)",
         "Ways(complete=True)",
         (WAYS,),
@@ -83,21 +83,21 @@ EXPORTED = (
     # other tools
     Mutant(
         "what is required later hides what breaks before",
-        "verify.solving.Solver.layered",
+        "verify.encoding.solver.Solver.layered",
         "required[start : layer.required]",
         "required",
         (SCRIPTS,),
     ),
     Mutant(
         "only the last round is asked about",
-        "verify.solving.Solver.layered",
+        "verify.encoding.solver.Solver.layered",
         "z3.Or(self.d.boolean(layer.asked), whole)",
         "whole if layer is not layers[-1] else self.d.boolean(layer.asked)",
         (SCRIPTS,),
     ),
     Mutant(
         "numbers beyond a range are passed over",
-        "verify.bits.transition._is_loose",
+        "verify.engines.bits.circuit._is_loose",
         "isinstance(leaf, Wild) or (isinstance(leaf, Ranged) and leaf.strays)",
         "isinstance(leaf, Wild)",
         (EXPORTS,),

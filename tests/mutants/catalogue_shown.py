@@ -6,7 +6,7 @@ from tests.mutants.mutant import Mutant
 
 GENERATED = "tests/refinement/test_generated.py"
 ROUNDS = "tests/refinement/test_rounds.py"
-REPLAY = "tests/semantics/test_replay.py"
+REPLAY = "tests/traces/test_replay.py"
 CLAIMS = "tests/verify/test_claims.py"
 WITNESS = "tests/verify/test_witness.py"
 
@@ -121,7 +121,7 @@ SHOWN = (
     ),
     Mutant(
         "traces with the kept names of ports are not read",
-        "semantics.traces.decode_runs._Decoding.variables",
+        "traces.decode_runs._Decoding.variables",
         "n.older if n.name not in held and n.older in held else n.name",
         "n.name",
         ("tests/semantics/test_port_names.py",),
@@ -156,7 +156,7 @@ SHOWN = (
     ),
     Mutant(
         "guards are not asked of doubles",
-        "semantics.lassos._guard",
+        "traces.lassos._guard",
         "guard_of(d, system, robot, state, event, inputs)",
         "guard_of(EXACT, system, robot, state, event, inputs)",
         ("tests/refinement/test_rerunning.py",),
@@ -255,30 +255,30 @@ SHOWN = (
     ),
     Mutant(
         "what is spent on all together does not count for each",
-        "verify.apart.verify_apart",
+        "verify.time_limits.verify_apart",
         "max(0.0, claim_s - (time.monotonic() - started))",
         "claim_s",
-        ("tests/verify/test_apart.py",),
+        ("tests/verify/test_time_limits.py",),
     ),
     Mutant(
         "what a process told of before it was ended is lost",
-        "verify.apart._Asking._known",
+        "verify.time_limits._Asking._known",
         "past.verdict(claim.name)",
         "None",
-        ("tests/verify/test_apart.py",),
+        ("tests/verify/test_time_limits.py",),
     ),
     Mutant(
         "a variable that cannot be followed is not named",
-        "semantics.search.finite._starts",
+        "verify.engines.explicit.finiteness._starts",
         "NotFinite(reason, entry.span, name)",
         "NotFinite(reason, entry.span)",
         ("tests/verify/test_obstacles.py",),
     ),
     Mutant(
         "what was not looked at to the end is not told",
-        "verify.vacuity.vacuities",
+        "verify.vacuity.analysis.vacuities",
         "not left.known",
         "left.known and given_up",
-        ("tests/verify/test_unlooked.py",),
+        ("tests/verify/vacuity/test_unlooked.py",),
     ),
 )

@@ -4,136 +4,136 @@ from __future__ import annotations
 
 from tests.mutants.mutant import Mutant
 
-SLICES = "tests/verify/cone/test_slices.py"
-ASKING = "tests/verify/cone/test_asking.py"
+SLICES = "tests/verify/reduction/test_slices.py"
+ASKING = "tests/verify/reduction/test_sliced_problems.py"
 ENGINES = "tests/agreement/test_slices.py"
 LIVE = "tests/agreement/test_live_slices.py"
-HAPPENING = "tests/verify/cone/test_happening.py"
-AUXILIARY = "tests/semantics/test_auxiliary.py"
+HAPPENING = "tests/verify/reduction/test_happening.py"
+AUXILIARY = "tests/syntax/test_auxiliary.py"
 
 CONE = (
     Mutant(
         "cone: events do not depend on their guards",
-        "verify.cone.influence.Influence._event",
+        "verify.reduction.influence.Influence._event",
         "self._add(happens, reads)",
         "pass",
         (SLICES,),
     ),
     Mutant(
         "cone: what a loop does does not depend on when it is left",
-        "verify.cone.influence.sites",
+        "verify.reduction.influence.sites",
         "(*controls, low, high, *_leaving(body))",
         "(*controls, low, high)",
         (SLICES,),
     ),
     Mutant(
         "cone: locks and stops are taken whatever decides about them",
-        "verify.cone.influence.Influence._event",
+        "verify.reduction.influence.Influence._event",
         "self._add(happens, entered)",
         "pass",
         (SLICES,),
     ),
     Mutant(
         "cone: urgent events oblige nobody to others",
-        "verify.cone.influence.Influence._urgency",
+        "verify.reduction.influence.Influence._urgency",
         "self._add(happens, every)",
         "pass",
         (SLICES,),
     ),
     Mutant(
         "cone: contracts restrict nothing",
-        "verify.cone.influence.Influence._module",
+        "verify.reduction.influence.Influence._module",
         "self.restricted(contract, promise, kind)",
         "()",
         (SLICES,),
     ),
     Mutant(
         "cone: assumptions join nothing",
-        "verify.cone.influence.Influence._assumptions",
+        "verify.reduction.influence.Influence._assumptions",
         "for part in reads:\n    self._add(part, reads)",
         "for part in ():\n    self._add(part, reads)",
         (SLICES,),
     ),
     Mutant(
         "cone: nothing may fault",
-        "verify.cone.influence.Influence._body",
+        "verify.reduction.influence.Influence._body",
         "self._add(Matter.FAULT, (*reads, *targets, *by))",
         "pass",
         (SLICES,),
     ),
     Mutant(
         "cone: what only the shared slice breaks is not asked of the whole program",
-        "verify.portfolio.verify",
+        "verify.strategy.verify",
         "part is system and not subject.is_abstract",
         "not subject.is_abstract",
         (ASKING,),
     ),
     Mutant(
         "cone: a slice writes nothing",
-        "verify.cone.slicing._Slicer._matters",
+        "verify.reduction.slicing._Slicer._matters",
         "bool(self.influence.targets[id(s)] & self.cone)",
         "False",
         (ENGINES,),
     ),
     Mutant(
         "cone: fair runs do not depend on all events",
-        "verify.cone.influence.Influence._fairness",
+        "verify.reduction.influence.Influence._fairness",
         "self._add(Matter.WHOLE_RUNS, (Happens(kind, position),))",
         "pass",
         (SLICES,),
     ),
     Mutant(
         "cone: lassos of slices come back to everything",
-        "semantics.lassos._shape",
+        "traces.lassos._shape",
         "with_those_of(last, first, spared)",
         "last",
         (LIVE,),
     ),
     Mutant(
         "cone: a variable is auxiliary though branches read it",
-        "semantics.auxiliary._Reading.statement",
+        "syntax.analysis.auxiliary._Reading.statement",
         "self.use(condition, kind)",
         "pass",
         (AUXILIARY,),
     ),
     Mutant(
         "cone: a variable is auxiliary though what it flows to is not",
-        "semantics.auxiliary._Reading.depended_on",
+        "syntax.analysis.auxiliary._Reading.depended_on",
         "grows = bool(new)",
         "break",
         (AUXILIARY,),
     ),
     Mutant(
         "cone: a reading is always allowed that is bounded from both sides",
-        "semantics.always_met.always_met",
+        "syntax.analysis.always_met.always_met",
         "len(set(bounds)) <= 1",
         "True",
         (AUXILIARY,),
     ),
     Mutant(
         "cone: a reading is always allowed that is compared with another one",
-        "semantics.always_met._bounds",
+        "syntax.analysis.always_met._bounds",
         "not primed(other)",
         "True",
         (AUXILIARY,),
     ),
     Mutant(
         "cone: what happens is asked without contracts that may end runs",
-        "verify.cone.slices.Slices._goes_on_without",
+        "verify.reduction.slices.Slices._goes_on_without",
         "primed(promise) <= always_met(self.system, kind)",
         "True",
         (HAPPENING,),
     ),
     Mutant(
         "cone: a promise about no reading restricts nothing",
-        "semantics.auxiliary._Reading.promises",
+        "syntax.analysis.auxiliary._Reading.promises",
         "not about or not about <= met",
         "not about <= met",
         (AUXILIARY,),
     ),
     Mutant(
         "cone: a lasso that is only one of a slice leaves it at that",
-        "verify.live.settling.settled",
+        "verify.liveness_strategy.settled",
         "asking.doubted()",
         "[]",
         (ASKING,),

@@ -4,84 +4,84 @@ from __future__ import annotations
 
 from tests.mutants.mutant import Mutant
 
-PROVING = "tests/verify/every_n/test_proving.py"
-LOOPS = "tests/verify/every_n/test_loops.py"
-SUMS = "tests/verify/every_n/test_sums.py"
+PROVING = "tests/verify/engines/every_n/test_proving.py"
+LOOPS = "tests/verify/engines/every_n/test_loops.py"
+SUMS = "tests/verify/engines/every_n/test_sums.py"
 
 EVERY_N = (
     Mutant(
         "every N: what fails of nobody is said to fail of one robot, the same each time",
-        "verify.every_n.functions.FunctionTerms.fresh",
+        "verify.engines.every_n.functions.FunctionTerms.fresh",
         "if self.open:\n    return self.applied(self.unused(name), self.open, type_)",
         "if self.open and not name:\n    return super().fresh(name, type_)",
         (PROVING, LOOPS),
     ),
     Mutant(
         "every N: faults are assumed away where they are asked for",
-        "verify.every_n.proving._Step._goal",
+        "verify.engines.every_n.proving._Step._goal",
         "[round_.faults(robot)]",
         "[round_.calm, round_.faults(robot)]",
         (PROVING,),
     ),
     Mutant(
         "every N: the environment's turn is not asked about",
-        "verify.every_n.proving._Step._moments",
+        "verify.engines.every_n.proving._Step._moments",
         "[Phase.INSIDE, Phase.END]",
         "[Phase.INSIDE]",
         (PROVING,),
     ),
     Mutant(
         "every N: inside a round nobody is urgent any more",
-        "verify.every_n.proving._Step._goal",
+        "verify.engines.every_n.proving._Step._goal",
         "[] if moment is Phase.INSIDE else [round_.calm, round_.legal]",
         "[round_.legal]",
         (PROVING,),
     ),
     Mutant(
         "every N: two robots are always one",
-        "verify.every_n.proving._Step._goal",
+        "verify.engines.every_n.proving._Step._goal",
         "self._asking.robots[: asked.arity]",
         "self._asking.robots[:1] * asked.arity",
         (PROVING,),
     ),
     Mutant(
         "every N: who wants a taken lock has to act nevertheless",
-        "verify.every_n.rounds.Round._urge",
+        "verify.engines.every_n.rounds.Round._urge",
         "d.unary(UnaryOp.NOT, self._taken(robot, urgent))",
         "d.const(True, BOOL)",
         (PROVING,),
     ),
     Mutant(
         "every N: robots that have stopped are the only ones",
-        "verify.every_n.opening.Anywhere._any",
+        "verify.engines.every_n.initial_states.Anywhere._any",
         "sorted(statuses(self.world.program)[kind])",
         "sorted(statuses(self.world.program)[kind])[-1:]",
         (PROVING,),
     ),
     Mutant(
         "every N: sensors never change",
-        "verify.every_n.opening.Anywhere._own",
+        "verify.engines.every_n.initial_states.Anywhere._own",
         "self._footprint.get((home, kind, slot), Written.NEVER)",
         "self._footprint.get((home, -1, slot), Written.NEVER)",
         (PROVING,),
     ),
     Mutant(
         "every N: one robot at most writes a variable without a lock",
-        "verify.every_n.commits.Commits.everything",
+        "verify.engines.every_n.commits.Commits.everything",
         "slot in self.guards.classes and not self.guards.is_racy(slot)",
         "slot in self.guards.classes",
         (PROVING,),
     ),
     Mutant(
         "every N: no location is racy that some block writes",
-        "verify.every_n.commits.Guards.is_racy",
+        "verify.engines.every_n.commits.Guards.is_racy",
         "a is None or a == b",
         "a == b",
         (PROVING,),
     ),
     Mutant(
         "every N: a whole is racy only where it is written as a whole",
-        "verify.every_n.commits.Guards.is_racy",
+        "verify.engines.every_n.commits.Guards.is_racy",
         "slot == its_slot and all(a is None or a == b for a, b in zip(way, place, strict=False))",
         (
             "slot == its_slot and len(way) in (0, len(place)) and all(\n"
@@ -92,63 +92,63 @@ EVERY_N = (
     ),
     Mutant(
         "every N: what nobody wrote last, nobody wrote",
-        "verify.every_n.commits.Commits._nobody_else.law",
+        "verify.engines.every_n.commits.Commits._nobody_else.law",
         "self.world.book.implied(theirs, self.writes(slot, place, writer))",
         "self.world.d.unary(UnaryOp.NOT, theirs)",
         (PROVING,),
     ),
     Mutant(
         "every N: what is said of robots of a kind holds of all",
-        "verify.every_n.statements.Universal.of_robots",
+        "verify.engines.every_n.statements.Universal.of_robots",
         "agent is not None",
         "agent is not None and not parts",
         (PROVING,),
     ),
     Mutant(
         "every N: lists are as short as they are looked at",
-        "verify.every_n.proving.prove",
+        "verify.engines.every_n.proving.prove",
         "sorted({*start.limits, *step.limits})",
         "sorted({*start.limits, *step.limits})[:0]",
         (PROVING,),
     ),
     Mutant(
         "every N: statements say the same of numbers that are no robots",
-        "verify.every_n.book.Book.every",
+        "verify.engines.every_n.instantiation.Book.every",
         "d.binary(BinaryOp.AND, holds, inside)",
         "holds",
         (LOOPS, PROVING),
     ),
     Mutant(
         "every N: a flag may hang on what the loop changes",
-        "verify.every_n.loops.Change.as_flag",
+        "verify.engines.every_n.loops.Change.as_flag",
         "self._is(self._put(self._seen(), False), False)",
         "not self._is(self._put(self._seen(), True), True)",
         (LOOPS,),
     ),
     Mutant(
         "every N: trips do not fault",
-        "verify.every_n.loops.Loop._log_faults",
+        "verify.engines.every_n.loops.Loop._log_faults",
         "self._d.is_valid(self.crowd.book.glimpse(quiet))",
         "self._d is not None",
         (LOOPS,),
     ),
     Mutant(
         "every N: what is not understood of a loop stays as it was",
-        "verify.every_n.loops.Loop._summary",
+        "verify.engines.every_n.loops.Loop._summary",
         "if path not in self._old:\n    return self._anything(path)",
         "if path in self._old and path[0] == 'locals':\n    return self._old[path]",
         (LOOPS,),
     ),
     Mutant(
         "every N: sums change by one part whatever the others do",
-        "verify.every_n.sums.Sums._compare.says.alike",
+        "verify.engines.every_n.sums.Sums._compare.says.alike",
         "self._equal(one.part(k), two.part(k))",
         "True",
         (SUMS,),
     ),
     Mutant(
         "every N: the sum of k over k < n is n squared",
-        "verify.every_n.sums._summed",
+        "verify.engines.every_n.sums._summed",
         "range(len(polynomial) + 1)",
         "range(1, len(polynomial) + 2)",
         (SUMS,),

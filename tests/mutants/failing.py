@@ -8,10 +8,10 @@ ENGINES = "tests/verify/test_failing_engines.py"
 PARTS = "tests/cli/test_failing_parts.py"
 EXTREMES = "tests/cli/test_extremes.py"
 WAYS_OF_PARAMS = "tests/cli/test_params_by_every_way.py"
-VARIETIES = "tests/verify/test_varieties.py"
+VARIETIES = "tests/verify/engines/bmc/test_counterexample_enumeration.py"
 LIMITS = "tests/cli/test_limits.py"
 OBSTACLES = "tests/verify/test_obstacles.py"
-CLAUSES = "tests/verify/bits/test_clauses.py"
+CLAUSES = "tests/verify/engines/bits/test_clauses.py"
 
 FAILING = (
     Mutant(
@@ -23,7 +23,7 @@ FAILING = (
     ),
     Mutant(
         "Ctrl-C inside a call of Z3 is a failure",
-        "verify.pool.was_interrupted",
+        "verify.processes.was_interrupted",
         "return _was_interrupted",
         "return False",
         (ENGINES,),
@@ -37,7 +37,7 @@ FAILING = (
     ),
     Mutant(
         "what no double has is the compiled program's mistake",
-        "refinement.rerunning.rerun",
+        "refinement.compiled_replay.rerun",
         (
             "try:\n"
             "    made = ready(trace.system.program) if made is None else made\n"
@@ -75,7 +75,7 @@ FAILING = (
     ),
     Mutant(
         "that IC3 gave up is not told",
-        "verify.bits.engine._Run._search",
+        "verify.engines.bits.engine._Run._search",
         'self.no_invariant = NoInvariant(self.engine, "PDR" if self.abc else "IC3")',
         "pass",
         (OBSTACLES,),
@@ -89,28 +89,28 @@ FAILING = (
     ),
     Mutant(
         "a question to the SAT solver has no limit of time",
-        "verify.bits.clauses.Clauses._solved_by_and_by",
+        "verify.engines.bits.clauses.Clauses._solved_by_and_by",
         "self._solver.conf_budget(AT_ONCE)",
         "self._solver.conf_budget(AT_ONCE * 10_000)",
         (CLAUSES,),
     ),
     Mutant(
         "an engine that hangs has all the time",
-        "verify.resuming.Steps.take",
+        "verify.resumption.Steps.take",
         "None if is_last else ended",
         "None",
         (ENGINES,),
     ),
     Mutant(
         "whoever took too long is no failure",
-        "verify.pool.Pool._end_late",
+        "verify.processes.Pool._end_late",
         "job.is_overdue = not job.is_late",
         "job.is_late = True",
         (ENGINES,),
     ),
     Mutant(
         "a proof that hangs has all the time of the rounds",
-        "verify.singly.asked",
+        "verify.per_claim.asked",
         "tell.lasting(ended)",
         "pass",
         (ENGINES,),
@@ -137,35 +137,35 @@ FAILING = (
     # what makes a violation another one
     Mutant(
         "every violation is a variant of another one",
-        "verify.varieties.is_variant",
+        "verify.engines.bmc.counterexample_enumeration.is_variant",
         "all(placed(robot, set()) for robot in wanted)",
         "True",
         (VARIETIES,),
     ),
     Mutant(
         "no violation is a variant of another one",
-        "verify.varieties.is_variant",
+        "verify.engines.bmc.counterexample_enumeration.is_variant",
         "all(placed(robot, set()) for robot in wanted)",
         "False",
         (VARIETIES,),
     ),
     Mutant(
         "a robot stands for another kind of robot",
-        "verify.varieties.is_variant.placed",
+        "verify.engines.bmc.counterexample_enumeration.is_variant.placed",
         "i in tried or kinds[i] != kinds[robot]",
         "i in tried",
         (VARIETIES,),
     ),
     Mutant(
         "one robot stands for several",
-        "verify.varieties.is_variant.placed",
+        "verify.engines.bmc.counterexample_enumeration.is_variant.placed",
         "i not in standing or placed(standing[i], tried)",
         "True",
         (VARIETIES,),
     ),
     Mutant(
         "the order of events makes no other way",
-        "verify.varieties._within",
+        "verify.engines.bmc.counterexample_enumeration._within",
         "event in left",
         "event in having",
         (VARIETIES,),

@@ -9,14 +9,14 @@ INSTANTS_TEST = "tests/verify/test_instants.py"
 INSTANTS = (
     Mutant(
         "instants: each robot is at one of its own",
-        "verify.shadows.Shadows.program",
+        "verify.reduction.shadows.Shadows.program",
         "core.ExternalKind.FUNCTION",
         "core.ExternalKind.FRESH",
         (INSTANTS_TEST,),
     ),
     Mutant(
         "instants: the end of the turn is the only one",
-        "verify.shadows.Shadows.program",
+        "verify.reduction.shadows.Shadows.program",
         "core.Const(Fraction(0), FLOAT)",
         "core.Delta(FLOAT)",
         (INSTANTS_TEST,),
@@ -30,7 +30,7 @@ INSTANTS = (
     ),
     Mutant(
         "instants: contracts promise nothing in between",
-        "verify.shadows.Shadows._module",
+        "verify.reduction.shadows.Shadows._module",
         "tuple(self._afterwards(e) for e in contract.ensures)",
         "contract.ensures",
         (INSTANTS_TEST,),

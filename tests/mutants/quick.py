@@ -5,8 +5,8 @@ The others are left to `make slow`: each takes a process of its own, and a secon
 
 from __future__ import annotations
 
-_ROUNDS = "tests/verify/test_rounds.py::"
-_BMC = "tests/verify/test_bmc.py::"
+_ROUNDS = "tests/verify/encoding/test_rounds.py::"
+_BMC = "tests/verify/engines/bmc/test_engine.py::"
 _RUN = "tests/semantics/test_run.py::"
 
 #: By name of the mutant.
@@ -45,19 +45,19 @@ QUICK = {
     "assumptions are dropped": f"{_BMC}test_assumptions_restrict_where_runs_begin",
     "a faulted configuration has successors": f"{_BMC}test_a_faulted_run_ends",
     "induction assumes what it is to prove": (
-        "tests/verify/test_induction.py::test_what_is_true_need_not_be_inductive"
+        "tests/verify/engines/induction/test_engine.py::test_what_is_true_need_not_be_inductive"
     ),
     "induction skips the middle of the round": (
-        "tests/verify/test_induction.py::test_what_is_true_need_not_be_inductive"
+        "tests/verify/engines/induction/test_engine.py::test_what_is_true_need_not_be_inductive"
     ),
     "the axiom of a summary is dropped": (
-        "tests/verify/test_symbols.py::test_a_summary_about_other_questions_holds_of_all"
+        "tests/verify/encoding/test_symbols.py::test_a_summary_about_other_questions_holds_of_all"
     ),
     "what is written in atomic blocks is never written": (
-        "tests/verify/test_footprint.py::test_writes_are_found_wherever_they_stand"
+        "tests/syntax/test_footprint.py::test_writes_are_found_wherever_they_stand"
     ),
     "all opaque values are of one type": (
-        "tests/verify/test_abstraction.py::test_what_only_external_functions_look_into_flows"
+        "tests/verify/reduction/test_abstraction.py::test_what_only_external_functions_look_into_flows"
     ),
     "the witness drops the order": (
         "tests/verify/test_witness.py::test_what_the_order_decides_is_in_the_recording"

@@ -17,13 +17,13 @@ from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
-from koord.semantics.configurations import System, dealt
-from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import Claim, OutOfBounds, Subject
-from koord.semantics.search.finite import NotFinite
-from koord.semantics.search.limits import Limits
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
+from koord.verify.engines.explicit.findings import Claim, OutOfBounds, Subject
+from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import survey
 from tests.generators.staged import STAGES, staged
 from tests.peers import model, spin
 from tests.peers.shapes import NotCoveredError

@@ -14,17 +14,17 @@ from msgspec.structs import replace
 
 from koord.cli import main as frame
 from koord.cli.exits import Exit
-from koord.semantics.configurations import System, dealt
-from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import Exhausted, Subject
-from koord.semantics.search.limits import Limits
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
 from koord.syntax.types import INT, BoolType, EnumType
 from koord.verify.claims import claims_of
-from koord.verify.tla.module import invariant_name, module
+from koord.verify.engines.explicit.findings import Exhausted, Subject
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import survey
+from koord.verify.export.tla.module import invariant_name, module
 from tests.generators.mutating import mutants
 from tests.generators.staged import STEADY, staged
 from tests.peers import tlc

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from koord.semantics.configurations import System
-from koord.verify.tla.module import module
+from koord.syntax.system import System
+from koord.verify.export.tla.module import module
 
 
 @dataclass(frozen=True)

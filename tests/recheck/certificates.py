@@ -11,13 +11,13 @@ from typing import Any
 
 from koord.recheck.certificate import read
 from koord.recheck.checking import Rechecked, recheck
-from koord.semantics.configurations import dealt
 from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import dealt
 from koord.verify.certificates import Shown, Texts, certificate, digest
 from koord.verify.claims import claims_of
-from koord.verify.solving import Deadline
+from koord.verify.encoding.solver import Deadline
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 

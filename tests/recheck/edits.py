@@ -10,13 +10,13 @@ from functools import cache
 from random import Random
 from typing import Any
 
-from koord.semantics.configurations import dealt
 from koord.syntax.elaborate.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import dealt
 from koord.verify.certificates import Texts, certificate, digest, shown_by
-from koord.verify.portfolio import Choice, verify
-from koord.verify.solving import Deadline
+from koord.verify.encoding.solver import Deadline
+from koord.verify.strategy import Choice, verify
 from koord.verify.verdicts import Bounds
 from tests.recheck.certificates import Document
 

@@ -7,14 +7,14 @@ from typing import TypeAlias
 
 from koord.recheck import instances
 from koord.recheck.claims import Claim, Kind
+from koord.recheck.discharge import Settled, Settling
 from koord.recheck.every_number import EveryNumber
 from koord.recheck.obligations import Obligations
-from koord.recheck.settling import Settled, Settling
 from koord.recheck.solving import Answer, Session
 from koord.recheck.terms import Terms
 from koord.recheck.values import NotRecheckedError, Values
 from koord.recheck.world import World
-from koord.semantics.configurations import System
+from koord.syntax.system import System
 from koord.verify.claims import claims_of
 
 SECONDS = 5.0

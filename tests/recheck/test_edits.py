@@ -17,15 +17,15 @@ import pytest
 from koord.cli.recheck import _as_json
 from koord.recheck.certificate import read
 from koord.recheck.checking import recheck
-from koord.semantics.configurations import System
-from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import Exhausted, Subject
-from koord.semantics.search.limits import Limits
 from koord.syntax.core import Program
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import System
 from koord.verify.certificates import digest
+from koord.verify.engines.explicit.findings import Exhausted, Subject
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import survey
 from tests.recheck.certificates import Document
 from tests.recheck.edits import (
     CHANGES,

@@ -10,9 +10,9 @@ import pytest
 
 from koord.cli.main import main
 from koord.recheck.checking import Outcome
-from koord.semantics.configurations import dealt
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import dealt
 from tests.recheck.certificates import Document, conjunct, document_of, rechecked, with_text
 from tests.recheck.proving import confirmed, settled_for_everyone
 from tests.recheck.test_generated import compared

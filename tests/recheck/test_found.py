@@ -8,18 +8,27 @@ from functools import cache
 import pytest
 
 from koord.recheck.checking import Outcome
-from koord.semantics.configurations import System
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.elaborate.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
-from koord.verify.bits.abc import installed
+from koord.syntax.system import System
 from koord.verify.certificates import Texts, certificate, shown_by
-from koord.verify.portfolio import Choice, verify
-from koord.verify.solving import Deadline
+from koord.verify.encoding.solver import Deadline
+from koord.verify.engines.bits.abc import installed
+from koord.verify.strategy import Choice, verify
 from koord.verify.verdicts import Bounds
 from tests.recheck.certificates import Document, rechecked, with_text
-from tests.verify.bits.test_lemmas import ASKS, KINDS, PORTS, STOPS, TOKEN, UNSET, URGENT, alone
+from tests.verify.engines.bits.test_invariants import (
+    ASKS,
+    KINDS,
+    PORTS,
+    STOPS,
+    TOKEN,
+    UNSET,
+    URGENT,
+    alone,
+)
 
 pytest.importorskip("cvc5")
 

@@ -10,11 +10,11 @@ import pytest
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
 from koord.semantics.machine import NotFiniteError
-from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import Claim, Exhausted, Subject
-from koord.semantics.search.finite import NotFinite
-from koord.semantics.search.limits import Limits
 from koord.verify.claims import claims_of
+from koord.verify.engines.explicit.findings import Claim, Exhausted, Subject
+from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import survey
 from tests.recheck.proving import Settler, confirmed, settled
 
 pytest.importorskip("cvc5")

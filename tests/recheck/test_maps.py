@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from koord.recheck.checking import Outcome
-from koord.verify.portfolio import Choice
+from koord.verify.strategy import Choice
 from tests.recheck.certificates import rechecked, with_text
 from tests.recheck.test_found import made
 

@@ -7,8 +7,8 @@ from fractions import Fraction
 
 import pytest
 
+from koord.recheck.discharge import conjuncts
 from koord.recheck.script import Script
-from koord.recheck.settling import conjuncts
 from koord.recheck.solving import Answer, Session, plain
 from koord.recheck.terms import INT, Term, Terms
 from koord.recheck.values import Value, Values

@@ -13,13 +13,13 @@ from random import Random
 import pytest
 
 from koord.recheck.checking import Outcome, Rechecked
-from koord.semantics.configurations import System, dealt
 from koord.syntax.elaborate.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
 from koord.verify.certificates import Texts, certificate, shown_by
-from koord.verify.portfolio import Choice, verify
-from koord.verify.solving import Deadline
+from koord.verify.encoding.solver import Deadline
+from koord.verify.strategy import Choice, verify
 from koord.verify.verdicts import Bounds
 from tests.recheck.certificates import EXAMPLES, rechecked
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from random import Random
 
 from koord.refinement.cases import Case, Policy, Tried, tried
-from koord.semantics.configurations import dealt
-from koord.semantics.traces.trace import Sources
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import dealt
+from koord.traces.trace import Sources
 
 
 def sources(text: str, name: str = "app.krd") -> Sources:

@@ -12,9 +12,9 @@ from msgspec.structs import replace
 
 from koord.refinement import running
 from koord.refinement.cases import Case, Policy, Target, Tried, generated, tried
-from koord.refinement.gathering import DisagreementError, gathered
+from koord.refinement.instrumented_robot import Acted, Witnessed
 from koord.refinement.running import ready
-from koord.refinement.witnessing import Acted, Witnessed
+from koord.refinement.trace_merge import DisagreementError, gathered
 from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
 from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.compile import compiled
@@ -24,8 +24,8 @@ from koord.runtime.engine.schedules import Deployed, Unheard
 from koord.runtime.proposals import INIT_ROUND, Attempt, Decision, Fault, FaultKind, Proposal, Taken
 from koord.runtime.robot import Status
 from koord.runtime.transports.inprocess import Hub
-from koord.semantics.configurations import dealt
 from koord.syntax import core
+from koord.syntax.system import dealt
 from tests.refinement.running import agrees, program, seeds, sources
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs/examples"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from koord.refinement.hosting import SeededHost
+from koord.refinement.deployed_hosts import SeededHost
 from koord.refinement.running import ready
 from koord.runtime.engine.fleet import Fleet
 from koord.runtime.proposals import FaultKind as OfRuntime
-from koord.semantics.configurations import FaultKind, dealt
+from koord.semantics.configurations import FaultKind
+from koord.syntax.system import dealt
 from tests.refinement.running import agrees, program, ran
 
 HEAD = (

@@ -15,10 +15,10 @@ from koord.refinement.cases import Case, Tried, all_generated, generated, tried
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.execution import execute
 from koord.semantics.storage import Cell, Storage
-from koord.semantics.traces.changes import changes
-from koord.semantics.traces.names import Names
 from koord.syntax import core
 from koord.syntax.walk import nodes
+from koord.traces.changes import changes
+from koord.traces.names import Names
 
 #: Runs of each seed, here and in the slow tests; seeds are those of `koord check-refinement`.
 FEW, MANY = 60, 400

@@ -9,7 +9,7 @@ from koord.refinement.cases import Policy, Tried, generated, tried
 from koord.refinement.judging import judge
 from koord.refinement.running import Ran
 from koord.refinement.shrinking import ever_smaller
-from koord.semantics.traces.trace import Trace
+from koord.traces.trace import Trace
 from tests.refinement.running import ran, seeds
 
 TEXT = (

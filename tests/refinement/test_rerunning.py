@@ -8,11 +8,11 @@ import pytest
 from msgspec.structs import replace
 
 from koord.cli.counterexamples import trace_of
-from koord.refinement.rerunning import Departure, rerun
+from koord.refinement.compiled_replay import Departure, rerun
 from koord.refinement.rounding import Unjudged
 from koord.refinement.running import ready
-from koord.semantics.configurations import dealt
-from koord.semantics.traces.trace import BEFORE_ROUNDS, Numbers, Trace, traced
+from koord.syntax.system import dealt
+from koord.traces.trace import BEFORE_ROUNDS, Numbers, Trace, traced
 from tests.refinement.running import program, sources
 from tests.verify.asking import ask
 

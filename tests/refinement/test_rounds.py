@@ -11,7 +11,7 @@ from koord.runtime.engine.fleet import Fleet
 from koord.runtime.engine.schedules import Deployed
 from koord.runtime.robot import Robot, Status
 from koord.runtime.shapes import ShapeError
-from koord.semantics.configurations import dealt
+from koord.syntax.system import dealt
 from tests.refinement.running import agrees, program, ran
 
 

@@ -20,9 +20,9 @@ from koord.cli.simulating import Job
 from koord.refinement.judging import Judged
 from koord.runtime.motion.clearance import Clearance
 from koord.runtime.motion.library import Library
-from koord.semantics.traces.codec import encode
-from koord.semantics.traces.parts import PartTrace
 from koord.sim.running import Simulation, run
+from koord.traces.codec import encode
+from koord.traces.parts import PartTrace
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 

@@ -13,7 +13,7 @@ from koord.refinement.running import ready
 from koord.refinement.storms import storm
 from koord.runtime.chaos import ether
 from koord.runtime.chaos.faults import Faults
-from koord.semantics.configurations import dealt
+from koord.syntax.system import dealt
 from tests.refinement.running import program, sources
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs/examples"

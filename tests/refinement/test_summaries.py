@@ -10,10 +10,10 @@ from msgspec.structs import replace
 from koord.refinement.judging import judge, judge_robots
 from koord.refinement.running import Ran
 from koord.semantics.oracle import Phase
-from koord.semantics.traces.recording import Answer
-from koord.semantics.traces.trace import Trace
+from koord.semantics.recording import Answer
 from koord.syntax import core
 from koord.syntax.walk import nodes
+from koord.traces.trace import Trace
 from tests.refinement.running import ran
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs/examples"

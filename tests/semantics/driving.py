@@ -5,17 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from random import Random
 
-from koord.semantics.configurations import Configuration, System, dealt
+from koord.sampling.monitors import Watch
+from koord.sampling.policies import Play, Policy
+from koord.sampling.running import Move, Run, new_run
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.execution import Step
-from koord.semantics.runs.policies import Play, Policy
-from koord.semantics.runs.running import Move, Run, new_run
-from koord.semantics.runs.watching import Watch
-from koord.semantics.traces.names import Names
-from koord.semantics.traces.rendering import show_output, show_storage
-from koord.semantics.traces.trace import Numbers, Sources, Trace, traced
 from koord.syntax import core
 from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
+from koord.traces.names import Names
+from koord.traces.rendering import show_output, show_storage
+from koord.traces.trace import Numbers, Sources, Trace, traced
 
 NO_TEXT = Sources(Source("built.krd", ""))
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from fractions import Fraction
 from textwrap import dedent
 
-from koord.semantics.configurations import System, dealt
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
 
 #: A robot that is in asks to get out, and others wait meanwhile, so that their events come and go.
 GATE = """

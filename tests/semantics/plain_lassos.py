@@ -11,12 +11,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
-from koord.semantics.configurations import Configuration, System, Turn
+from koord.semantics.configurations import Configuration, Turn
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.liveness import Response, expected, locks_of, responses
 from koord.semantics.rounds import run_event, run_skip
 from koord.semantics.turns import guard_of
 from koord.syntax import core
+from koord.syntax.system import System
 from tests.semantics.plain_search import PlainSearch, every_outcome
 
 Events = tuple[int | None, ...]

@@ -15,9 +15,10 @@ from typing import TypeVar
 
 from msgspec.structs import replace
 
-from koord.semantics.configurations import NO_EVENT, Configuration, System, Turn
+from koord.semantics.configurations import NO_EVENT, Configuration, Turn
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.recording import Concrete
 from koord.semantics.rounds import (
     IllegalStepError,
     Stepped,
@@ -27,11 +28,11 @@ from koord.semantics.rounds import (
     run_skip,
 )
 from koord.semantics.storage import Cell, Storage, Tree, unset
-from koord.semantics.traces.recording import Concrete
 from koord.semantics.turns import holds_in
 from koord.semantics.values import Rec
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind
+from koord.syntax.system import System
 from koord.syntax.types import INT, ArrayType, BoolType, EnumType, IntType, RecordType, Type
 
 T = TypeVar("T")

@@ -7,9 +7,8 @@ from fractions import Fraction
 from hypothesis import strategies as st
 
 from koord.semantics.domain import Constant
+from koord.semantics.recording import Concrete
 from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.traces.recording import Concrete
-from koord.semantics.traces.trace import Numbers
 from koord.semantics.values import Rec, Seq, Table, default
 from koord.syntax.types import (
     BOOL,
@@ -30,6 +29,7 @@ from koord.syntax.types import (
     Type,
     part_types,
 )
+from koord.traces.trace import Numbers
 
 ROBOTS = 3
 

@@ -9,28 +9,21 @@ from textwrap import dedent
 import pytest
 from msgspec.structs import replace
 
-from koord.semantics.configurations import System
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import execute
-from koord.semantics.lassos import Flaw, broken_by, flaw_of
 from koord.semantics.liveness import responses
-from koord.semantics.replay import replay
-from koord.semantics.search.findings import Exhausted
-from koord.semantics.search.finite import NotFinite
-from koord.semantics.search.limits import Limits
-from koord.semantics.search.live import Fairness, Lively, lively
-from koord.semantics.traces.codec import decode, encode
-from koord.semantics.traces.recording import Opening, Recording, Round
-from koord.semantics.traces.trace import (
-    Numbers,
-    Sources,
-    Trace,
-    Violation,
-    ViolationKind,
-    traced,
-)
+from koord.semantics.recording import Opening, Recording, Round
 from koord.syntax import core
 from koord.syntax.source import Source
+from koord.syntax.system import System
+from koord.traces.codec import decode, encode
+from koord.traces.lassos import Flaw, broken_by, flaw_of
+from koord.traces.replay import replay
+from koord.traces.trace import Numbers, Sources, Trace, Violation, ViolationKind, traced
+from koord.verify.engines.explicit.fair_search import Fairness, Lively, lively
+from koord.verify.engines.explicit.findings import Exhausted
+from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.explicit.limits import Limits
 from tests.semantics.endless import GATE, PASSING, QUITTING, SERVED, TWO, system
 
 

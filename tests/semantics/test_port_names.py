@@ -9,18 +9,18 @@ import pytest
 
 from koord.refinement.cases import Policy
 from koord.refinement.running import ready
-from koord.semantics.configurations import dealt
-from koord.semantics.replay import replay
-from koord.semantics.runs.policies import First, Play
-from koord.semantics.runs.running import new_run
-from koord.semantics.runs.watching import Watch
-from koord.semantics.traces.codec import decode, encode
-from koord.semantics.traces.itf import embedded_trace, encode_itf
-from koord.semantics.traces.json_reader import parse
-from koord.semantics.traces.names import Names
-from koord.semantics.traces.trace import Numbers, Sources, Trace, traced
+from koord.sampling.monitors import Watch
+from koord.sampling.policies import First, Play
+from koord.sampling.running import new_run
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import dealt
+from koord.traces.codec import decode, encode
+from koord.traces.itf import embedded_trace, encode_itf
+from koord.traces.json_reader import parse
+from koord.traces.names import Names
+from koord.traces.replay import replay
+from koord.traces.trace import Numbers, Sources, Trace, traced
 from tests.refinement.running import agrees, ran
 
 BODY = (

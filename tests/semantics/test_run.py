@@ -11,20 +11,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from koord.semantics.configurations import NO_EVENT, Configuration, FaultKind, Status
+from koord.sampling.monitors import Watch
+from koord.sampling.policies import AtRandom
+from koord.semantics.configurations import NO_EVENT, Configuration, FaultKind
 from koord.semantics.domain import Constant
 from koord.semantics.execution import execute
+from koord.semantics.recording import Recording, Round
 from koord.semantics.rounds import IllegalStepError
-from koord.semantics.runs.policies import AtRandom
-from koord.semantics.runs.watching import Watch
 from koord.semantics.storage import Cell
-from koord.semantics.traces.occurrences import variables
-from koord.semantics.traces.recording import Recording, Round
-from koord.semantics.traces.trace import Numbers
 from koord.syntax import core
 from koord.syntax.core import Home, ListOp
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import Status
 from koord.syntax.types import (
     BOOL,
     FLOAT,
@@ -35,6 +34,8 @@ from koord.syntax.types import (
     MapType,
     QueueType,
 )
+from koord.traces.occurrences import variables
+from koord.traces.trace import Numbers
 from tests.semantics import programs
 from tests.semantics.building import (
     BREAK,

@@ -14,11 +14,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from koord.semantics.configurations import System, dealt
-from koord.semantics.oracle import Phase
-from koord.semantics.replay import replay
-from koord.semantics.runs.answering import SampledInputs
-from koord.semantics.runs.library import (
+from koord.sampling.library import (
     CLEARANCE_M,
     Point,
     along,
@@ -28,21 +24,25 @@ from koord.semantics.runs.library import (
     segments_apart,
     square_root,
 )
-from koord.semantics.runs.policies import AtRandom, First, take
-from koord.semantics.runs.running import Move
-from koord.semantics.runs.sampling import Sampler
-from koord.semantics.traces.codec import encode
-from koord.semantics.traces.codec_values import decode_value, encode_value
-from koord.semantics.traces.json_reader import Reader
-from koord.semantics.traces.recording import Concrete
-from koord.semantics.traces.trace import Numbers
+from koord.sampling.policies import AtRandom, First, take
+from koord.sampling.running import Move
+from koord.sampling.sampled_inputs import SampledInputs
+from koord.sampling.values import Sampler
+from koord.semantics.oracle import Phase
+from koord.semantics.recording import Concrete
 from koord.semantics.values import Seq
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.elaborate.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, POS, ListType, Type
+from koord.traces.codec import encode
+from koord.traces.json_reader import Reader
+from koord.traces.replay import replay
+from koord.traces.trace import Numbers
+from koord.traces.value_codec import decode_value, encode_value
 from tests.semantics import programs
 from tests.semantics.building import (
     PID,

@@ -10,19 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from koord.semantics.configurations import System, dealt
+from koord.sampling.monitors import Watch
+from koord.sampling.policies import AtRandom
+from koord.sampling.sampled_inputs import SampledInputs
+from koord.sampling.values import Sampler
 from koord.semantics.execution import execute
-from koord.semantics.runs.answering import SampledInputs
-from koord.semantics.runs.policies import AtRandom
-from koord.semantics.runs.sampling import Sampler
-from koord.semantics.runs.watching import Watch
-from koord.semantics.traces.recording import Recording
-from koord.semantics.traces.trace import Numbers
+from koord.semantics.recording import Recording
 from koord.semantics.turns import holds_in
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
 from koord.syntax.types import ArrayType, Robots
+from koord.traces.trace import Numbers
 from tests.generators.runs import recording
 from tests.generators.strategies import systems
 from tests.semantics import programs

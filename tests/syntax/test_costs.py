@@ -7,12 +7,11 @@ from textwrap import dedent
 
 import pytest
 
-from koord.semantics.configurations import System
+from koord.sampling.sampled_inputs import SampledInputs
 from koord.semantics.domain import EXACT
-from koord.semantics.patience import ENDLESS, Patience
-from koord.semantics.runs.answering import SampledInputs
 from koord.semantics.turns import program_turn
 from koord.syntax import core
+from koord.syntax.budget import ENDLESS, Patience
 from koord.syntax.costs import MOST_DEEP, excesses
 from koord.syntax.costs.limits import count
 from koord.syntax.costs.ranges import starting_lengths
@@ -22,6 +21,7 @@ from koord.syntax.diagnostics import Severity
 from koord.syntax.elaborate import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import System
 from tests.semantics.driving import drive
 from tests.syntax.elaborating import program
 

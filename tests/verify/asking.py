@@ -7,18 +7,19 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 
-from koord.semantics.configurations import Configuration, System, dealt
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import execute
-from koord.semantics.traces.recording import Recording
+from koord.semantics.recording import Recording
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source
-from koord.verify.bmc import Bounded
+from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, Phase, claims_of
-from koord.verify.induction import prove
-from koord.verify.portfolio import Choice, verify
-from koord.verify.solving import Deadline
+from koord.verify.encoding.solver import Deadline
+from koord.verify.engines.bmc.engine import Bounded
+from koord.verify.engines.induction.engine import prove
+from koord.verify.strategy import Choice, verify
 from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Verdict
 from koord.verify.witness import replayed
 

@@ -6,18 +6,19 @@ from collections.abc import Iterator
 from contextlib import suppress
 from itertools import permutations
 
-from koord.semantics.configurations import Configuration, Robot, Store, System, Turn
+from koord.semantics.configurations import Configuration, Robot, Store, Turn
 from koord.semantics.domain import EXACT, Constant, conjunction
 from koord.semantics.execution import RecordedInputs
 from koord.semantics.rounds import IllegalStepError, initialised, run_event, run_skip
 from koord.semantics.storage import Cell, Storage, Tree, same_storage, unset
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.system import System
 from koord.syntax.types import INT, ArrayType, RecordType, Robots, Type
-from koord.verify.bmc import Unrolling
-from koord.verify.moments import Moment
-from koord.verify.solving import Answer, Deadline, Model
-from koord.verify.terms import Term
+from koord.verify.encoding.moments import Moment
+from koord.verify.encoding.solver import Answer, Deadline, Model
+from koord.verify.encoding.terms import Term
+from koord.verify.encoding.unrolling import Unrolling
 from koord.verify.witness import Reader
 
 #: What properties read of a configuration: the store, and of each robot locals, ports, status, ran.

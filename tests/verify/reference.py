@@ -14,17 +14,18 @@ from typing import TypeAlias, TypeVar
 
 from msgspec.structs import replace
 
-from koord.semantics.configurations import Configuration, Status, System, Turn
+from koord.semantics.configurations import Configuration, Turn
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.masks import Mask
 from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.recording import Concrete
 from koord.semantics.rounds import IllegalStepError, initialised, run_event, run_skip
 from koord.semantics.storage import Storage
-from koord.semantics.traces.recording import Concrete
 from koord.semantics.turns import environment_turn, holds_in, program_turn
 from koord.semantics.values import Rec, Seq
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind
+from koord.syntax.system import Status, System
 from koord.syntax.types import (
     INT,
     ArrayType,

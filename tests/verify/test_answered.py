@@ -6,7 +6,7 @@ import pytest
 
 from koord.verify import ledger
 from koord.verify.obstacles import TimeUp
-from koord.verify.portfolio import verify
+from koord.verify.strategy import verify
 from koord.verify.verdicts import Bounds, Engine, Outcome, Report
 from tests.verify.asking import of_text
 

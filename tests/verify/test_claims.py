@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from koord.recheck.updates import updated as updated_again
-from koord.semantics.configurations import System, dealt
 from koord.semantics.races import rewritten
 from koord.syntax import core
 from koord.syntax.elaborate.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, INT
 from koord.verify.claims import NO_FAULT, Claim, ClaimKind, Phase, claims_of, liveness_of
 from tests.semantics import programs

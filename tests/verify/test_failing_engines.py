@@ -11,11 +11,15 @@ from functools import partial
 import pytest
 import z3
 
-from koord.verify import resuming
-from koord.verify.apart import verify_apart
-from koord.verify.bits.engine import ByBits
+from koord.verify import resumption
 from koord.verify.claims import claims_of
-from koord.verify.engines import (
+from koord.verify.encoding.solver import Deadline
+from koord.verify.engines.bits.engine import ByBits
+from koord.verify.engines.bits.liveness_engine import LiveByBits
+from koord.verify.engines.every_n.engine import ByEveryN, ByInference
+from koord.verify.engines.explicit.liveness_engine import LiveBySearch
+from koord.verify.engines.horn.engine import BySpacer, KeptBack
+from koord.verify.engines.workers import (
     ByGlance,
     ByInduction,
     BySearch,
@@ -23,14 +27,10 @@ from koord.verify.engines import (
     ByStep,
     ByUnrolling,
 )
-from koord.verify.every_n.engine import ByEveryN, ByInference
-from koord.verify.horn.engine import BySpacer, KeptBack
 from koord.verify.ledger import Ledger, Subject
-from koord.verify.live.bits import LiveByBits
-from koord.verify.live.search import LiveBySearch
-from koord.verify.portfolio import Choice, verify
-from koord.verify.singly import ByRounds
-from koord.verify.solving import Deadline
+from koord.verify.per_claim import ByRounds
+from koord.verify.strategy import Choice, verify
+from koord.verify.time_limits import verify_apart
 from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.verify.asking import judged, of_text
 
@@ -205,7 +205,7 @@ def test_an_engine_that_hangs_costs_its_share_of_the_time(
     engine: type, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     failing(monkeypatch, engine, "hangs")
-    monkeypatch.setattr(resuming, "SHARE", SMALL_SHARE)
+    monkeypatch.setattr(resumption, "SHARE", SMALL_SHARE)
     report = asked(seconds=BUDGET_S)
     assert outcomes(report) == OUTCOMES
     assert report.seconds <= 1.05 * BUDGET_S

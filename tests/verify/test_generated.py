@@ -15,14 +15,14 @@ import pytest
 
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
-from koord.semantics.configurations import System
 from koord.semantics.machine import NotFiniteError
-from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import Claim as Searched
-from koord.semantics.search.findings import Exhausted, Subject
-from koord.semantics.search.finite import NotFinite
-from koord.semantics.search.limits import Limits
+from koord.syntax.system import System
 from koord.verify.claims import ClaimKind, claims_of
+from koord.verify.engines.explicit.findings import Claim as Searched
+from koord.verify.engines.explicit.findings import Exhausted, Subject
+from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import survey
 from tests.verify.asking import Checked, bounded, inductive
 from tests.verify.reference import Explored, Explorer, TooManyError
 

@@ -12,16 +12,17 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from koord.semantics.configurations import Configuration, System
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import RecordedInputs, execute
+from koord.semantics.recording import Recording
 from koord.semantics.rounds import evolved
-from koord.semantics.traces.recording import Recording
 from koord.semantics.turns import holds_in
+from koord.syntax.system import System
 from koord.verify.claims import claims_of
+from koord.verify.encoding.solver import Deadline
 from koord.verify.instants import Shadowed, instant_of, shadowed, verified
-from koord.verify.portfolio import Choice, verify
-from koord.verify.solving import Deadline
+from koord.verify.strategy import Choice, verify
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.verify.asking import of_text
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from koord.semantics.configurations import System, dealt
 from koord.semantics.machine import NotFiniteError
 from koord.syntax.load import load
 from koord.syntax.source import NOWHERE, Source
+from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, claims_of
+from koord.verify.encoding.solver import Deadline
 from koord.verify.ledger import Ledger, Reach, Subject
-from koord.verify.solving import Deadline
 from koord.verify.verdicts import Bounds, Engine, Outcome, Verdict
 
 TEXT = """

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from koord.semantics.configurations import dealt
 from koord.syntax.load import load
 from koord.syntax.source import Source
-from koord.verify.portfolio import Choice, verify
+from koord.syntax.system import dealt
+from koord.verify.strategy import Choice, verify
 from koord.verify.verdicts import Bounds, Outcome
 
 LISTENS = """

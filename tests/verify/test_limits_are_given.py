@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 import z3
 
-from koord.semantics.configurations import System, dealt
 from koord.syntax.load import load
 from koord.syntax.source import Source
-from koord.verify import pool, singly
-from koord.verify.portfolio import Choice, verify
+from koord.syntax.system import System, dealt
+from koord.verify import per_claim, processes
+from koord.verify.strategy import Choice, verify
 from koord.verify.verdicts import Bounds, Outcome
 
 TEXT = """
@@ -49,8 +49,8 @@ def system() -> System:
 
 
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pool, "can_fork", lambda: False)
-    monkeypatch.setattr(singly, "can_fork", lambda: False)
+    monkeypatch.setattr(processes, "can_fork", lambda: False)
+    monkeypatch.setattr(per_claim, "can_fork", lambda: False)
 
 
 @pytest.mark.parametrize("choice", ENGINES, ids=lambda choice: choice.name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.verify.portfolio import Choice
+from koord.verify.strategy import Choice
 from koord.verify.verdicts import Outcome
 from tests.verify.asking import ask, of_text
 

@@ -16,22 +16,22 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
-from koord.semantics.configurations import System, dealt
-from koord.semantics.patience import OutOfPatienceError, Patience
-from koord.semantics.runs.policies import AtRandom, Play
-from koord.semantics.runs.running import new_run
-from koord.semantics.runs.watching import Watch
-from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import Subject
-from koord.semantics.search.finite import NotFinite
-from koord.semantics.search.limits import Limits
-from koord.semantics.traces.trace import Numbers, ViolationKind
+from koord.sampling.monitors import Watch
+from koord.sampling.policies import AtRandom, Play
+from koord.sampling.running import new_run
 from koord.syntax import core
+from koord.syntax.budget import OutOfPatienceError, Patience
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
+from koord.traces.trace import Numbers, ViolationKind
 from koord.verify.claims import claims_of
-from koord.verify.portfolio import verify
+from koord.verify.engines.explicit.findings import Subject
+from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import survey
+from koord.verify.strategy import verify
 from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.agreement.test_engines import NAMES
 from tests.generators.mutating import Mutant, mutants

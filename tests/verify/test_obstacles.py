@@ -10,19 +10,19 @@ import pytest
 
 from koord.cli import verdicts
 from koord.cli.terminal import Style
-from koord.semantics.configurations import System, dealt
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.problem import Problem
 from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
 from koord.verify import obstacles
-from koord.verify.bits import engine as bits_engine
 from koord.verify.claims import claims_of
+from koord.verify.encoding.solver import Deadline
+from koord.verify.engines.bits import engine as bits_engine
 from koord.verify.ledger import Ledger
 from koord.verify.obstacles import NotInductive, TimeUp, TooLong, Values, WholeRuns
-from koord.verify.portfolio import Choice, verify
-from koord.verify.solving import Deadline
-from koord.verify.subjects import plain_subject
+from koord.verify.reduction.problems import plain_subject
+from koord.verify.strategy import Choice, verify
 from koord.verify.verdicts import Bounds, Engine, Outcome, Verdict
 from tests.generators.large import large
 

@@ -6,14 +6,14 @@ from itertools import islice
 
 import pytest
 
-from koord.semantics.search.engine import survey
-from koord.semantics.search.findings import Exhausted
-from koord.semantics.search.limits import Limits
 from koord.semantics.storage import Cell, Storage
 from koord.semantics.values import MOST_ROOM, Table
-from koord.verify.bmc import Unrolling
-from koord.verify.portfolio import Choice
-from koord.verify.terms import Term
+from koord.verify.encoding.terms import Term
+from koord.verify.encoding.unrolling import Unrolling
+from koord.verify.engines.explicit.findings import Exhausted
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import survey
+from koord.verify.strategy import Choice
 from koord.verify.verdicts import Outcome
 from tests.verify.asking import ask, bounded, inductive, of_text
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from koord.semantics.configurations import System, dealt
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import execute
 from koord.semantics.oracle import Phase as Asked
-from koord.semantics.traces.recording import Opening, Recording, Round
+from koord.semantics.recording import Opening, Recording, Round
 from koord.syntax import core
 from koord.syntax.source import Span
+from koord.syntax.system import System, dealt
 from koord.syntax.types import FLOAT, INT, ListType
 from koord.verify.claims import NO_FAULT, Claim, Phase, claims_of
 from koord.verify.witness import NotReplayedError, replayed, simplified

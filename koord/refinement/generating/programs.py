@@ -10,9 +10,9 @@ from koord.refinement.generating.palette import palette
 from koord.refinement.generating.profiles import GENERAL, Profile
 from koord.refinement.generating.properties import assumption, contract, property_
 from koord.refinement.generating.statements import Signature, block, function
-from koord.semantics.configurations import System
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, ExternalKind, Home, PropertyKind, Start
+from koord.syntax.system import System
 from koord.syntax.types import (
     BOOL,
     INT,

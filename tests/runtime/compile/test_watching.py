@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from koord.refinement.translating import Observer
+from koord.refinement.value_translation import Observer
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.naming import Names
@@ -18,13 +18,13 @@ from koord.runtime.engine.fleet import Fleet
 from koord.runtime.engine.schedules import AtRandom
 from koord.runtime.robot import Host, Robot
 from koord.runtime.watch import Watch
-from koord.semantics.configurations import System, dealt
 from koord.semantics.domain import DOUBLES
 from koord.semantics.execution import RecordedInputs
 from koord.semantics.turns import holds_in
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
 
 HEAD = """\
 using Motion:

@@ -1,0 +1,331 @@
+"""The program turns of a round of any number of robots: who has run what so far. [T-EVERY-N]
+
+The counterpart of ``rounds.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+from msgspec import Struct
+
+from koord.recheck.generic_turn import Anyone, Crowds
+from koord.recheck.memory import Write
+from koord.recheck.racing import made
+from koord.recheck.storage import Cell, Crowd, Many, Robot, Storage, Store
+from koord.recheck.terms import INT, Term
+from koord.recheck.turns import Turn
+from koord.syntax import core
+from koord.syntax.core import Home
+from koord.syntax.types import RecordType, Type, is_flat
+
+Moves = list[list[Anyone[Turn]]]
+
+
+class Gathering(Struct, frozen=True):
+    """The beginning of a round: ``state`` is what it has led to. ``facts`` say that it is legal."""
+
+    start: Crowd
+    moves: Moves  #: by kind, by event: what any robot of the kind may do
+    state: Crowd
+    facts: tuple[Term, ...]
+    winners: dict[int, Term]  #: of each lock class the one that may have entered it
+    crowds: Crowds
+    ran: Callable[[Term], Term]  #: by robot: the position of the event that it has run, or -1
+
+    def runs(self, robot: Term, position: int) -> Term:
+        t = self.crowds.v.t
+        return t.equal(self.ran(robot), t.integer(position))
+
+    def ran_none(self, robot: Term) -> Term:
+        return self.runs(robot, -1)
+
+    def enters(self, lock: int, robot: Term) -> Term:
+        """Whether a robot has run an event that entered the class."""
+        t, crowds = self.crowds.v.t, self.crowds
+        found = []
+        for kind in crowds.kinds:
+            for position, move in enumerate(self.moves[kind]):
+                entered = move.of(robot).entered.get(lock)
+                if entered is not None:
+                    here = crowds.world.is_of(crowds.v, robot, kind)
+                    found.append(t.conjunction([here, self.runs(robot, position), entered]))
+        return t.disjunction(found)
+
+    def taken(self, lock: int) -> Term:
+        return self.enters(lock, self.winners[lock])
+
+    # --- the end of the program turns -----------------------------------------------------------
+
+    def skips_legally(self, but: Term | None = None, mover: Turn | None = None) -> Iterator[Term]:
+        """Who ran nothing by the end of the round was obliged by nothing. [SKIP]
+
+        ``mover`` is what one more robot, ``but``, runs on top.
+        """
+        t, crowds = self.crowds.v.t, self.crowds
+        for kind in crowds.kinds:
+            for move in self.moves[kind]:
+                turn, robot = move.said, move.blank
+                if not turn.event.urgent:
+                    continue
+                stopped = self.start.robot(kind, robot).stopped
+                moved = [t.negation(self.ran_none(robot))]
+                if but is not None:
+                    moved.append(t.equal(robot, but))
+                free = self.not_obliged(turn, mover)
+                yield crowds.all_of(kind, robot, t.disjunction([stopped, *moved, free]))
+
+    def not_obliged(self, turn: Turn, mover: Turn | None) -> Term:
+        """There are answers with which ``pre`` does not hold, or a class of the event is taken."""
+        t = self.crowds.v.t
+        taken = [self.taken(lock) for lock in turn.event.lock_classes]
+        if mover is not None:
+            taken += [
+                mover.entered[lock] for lock in turn.event.lock_classes if lock in mover.entered
+            ]
+        return t.disjunction([off(self.crowds, turn), *taken])
+
+
+def off(crowds: Crowds, turn: Turn) -> Term:
+    """Whether there are answers with which ``pre`` does not hold."""
+    t = crowds.v.t
+    faulted = t.disjunction(fault.when for fault in turn.guard_faults)
+    return t.both(turn.guard_legal, t.either(t.negation(turn.enabled), faulted))
+
+
+def stopped_together(crowds: Crowds, state: Crowd) -> tuple[Term, Crowd]:
+    """Whether no robot is running, and the configuration with all stopped. [END-PROG]"""
+    v, t = crowds.v, crowds.v.t
+    with v.within() as robot:
+        idle = t.conjunction(
+            crowds.all_of(kind, robot, t.either(own.asked, own.stopped))
+            for kind in crowds.kinds
+            for own in [state.robot(kind, robot)]
+        )
+
+    def after(kind: int, k: Term) -> Robot:
+        own = state.robot(kind, k)
+        return Robot(own.locals, own.ports, own.asked, t.either(own.stopped, idle), own.ran)
+
+    return idle, Crowd(after, state.store)
+
+
+def may_run(crowds: Crowds, start: Crowd, robot: Term, turn: Turn) -> Term:
+    """A robot may select an event, as far as it alone is concerned. [SELECT]"""
+    t = crowds.v.t
+    return t.conjunction(
+        [
+            t.negation(start.robot(turn.robot, robot).stopped),
+            turn.enabled,
+            *(t.negation(fault.when) for fault in turn.faults),
+            turn.legal,
+        ]
+    )
+
+
+class Gathered(Struct):
+    """Makes the beginning of a round."""
+
+    crowds: Crowds
+    start: Crowd
+    moves: Moves
+
+    def gathering(self) -> Gathering:
+        """Any legal beginning of a round, the whole of it included."""
+        crowds, v, t = self.crowds, self.crowds.v, self.crowds.v.t
+        chosen = crowds.said(lambda blank: v.symbol("has run", INT), t.put)
+        facts: list[Term] = []
+        for kind, mine in enumerate(self.moves):
+            known = [
+                t.at_most(t.integer(-1), chosen.said),
+                t.less(chosen.said, t.integer(len(mine))),
+            ]
+            facts.append(crowds.all_of(kind, chosen.blank, t.conjunction(known)))
+            for position, move in enumerate(mine):
+                runs = t.equal(chosen.of(move.blank), t.integer(position))
+                may = may_run(crowds, self.start, move.blank, move.said)
+                facts.append(crowds.all_of(kind, move.blank, t.implies(runs, may)))
+        winners = {
+            lock.index: v.symbol(f"winner of lock {lock.index}", INT)
+            for lock in crowds.world.program.lock_classes
+        }
+        unknown = Store((), ())
+        made_ = Gathering(
+            self.start,
+            self.moves,
+            Crowd(self._moved(chosen), unknown),
+            (),
+            winners,
+            crowds,
+            chosen.of,
+        )
+        for lock, winner in winners.items():
+            facts.append(v.is_robot(winner))
+            # One robot at most enters a class. [T-ONE-WINNER]
+            facts.append(v.every(partial(_only, made_, lock, winner)))
+        store = self._store(made_, facts)
+        state = Crowd(made_.state.robot, store)
+        return Gathering(self.start, self.moves, state, tuple(facts), winners, crowds, chosen.of)
+
+    def _moved(self, chosen: Anyone[Term]) -> Callable[[int, Term], Robot]:
+        """A robot after the event that it ran, or as it was. [END-EVENT] [SKIP]"""
+        crowds, t, s = self.crowds, self.crowds.v.t, self.crowds.s
+
+        def robot(kind: int, k: Term) -> Robot:
+            agent, own = crowds.world.program.agents[kind], self.start.robot(kind, k)
+            found = Robot(own.locals, own.ports, own.asked, own.stopped, t.integer(-1))
+            for position, move in enumerate(self.moves[kind]):
+                runs = t.equal(chosen.of(k), t.integer(position))
+                found = s.merge_robots(runs, move.of(k).after, found, agent)
+            return found
+
+        return robot
+
+    # --- the store ------------------------------------------------------------------------------
+
+    def _store(self, round_: Gathering, facts: list[Term]) -> Store:
+        program = self.crowds.world.program
+        allread = tuple(
+            self._entries(round_, slot, storage)
+            for slot, storage in enumerate(self.start.store.allread)
+        )
+        allwrite = tuple(
+            self._shared(round_, d, storage, facts)
+            for d, storage in zip(program.allwrite, self.start.store.allwrite, strict=True)
+        )
+        return Store(allread, allwrite)
+
+    def _entries(self, round_: Gathering, slot: int, storage: Storage) -> Many:
+        """Each entry as its robot left it. [T-SNAPSHOT] [ALLREAD]"""
+        assert isinstance(storage, Many)
+
+        def at(k: Term) -> Storage:
+            whole = self._written_by(round_, k, Home.ALLREAD, slot, storage)
+            assert isinstance(whole, Many)
+            return whole.at(k)
+
+        return Many(at)
+
+    def _shared(
+        self, round_: Gathering, d: core.Declaration, storage: Storage, facts: list[Term]
+    ) -> Storage:
+        """What blocks of one class write is as its winner left it, any other atom as the one that
+        wrote it last; a variable with lists in it is anything, if it is written. [T-COMMIT]
+        """
+        crowds, slot = self.crowds, d.variable.slot
+        if not any(self._writes(move.said, slot) for mine in self.moves for move in mine):
+            return storage
+        lock = crowds.world.guarding(slot)
+        if lock is not None:
+            return self._written_by(round_, round_.winners[lock], Home.ALLWRITE, slot, storage)
+        v, t = crowds.v, crowds.v.t
+        if not is_flat(d.variable.type):
+            like = crowds.s.loosened(storage, d.variable.type)
+            wrote = partial(self._wrote, round_, slot)
+            nobody = v.every(lambda k: t.negation(wrote(k)))
+            race = crowds.s.anything(f"{d.variable.name} after a race", d.variable.type, like)
+            return crowds.s.merge(nobody, storage, race, d.variable.type)
+        unset = crowds.s.unset(d.variable.type)
+        marks = crowds.said(
+            lambda blank: self._written_by(round_, blank, Home.ALLWRITE, slot, unset),
+            crowds.s.of,
+        )
+        return self._atoms(round_, d, storage, marks, (), facts)
+
+    def _atoms(
+        self,
+        round_: Gathering,
+        d: core.Declaration,
+        storage: Storage,
+        marks: Anyone[Storage],
+        way: tuple[int, ...],
+        facts: list[Term],
+    ) -> Storage:
+        """The atoms below a part; ``marks`` of a robot are set where it writes, with the value."""
+        if not isinstance(storage, Cell):
+            assert isinstance(storage, tuple)
+            return tuple(
+                self._atoms(round_, d, below, marks, (*way, k), facts)
+                for k, below in enumerate(storage)
+            )
+
+        def mark(robot: Term) -> Cell:
+            found = marks.of(robot)
+            for k in way:
+                assert isinstance(found, tuple)
+                found = found[k]
+            assert isinstance(found, Cell)
+            return found
+
+        if mark(marks.blank).is_set.value is False:
+            return storage
+        crowds, v, t = self.crowds, self.crowds.v, self.crowds.v.t
+        type_, fields = _below(crowds, d.variable.type, way)
+        lock = crowds.world.guarding(d.variable.slot, fields)
+        if lock is not None:
+            last = round_.winners[lock]
+        else:
+            last = v.symbol(f"last to write {d.variable.name}", INT)
+            facts.append(v.is_robot(last))
+            facts.append(v.every(lambda k: t.implies(mark(k).is_set, mark(last).is_set)))
+        its = mark(last)
+        value = v.merge(its.is_set, its.value, storage.value, type_)
+        return Cell(t.either(storage.is_set, its.is_set), value)
+
+    def _writes(self, turn: Turn, slot: int) -> bool:
+        return any(_is_to(w, Home.ALLWRITE, slot) for w in turn.writes)
+
+    def _wrote(self, round_: Gathering, slot: int, robot: Term) -> Term:
+        """Whether a robot has written a variable."""
+        crowds, t = self.crowds, self.crowds.v.t
+        return t.disjunction(
+            t.conjunction(
+                [crowds.world.is_of(crowds.v, robot, kind), round_.runs(robot, p), w.when]
+            )
+            for kind, mine in enumerate(self.moves)
+            for p, move in enumerate(mine)
+            if self._writes(move.said, slot)
+            for w in move.of(robot).writes
+            if _is_to(w, Home.ALLWRITE, slot)
+        )
+
+    def _written_by(
+        self, round_: Gathering, robot: Term, home: Home, slot: int, storage: Storage
+    ) -> Storage:
+        """A variable with what one robot has written of it."""
+        crowds, t = self.crowds, self.crowds.v.t
+        for kind, mine in enumerate(self.moves):
+            for position, move in enumerate(mine):
+                writes = [w for w in move.of(robot).writes if _is_to(w, home, slot)]
+                if not writes:
+                    continue
+                here = crowds.world.is_of(crowds.v, robot, kind)
+                when = t.both(here, round_.runs(robot, position))
+                kept = [storage] * (slot + 1)
+                store = Store(tuple(kept), ()) if home is Home.ALLREAD else Store((), tuple(kept))
+                after = made(crowds.s, store, writes, when)
+                storage = (after.allread if home is Home.ALLREAD else after.allwrite)[slot]
+        return storage
+
+
+def _is_to(w: Write, home: Home, slot: int) -> bool:
+    return w.variable.home is home and w.variable.slot == slot
+
+
+def _below(crowds: Crowds, type_: Type, way: Sequence[int]) -> tuple[Type, list[int]]:
+    """The type of a part, and the fields on the way to it."""
+    fields = []
+    for k in way:
+        if isinstance(type_, RecordType):
+            fields.append(k)
+        parts = crowds.v.parts(type_)
+        assert parts is not None
+        type_ = parts[k][1]
+    return type_, fields
+
+
+def _only(round_: Gathering, lock: int, winner: Term, robot: Term) -> Term:
+    """Whoever enters a class is its winner."""
+    t = round_.crowds.v.t
+    return t.implies(round_.enters(lock, robot), t.equal(robot, winner))

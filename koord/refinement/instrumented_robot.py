@@ -1,0 +1,325 @@
+"""Deployed robots that tell what they did, so that it can be judged. [RECORDING]
+
+A robot tells as things happen, in values of the semantics, and before anybody else can know of
+them: so what a robot did that is killed is known as well.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+from msgspec import Struct
+
+from koord.refinement.running import size_of
+from koord.refinement.sampling_host import starting
+from koord.refinement.value_translation import Observer, to_value, to_written
+from koord.runtime.compile.naming import Names
+from koord.runtime.deploy.journal import Journal
+from koord.runtime.deploy.member import Body, Member
+from koord.runtime.motion.world import Point
+from koord.runtime.proposals import INIT_ROUND, Decision, Fault, Faulted, Proposal, Taken
+from koord.runtime.protocol.entries import Entry
+from koord.runtime.robot import Key, Robot, Turn
+from koord.semantics.configurations import Robot as RobotState
+from koord.semantics.configurations import Written
+from koord.semantics.domain import Constant
+from koord.semantics.oracle import Phase
+from koord.semantics.recording import Answer, Reading, Start
+from koord.syntax import core
+from koord.syntax.diagnostics import Diagnostic, KoordError
+from koord.syntax.system import System
+from koord.syntax.types import FLOAT, INT, ArrayType
+
+#: What a robot says that gave up.
+GAVE_UP = "gave up"
+
+_PHASES = {Turn.INIT: Phase.INIT, Turn.PROG: Phase.PROG, Turn.ENV: Phase.ENV}
+
+
+# --- what is told -------------------------------------------------------------------------------
+
+
+class Began(Struct, frozen=True):
+    """What an arbitrary variable started with."""
+
+    start: Start
+
+
+class Undeclared(Struct, frozen=True):
+    """A shared variable's start is a fault. [INIT]"""
+
+
+class Asked(Struct, frozen=True):
+    """What a round's turn was answered; INIT's round is -1."""
+
+    round: int
+    answer: Answer
+
+
+class Sensed(Struct, frozen=True):
+    """What a sensor read at the end of a round."""
+
+    round: int
+    reading: Reading
+
+
+class Stood(Struct, frozen=True):
+    """The robot as it was when a round began."""
+
+    round: int
+    robot: RobotState[Constant]
+
+
+class Stumbled(Struct, frozen=True):
+    """The robot's model of the environment faulted at the end of a round."""
+
+    round: int
+    fault: Fault
+
+
+class Acted(Struct, frozen=True):
+    """A decision that the robot acted on."""
+
+    decision: Decision
+
+
+class Kept(Struct, frozen=True):
+    """The robot was let through in a round, and wrote this to streams."""
+
+    round: int
+    written: tuple[Written[Constant], ...]
+
+
+class Coordinated(Struct, frozen=True):
+    """The robot decided a round, as coordinator, at a time of this machine's clock."""
+
+    round: int
+    at_s: float
+
+
+class GaveUp(Struct, frozen=True):
+    """The robot's host has found no values that the program allows, or they became too large."""
+
+    why: tuple[Diagnostic, ...]  #: nothing, if values became too large
+
+
+Told: TypeAlias = (
+    Began | Undeclared | Asked | Sensed | Stood | Stumbled | Acted | Kept | Coordinated | GaveUp
+)
+
+
+# --- robots that tell ---------------------------------------------------------------------------
+
+
+class Scribe:
+    """Puts what one robot does into values of the semantics, and hands it on."""
+
+    def __init__(
+        self,
+        system: System,
+        names: Names,
+        places: Mapping[str, core.Output],
+        pid: int,
+        tell: Callable[[Told], None],
+    ) -> None:
+        self.system, self.names, self.places, self.pid, self.tell = system, names, places, pid, tell
+        self.kind = system.kinds[pid]
+        self.observer = Observer(system, names)
+        self._starts = dict(starting(system.program, names))
+        self._sensors = {
+            names.attribute(port.declaration.variable, self.kind): port.declaration.variable
+            for port in system.program.agents[self.kind].ports
+        }
+
+    def start(self, robot: int | None, name: str, value: Any) -> None:
+        variable = self._starts[None if robot is None else self.kind, name].variable
+        type_ = variable.type
+        if variable.home is core.Home.ALLREAD:
+            assert isinstance(type_, ArrayType)
+            type_ = type_.element
+        self.tell(Began(Start(variable.home, variable.slot, robot, to_value(value, type_))))
+
+    def readings(self, round_: int, readings: Mapping[str, Any]) -> None:
+        for name, value in readings.items():
+            variable = self._sensors[name]
+            reading = Reading(self.pid, variable.slot, to_value(value, variable.type))
+            self.tell(Sensed(round_, reading))
+
+    def asked(
+        self, round_: int, turn: Turn, key: Key, function: str, given: tuple[Any, ...], answer: Any
+    ) -> None:
+        external = self.system.program.external(function)
+        pairs = zip(given, external.parameters, strict=True)
+        arguments = tuple(to_value(argument, parameter.type) for argument, parameter in pairs)
+        value = to_value(answer, external.result.type)
+        told = Answer(_PHASES[turn], self.pid, key, function, arguments, value)
+        self.tell(Asked(round_, told))
+
+    def chosen(self, round_: int, turn: Turn, key: Key, low: Any, answer: Any) -> None:
+        value = to_value(answer, FLOAT if isinstance(low, float) else INT)
+        self.tell(Asked(round_, Answer(_PHASES[turn], self.pid, key, None, (), value)))
+
+    def stood(self, round_: int, robot: Robot) -> None:
+        self.tell(Stood(round_, self.observer.robot(robot)))
+
+    def kept(self, round_: int, robot: Robot, event: int | None) -> None:
+        outcome = robot.outcome(event)
+        self.tell(Kept(round_, tuple(to_written(w, self.places[w.place]) for w in outcome)))
+
+
+class WitnessedHost:
+    """The host of a deployed robot, which tells what it was asked.
+
+    ``starts`` are those that do not hang on the host, by robot and attribute.
+    """
+
+    def __init__(
+        self, host: Body, scribe: Scribe, starts: Mapping[tuple[int | None, str], Any]
+    ) -> None:
+        self.host = host
+        self.starts = starts
+        self.scribe = scribe
+        self.round_of: Callable[[Turn], int] = lambda turn: INIT_ROUND
+
+    @property
+    def position(self) -> Point:
+        return self.host.position
+
+    @position.setter
+    def position(self, position: Point) -> None:
+        self.host.position = position
+
+    @property
+    def holding(self) -> bool:
+        return self.host.holding
+
+    @holding.setter
+    def holding(self, holding: bool) -> None:
+        self.host.holding = holding
+
+    def start(self, robot: int | None, name: str) -> Any:
+        known = (robot, name) in self.starts
+        value = self.starts[robot, name] if known else self.host.start(robot, name)
+        self.scribe.start(robot, name, value)
+        return value
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        readings = self.host.read(robot)
+        held = {name: readings.get(name, getattr(robot, name)) for name in robot.SENSORS}
+        self.scribe.readings(self.round_of(Turn.ENV), held)
+        return readings
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        answer = self.host.ask(turn, robot, key, function, arguments)
+        self.scribe.asked(self.round_of(turn), turn, key, function, arguments, answer)
+        return answer
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        answer = self.host.choose(turn, robot, key, low, high)
+        self.scribe.chosen(self.round_of(turn), turn, key, low, answer)
+        return answer
+
+
+class GaveUpError(Exception):
+    """A robot cannot go on, and nothing that is checked is to blame."""
+
+
+class Witnessed(Member):
+    """A deployed robot that tells what it does.
+
+    It gives up if its host does, or if a value is larger than ``largest``. Raises GaveUpError.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        host: Body,
+        journal: Journal | None,
+        program: str,
+        largest: int | None = None,
+    ) -> None:
+        super().__init__(robot, host, journal, program)
+        self._largest = largest
+        assert isinstance(robot.host, WitnessedHost)
+        self._scribe = robot.host.scribe
+        self._from_journal: Proposal | None = None
+        robot.host.round_of = self._round_of
+
+    def _round_of(self, turn: Turn) -> int:
+        return self.round - 1 - self._turns if turn is Turn.ENV else self.round
+
+    def propose(self, round_: int) -> Proposal | None:
+        if self._largest is not None and size_of(self.robot) > self._largest:
+            raise self._given_up(())
+        before = self._proposal
+        try:
+            made = super().propose(round_)
+        except KoordError as error:
+            raise self._given_up(error.diagnostics) from error
+        if made is not None and made is not before and round_ != INIT_ROUND:
+            self._scribe.stood(round_, self.robot)
+        return made
+
+    def _given_up(self, why: tuple[Diagnostic, ...]) -> GaveUpError:
+        self._scribe.tell(GaveUp(why))
+        return GaveUpError(GAVE_UP)
+
+    def _begin(self) -> Fault | None:
+        fault = super()._begin()
+        if fault is not None:
+            self._scribe.tell(Undeclared())
+        return fault
+
+    def _sense(self) -> Fault | None:
+        fault = super()._sense()
+        if fault is not None:
+            self._scribe.tell(Stumbled(self._round_of(Turn.ENV), fault))
+        return fault
+
+    def come_back(self) -> bool:
+        known = super().come_back()
+        self._from_journal = self._proposal
+        return known
+
+    def decided(self, round_: int, proposals: Sequence[Proposal | None]) -> Decision:
+        self._scribe.tell(Coordinated(round_, time.monotonic()))
+        return super().decided(round_, proposals)
+
+    def commit(self, entry: Entry, kept: Taken | None) -> None:
+        self._scribe.tell(Acted(entry.decision))
+        super().commit(entry, kept)
+
+    def _act(self, kept: Taken | None, changed: dict[str, Any]) -> None:
+        if kept is not None and not self.mute:
+            self._tell_output(kept.event)
+        super()._act(kept, changed)
+
+    def _end(self, faulted: Faulted, kept: Taken | None) -> None:
+        if not self.mute and (kept is not None or faulted.robot == self.robot.pid):
+            self._tell_output(faulted.event if kept is None else kept.event)
+        super()._end(faulted, kept)
+
+    def _tell_output(self, event: int | None) -> None:
+        """What a robot wrote before a crash its journal does not know."""
+        if self._proposal is not None and self._proposal is not self._from_journal:
+            self._scribe.kept(self._proposal.round, self.robot, event)
+
+    def forget(self) -> None:
+        self.finish()
+        super().forget()
+
+    def finish(self) -> None:
+        """The environment's turn after the last round, for whoever wants to see the end."""
+        if self.mute or self.fault is not None or self.round == INIT_ROUND:
+            return
+        try:
+            fault = self._sense()
+        except KoordError as error:
+            self._given_up(error.diagnostics)
+            return
+        if fault is None:
+            self._scribe.stood(self.round, self.robot)

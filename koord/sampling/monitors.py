@@ -1,0 +1,104 @@
+"""Watching a run: which property is the first to break, and after which step. [PROP-INVARIANT]
+
+A property is looked at part by part: conjuncts, and instances of quantifiers over robots. A step
+leaves most of a configuration alone, and a part that reads what it read when it last held holds
+still; so of a thousand parts a step has a few looked at.
+"""
+
+from __future__ import annotations
+
+from msgspec import Struct, field
+
+from koord.sampling.property_parts import Part, Place, changed, parts_of
+from koord.semantics.configurations import Configuration
+from koord.semantics.domain import Constant, Domain
+from koord.semantics.execution import Step
+from koord.semantics.expressions import statement
+from koord.semantics.machine import machine
+from koord.semantics.oracle import Inputs, Phase
+from koord.semantics.storage import held
+from koord.semantics.turns import holds_in
+from koord.syntax import core
+from koord.syntax.core import PropertyKind
+from koord.syntax.system import System
+from koord.traces.trace import Violation, ViolationKind
+
+
+class _Watched(Struct):
+    """A property in parts. ``stale`` are those not known to hold: all others hold still."""
+
+    parts: list[Part]
+    stale: set[int]
+    readers: dict[Place, list[int]]
+
+    @classmethod
+    def of(cls, system: System, stated: core.Property) -> _Watched:
+        parts = parts_of(system, stated.condition)
+        readers: dict[Place, list[int]] = {}
+        for number, part in enumerate(parts):
+            for place in part.places:
+                readers.setdefault(place, []).append(number)
+        return cls(parts, set(range(len(parts))), readers)
+
+
+class Watch(Struct):
+    """Looks at the observed configurations of a run."""
+
+    d: Domain[Constant]
+    system: System
+    inputs: Inputs[Constant]
+    _watched: dict[str, _Watched] = field(default_factory=dict)
+    _seen: Configuration[Constant] | None = None
+
+    def after(self, step: Step) -> Violation | None:
+        """What the step broke: the first contract or property that does not hold.
+
+        [PROP-INVARIANT] [PROP-ROUND] [PROP-CONTRACT]
+        """
+        if step.configuration.fault is not None:
+            return None
+        for robot, contract in step.stepped.promises:
+            return Violation(ViolationKind.CONTRACT, contract.name, step.round, robot)
+        between_rounds = step.rule in ("INIT", "ENV-TRANS")
+        for stated in self.system.program.properties:
+            at_round = stated.kind is PropertyKind.AT_ROUND
+            if stated.kind is not PropertyKind.INVARIANT and not (at_round and between_rounds):
+                continue
+            if not self.holds(stated, step.configuration):
+                return Violation(ViolationKind.PROPERTY, stated.name, step.round, step.robot)
+        return None
+
+    def holds(self, stated: core.Property, configuration: Configuration[Constant]) -> bool:
+        """Whether a property holds in a configuration."""
+        self._look_at(configuration)
+        watched = self._watched.get(stated.name)
+        if watched is None:
+            watched = self._watched[stated.name] = _Watched.of(self.system, stated)
+        for number in sorted(watched.stale):
+            if not self._part_holds(watched.parts[number], stated.bound, configuration):
+                break
+            watched.stale.discard(number)
+        else:
+            return True
+        # The property as a whole has the word, and asks its questions under its own keys.
+        holds, _ = holds_in(
+            self.d, self.system, configuration, stated.condition, stated.bound, self.inputs
+        )
+        return holds is True
+
+    def _look_at(self, configuration: Configuration[Constant]) -> None:
+        """Nothing is known any more of the parts that read what has changed."""
+        before, self._seen = self._seen, configuration
+        if before is None or before is configuration:
+            return
+        for place in changed(before, configuration):
+            for watched in self._watched.values():
+                watched.stale.update(watched.readers.get(place, ()))
+
+    def _part_holds(self, part: Part, bound: int, configuration: Configuration[Constant]) -> bool:
+        oracle = self.inputs.oracle(Phase.CHECK, 0)
+        m = machine(self.d, self.system, oracle, bound=bound, view=configuration)
+        m.trail.extend(part.trail)
+        for slot, robot in part.robots.items():
+            m.memory.bound[slot] = held(self.d, robot)
+        return statement(m, part.condition) is True

@@ -1,0 +1,112 @@
+"""Who moves next: policies, and runs that follow one to their end. [SELECT] [SKIP]"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from random import Random
+from typing import Protocol
+
+from msgspec import Struct
+
+from koord.sampling.monitors import Watch
+from koord.sampling.running import Move, Run
+from koord.semantics.execution import Step
+from koord.semantics.recording import Recording
+from koord.semantics.rounds import IllegalStepError
+from koord.traces.trace import Violation
+
+
+class Policy(Protocol):
+    """Who moves next, and how."""
+
+    def move(self, run: Run, waiting: tuple[int, ...]) -> Move:
+        """A move of one of the robots that wait for their turn. It is made if the rules allow."""
+        ...
+
+
+class First:
+    """What the runtime does: robots in order, and of each the first event that is enabled."""
+
+    def move(self, run: Run, waiting: tuple[int, ...]) -> Move:
+        robot = waiting[0]
+        events = run.enabled(robot)
+        return Move(robot, events[0] if events else None)
+
+
+class AtRandom(Struct, frozen=True):
+    """Any allowed move: any robot, any of its enabled events, now and then a skip."""
+
+    rng: Random
+    skips_percent: int = 15
+
+    def move(self, run: Run, waiting: tuple[int, ...]) -> Move:
+        robot = self.rng.choice(waiting)
+        events = run.enabled(robot)
+        skips = self.rng.randrange(100) < self.skips_percent and run.may_skip(robot)
+        return Move(robot, None if skips or not events else self.rng.choice(events))
+
+
+class Taken(Struct, frozen=True):
+    """A step of a run, and the event that the robot could not run because a lock was taken."""
+
+    step: Step
+    lost: str | None = None
+
+
+def take(run: Run, move: Move) -> Taken:
+    """Make a move, or, where it loses a lock, a skip; where that is not allowed, another event.
+
+    Raises IllegalStepError if the move is not allowed for another reason.
+    """
+    try:
+        return Taken(run.make(move))
+    except IllegalStepError as refused:
+        if refused.rule != "ATOMIC" or move.event is None:
+            raise
+    lost = run.system.agent(move.robot).events[move.event].name
+    others = [Move(move.robot, event) for event in run.enabled(move.robot) if event != move.event]
+    for instead in (Move(move.robot, None), *others):
+        try:
+            return Taken(run.make(instead), lost)
+        except IllegalStepError as refused:
+            if refused.rule not in ("SKIP", "ATOMIC"):
+                raise
+    raise AssertionError("a robot can neither skip nor run an event")
+
+
+class Play(Struct):
+    """A run by a policy, watched: ``steps`` makes it, and then ``violation`` is known."""
+
+    run: Run
+    policy: Policy
+    rounds: int
+    watch: Watch
+    violation: Violation | None = None
+
+    def steps(self) -> Iterator[Taken]:
+        """The steps, up to a fault, a violation, the last round, or until everyone has stopped.
+
+        Raises KoordError where an assumption, a contract or a summary cannot be met.
+        """
+        yield from self._observed(Taken(self.run.begin()))
+        while not self._over:
+            waiting = self.run.waiting
+            if waiting:
+                yield from self._observed(take(self.run, self.policy.move(self.run, waiting)))
+            else:
+                yield from self._observed(Taken(self.run.evolve()))
+
+    def _observed(self, taken: Taken) -> Iterator[Taken]:
+        self.violation = self.watch.after(taken.step)
+        yield taken
+
+    @property
+    def _over(self) -> bool:
+        if self.violation is not None or self.run.configuration.fault is not None:
+            return True
+        begun = len(self.run.waiting) < self.run.system.robots
+        return not begun and (self.run.round >= self.rounds or self.run.all_stopped)
+
+    def recording(self) -> Recording:
+        """The run as it was made."""
+        return self.run.recording(checks=self.violation is not None)

@@ -1,0 +1,204 @@
+"""Runs in the making: step by step by the rules, with a policy to choose and a sampler to answer.
+
+The rules themselves stand in :mod:`rounds`; what is chosen and answered here becomes a recording,
+and :func:`koord.semantics.recording.execute` makes the same run of it again.
+"""
+
+from __future__ import annotations
+
+from random import Random
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.sampling.growth import check_lengths
+from koord.sampling.initial_state_search import settle_readings, settled_start
+from koord.sampling.sampled_inputs import SampledInputs
+from koord.sampling.values import Sampler
+from koord.semantics.configurations import Configuration, Turn
+from koord.semantics.domain import Constant, Domain
+from koord.semantics.execution import Step
+from koord.semantics.oracle import Phase
+from koord.semantics.recording import Answer, Opening, Recording, Round
+from koord.semantics.rounds import (
+    IllegalStepError,
+    enabled,
+    evolved,
+    faulted_start,
+    may_skip,
+    run_event,
+    run_skip,
+)
+from koord.syntax.system import Status, System
+from koord.traces.trace import Numbers
+
+
+class Move(Struct, frozen=True):
+    """A program turn: the position of the event, None for a skip."""
+
+    robot: int
+    event: int | None
+
+
+class Moment(Struct, frozen=True):
+    """A run so far: where it is, how many rounds are behind it, and what the open one recorded."""
+
+    configuration: Configuration[Constant]
+    rounds: int = 0
+    moves: tuple[Move, ...] = ()
+    answers: tuple[Answer, ...] = ()
+
+
+class Run:
+    """A run in the making. ``begin`` comes first; a ``moment`` can be kept and gone back to."""
+
+    def __init__(self, system: System, numbers: Numbers, inputs: SampledInputs) -> None:
+        self.system = system
+        self.numbers = numbers
+        self.inputs = inputs
+        self._opening = Opening(())
+        self._rounds: list[Round] = []
+        self._moment: Moment | None = None
+
+    @property
+    def d(self) -> Domain[Constant]:
+        return self.numbers.domain
+
+    @property
+    def moment(self) -> Moment:
+        return replace(self._now, answers=tuple(self.inputs.answers.values()))
+
+    @property
+    def _now(self) -> Moment:
+        assert self._moment is not None, "begin comes first"
+        return self._moment
+
+    def go_back(self, moment: Moment) -> None:
+        """Undo everything since that moment."""
+        self._moment = moment
+        del self._rounds[moment.rounds :]
+        self.inputs.forget_round()
+        self.inputs.answers = {(a.phase, a.robot, a.key): a for a in moment.answers}
+        self.inputs.look_at(moment.configuration)
+
+    @property
+    def configuration(self) -> Configuration[Constant]:
+        return self._now.configuration
+
+    @property
+    def round(self) -> int:
+        """The round that is open or comes next."""
+        return self._now.rounds
+
+    @property
+    def waiting(self) -> tuple[int, ...]:
+        """The robots that have not had their turn in this round."""
+        if self.configuration.turn is Turn.ENV:
+            return ()
+        robots = self.configuration.robots
+        return tuple(i for i, state in enumerate(robots) if state.turn is Turn.PROG)
+
+    @property
+    def begun(self) -> bool:
+        """Whether somebody has had a turn since INIT."""
+        return bool(self._rounds or self._now.moves)
+
+    @property
+    def all_stopped(self) -> bool:
+        return all(state.status == Status.STOPPED for state in self.configuration.robots)
+
+    # --- steps ----------------------------------------------------------------------------------
+
+    def begin(self, order: tuple[int, ...] | None = None) -> Step:
+        """INIT, with the robots in an order. Raises KoordError if no start can be found."""
+        order = order if order is not None else tuple(range(self.system.robots))
+        stepped = faulted_start(
+            self.d, self.system, settled_start(self.d, self.system, self.inputs, order)
+        )
+        self._opening = Opening(
+            order, self.inputs.recorded_starts(), self.inputs.recorded_answers(checks=True)
+        )
+        self._arrive(stepped.configuration, 0)
+        return Step("INIT", -1, None, None, stepped)
+
+    def enabled(self, robot: int) -> list[int]:
+        """The events that a robot may select; it may lose a lock all the same."""
+        return enabled(self.d, self.system, self.configuration, robot, self.inputs)
+
+    def may_skip(self, robot: int) -> bool:
+        return may_skip(self.d, self.system, self.configuration, robot, self.inputs)
+
+    def loses(self, move: Move) -> bool:
+        """Whether an event that may be selected enters a lock class that is taken."""
+        if move.event is None:
+            return False
+        try:
+            run_event(self.d, self.system, self.configuration, move.robot, move.event, self.inputs)
+        except IllegalStepError as refused:
+            return refused.rule == "ATOMIC"
+        return False
+
+    def make(self, move: Move) -> Step:
+        """A program turn. Raises IllegalStepError if the rules do not allow it."""
+        before, name = self._now, None
+        if move.event is None:
+            stepped = run_skip(self.d, self.system, before.configuration, move.robot, self.inputs)
+        else:
+            name = self.system.agent(move.robot).events[move.event].name
+            stepped = run_event(
+                self.d, self.system, before.configuration, move.robot, move.event, self.inputs
+            )
+        check_lengths(before.configuration, stepped.configuration)
+        moves = (*before.moves, move)
+        self._moment = Moment(stepped.configuration, before.rounds, moves)
+        rule = "SKIP" if move.event is None else "EVENT-TRANS"
+        return Step(rule, before.rounds, move.robot, name, stepped)
+
+    def evolve(self) -> Step:
+        """The environment's turn. Raises KoordError if no readings can be found."""
+        number, before = self.round, self.configuration
+        settle_readings(self.d, self.system, before, self.inputs)
+        stepped = evolved(self.d, self.system, before, self.inputs)
+        check_lengths(before, stepped.configuration)
+        self._rounds.append(self._open_round(cut=False))
+        self._arrive(stepped.configuration, number + 1)
+        return Step("ENV-TRANS", number, None, None, stepped)
+
+    def _arrive(self, configuration: Configuration[Constant], rounds: int) -> None:
+        self._moment = Moment(configuration, rounds)
+        self.inputs.forget_round()
+        self.inputs.look_at(configuration)
+
+    # --- the recording --------------------------------------------------------------------------
+
+    def recording(self, *, checks: bool = False) -> Recording:
+        """The run so far; a round that is open is cut.
+
+        With ``checks`` the answers to the properties that were last looked at belong to it.
+        """
+        opening, rounds = self._opening, list(self._rounds)
+        asked = tuple(a for a in self.inputs.answers.values() if a.phase is Phase.CHECK)
+        if self._now.moves:
+            rounds.append(self._open_round(cut=True))
+        if checks and rounds:
+            rounds[-1] = replace(rounds[-1], answers=(*rounds[-1].answers, *asked))
+        elif checks:
+            opening = replace(opening, answers=(*opening.answers, *asked))
+        return Recording(opening, tuple(rounds))
+
+    def _open_round(self, *, cut: bool) -> Round:
+        events: list[int | None] = [None] * self.system.robots
+        for move in self._now.moves:
+            events[move.robot] = move.event
+        return Round(
+            tuple(move.robot for move in self._now.moves),
+            tuple(events),
+            () if cut else self.inputs.recorded_readings(),
+            self.inputs.recorded_answers(),
+            cut,
+        )
+
+
+def new_run(system: System, numbers: Numbers, rng: Random) -> Run:
+    """A run whose every answer hangs on the generator."""
+    return Run(system, numbers, SampledInputs(Sampler(system, numbers, rng)))

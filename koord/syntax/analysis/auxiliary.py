@@ -1,0 +1,188 @@
+"""Variables that nothing depends on but variables of their kind: they are written, and no more.
+
+A run that repeats itself need not come back to what they hold. [AUXILIARY] This is read off the
+text on the safe side: whatever is not plainly so counts as depended on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import chain
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from koord.semantics.configurations import Configuration, Robot, Store
+from koord.semantics.domain import Constant
+from koord.semantics.storage import Storage
+from koord.syntax import core
+from koord.syntax.analysis.always_met import always_met, primed, promises_of
+from koord.syntax.analysis.definedness import Sure
+from koord.syntax.analysis.possible_faults import Risks
+from koord.syntax.core import Home, slot_in
+from koord.syntax.system import System
+from koord.syntax.walk import reached, statements, written
+
+
+class Var(Struct, frozen=True):
+    """A variable of a program: ``kind`` is that of the robots whose local or port it is."""
+
+    home: Home
+    kind: int | None
+    slot: int
+
+
+def auxiliary(system: System, stated: Iterable[core.Property]) -> frozenset[Var]:
+    """The variables that no round depends on, nor any of some statements about whole runs."""
+    program = system.program
+    reading = _Reading(system)
+    for kind, agent in enumerate(program.agents):
+        for event in agent.events:
+            reading.use(event.guard, kind)
+            for statement in statements(event.effect):
+                reading.statement(statement, kind)
+        for module in agent.modules:
+            if module.environment is not None:
+                reading.use((module.environment, module.contracts), kind)
+        reading.promises(kind, agent)
+    for each in (*stated, *program.expectations):
+        reading.use((each.trigger, each.condition), None)
+    return frozenset(variables(program)) - reading.depended_on()
+
+
+def variables(program: core.Program) -> Iterator[Var]:
+    """All variables of a program."""
+    for kind, agent in enumerate(program.agents):
+        yield from (Var(Home.LOCAL, kind, slot) for slot in range(len(agent.locals)))
+        yield from (Var(Home.PORT, kind, slot) for slot in range(len(agent.ports)))
+    yield from (Var(Home.ALLREAD, None, slot) for slot in range(len(program.allread)))
+    yield from (Var(Home.ALLWRITE, None, slot) for slot in range(len(program.allwrite)))
+
+
+def variables_of(program: core.Program, variable: core.Variable, kind: int | None) -> Iterator[Var]:
+    """What an unbound variable stands for: in a statement, one for each kind that has it."""
+    match variable.home:
+        case Home.BOUND:
+            pass
+        case Home.ALLREAD | Home.ALLWRITE:
+            yield Var(variable.home, None, variable.slot)
+        case Home.LOCAL | Home.PORT:
+            for k in range(len(program.agents)) if kind is None else (kind,):
+                slot = slot_in(program.agents[k], variable)
+                if slot is not None:
+                    yield Var(variable.home, k, slot)
+
+
+class _Reading(Struct, frozen=True):
+    """What is depended on by something other than the value of a variable, and what flows where."""
+
+    system: System
+    used: set[Var] = field(default_factory=set)
+    flows: list[tuple[frozenset[Var], frozenset[Var]]] = field(default_factory=list)
+
+    def use(self, part: object, kind: int | None) -> None:
+        self.used.update(self._reads(part, kind))
+
+    def statement(self, s: core.Stmt, kind: int) -> None:
+        """What a statement itself depends on, apart from those in it."""
+        match s:
+            case core.Assign(value=value) | core.Append(value=value) | core.Remove(value=value):
+                self._written(s, value, kind)
+            case core.If(condition=condition):
+                self.use(condition, kind)
+            case core.ForRange(low=low, high=high):
+                self.use((low, high), kind)
+            case core.ForEach(sequence=sequence):
+                self.use(sequence, kind)
+            case core.Output(values=values):
+                if self._matters(s, values, kind):
+                    self.use(values, kind)
+            case core.Pop(place=place, into=into):
+                self.use((place, into), kind)
+            case core.Atomic() | core.Break() | core.Return() | core.Stop() | core.TryStop():
+                pass
+
+    def promises(self, kind: int, agent: core.Agent) -> None:
+        """Contracts, which some reading of a sensor meets whatever what they read is."""
+        met = always_met(self.system, kind)
+        for contract, promise in promises_of(agent):
+            read = (contract.requires, promise)
+            about = primed(promise)
+            if not about or not about <= met:
+                self.use(read, kind)
+                continue
+            target = frozenset(Var(Home.PORT, kind, slot) for slot in about)
+            self.flows.append((target, self._reads(read, kind)))
+
+    def _written(self, s: core.Stmt, value: core.Expr, kind: int) -> None:
+        """A value that a variable gets, which depends on it alone if nothing else can happen."""
+        (place,) = written(s)
+        if place.variable.home is Home.BOUND or self._matters(s, value, kind):
+            self.use((place, value), kind)
+            return
+        self.use(place.steps, kind)
+        target = frozenset(variables_of(self.system.program, place.variable, kind))
+        self.flows.append((target, self._reads(value, kind)))
+
+    def _matters(self, s: core.Stmt, evaluated: object, kind: int) -> bool:
+        """Whether a statement may fault, or an answer may be wanted that there is not."""
+        asked = (core.Choose, core.ExternalCall)
+        below = reached(self.system.program, evaluated)
+        return Risks(Sure(self.system, kind)).statement(s) or any(
+            isinstance(node, asked) for node in below
+        )
+
+    def depended_on(self) -> set[Var]:
+        """The variables that matter, with those that these get their values from."""
+        found = set(self.used)
+        grows = True
+        while grows:
+            new = {x for targets, reads in self.flows if targets & found for x in reads - found}
+            grows = bool(new)
+            found |= new
+        return found
+
+    def _reads(self, part: object, kind: int | None) -> frozenset[Var]:
+        nodes = reached(self.system.program, part)
+        found = (node for node in nodes if isinstance(node, core.Variable))
+        return frozenset(
+            chain.from_iterable(variables_of(self.system.program, v, kind) for v in found)
+        )
+
+
+def with_those_of(
+    configuration: Configuration[Constant],
+    other: Configuration[Constant],
+    variables: frozenset[Var],
+) -> Configuration[Constant]:
+    """A configuration in which some variables hold what they hold in another one."""
+
+    def of(
+        home: Home,
+        kind: int | None,
+        mine: tuple[Storage[Constant], ...],
+        its: tuple[Storage[Constant], ...],
+    ) -> tuple[Storage[Constant], ...]:
+        pairs = enumerate(zip(mine, its, strict=True))
+        return tuple(b if Var(home, kind, slot) in variables else a for slot, (a, b) in pairs)
+
+    def store(mine: Store[Constant], its: Store[Constant]) -> Store[Constant]:
+        return Store(
+            of(Home.ALLREAD, None, mine.allread, its.allread),
+            of(Home.ALLWRITE, None, mine.allwrite, its.allwrite),
+        )
+
+    def robot(mine: Robot[Constant], its: Robot[Constant]) -> Robot[Constant]:
+        return replace(
+            mine,
+            locals=of(Home.LOCAL, mine.kind, mine.locals, its.locals),
+            ports=of(Home.PORT, mine.kind, mine.ports, its.ports),
+            copy=store(mine.copy, its.copy),
+        )
+
+    pairs = zip(configuration.robots, other.robots, strict=True)
+    return replace(
+        configuration,
+        robots=tuple(robot(mine, its) for mine, its in pairs),
+        store=store(configuration.store, other.store),
+    )

@@ -1,0 +1,235 @@
+"""Sorts of expressions: which integers are compared, calculated with, or index what. [SYMMETRY]"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.syntax import core
+from koord.syntax.analysis.definedness import Sure, indices
+from koord.syntax.analysis.sort_constraints import Body, Range, SortBook, be_number, number_robots
+from koord.syntax.analysis.sorts import Entries, Fields, Items, Scalar, Shape, Sort, unify
+from koord.syntax.core import BinaryOp, ListOp, QuantifierKind, UnaryOp
+from koord.syntax.types import INT, Type
+
+_CONNECTIVES = (BinaryOp.AND, BinaryOp.OR, BinaryOp.IMPLIES)
+
+#: Goes through the statements of a function's body.
+RunBlock = Callable[[core.Block, Body], None]
+
+
+class Expressions(Struct):
+    """Finds the shapes of expressions, and writes down in the book what they say of integers.
+
+    ``run_block`` goes through the body of a function that is called.
+    """
+
+    book: SortBook
+    run_block: RunBlock
+
+    def shape(self, e: core.Expr, body: Body) -> Shape:
+        """The shape of an expression's value."""
+        inner = replace(body, strict=False) if body.strict else body
+        match e:
+            case core.Const(value=value):
+                if e.type == INT:
+                    assert isinstance(value, int)
+                    return self.book.integer(constant=value)
+                return Scalar(None)
+            case core.Pid():
+                return self.book.robot()
+            case core.NumAgents():
+                return self.book.integer(constant=self.book.system.robots)
+            case core.Delta():
+                return Scalar(None)
+            case core.Read(place=place):
+                return self.place(place, inner)
+            case core.Select(base=base, step=step):
+                return self._step(self.shape(base, inner), step, inner)
+            case core.Unary():
+                return self._unary(e, inner)
+            case core.Binary():
+                return self._binary(e, body)
+            case core.Builtin():
+                return self._builtin(e, inner)
+            case core.MakeList(items=items):
+                return self._listed(items, e.type, inner)
+            case core.MakeMap():
+                return self._mapped(e, inner)
+            case core.MakeRecord(fields=fields):
+                return Fields(tuple(self.shape(part, inner) for part in fields))
+            case core.Call():
+                return self._call(e, inner)
+            case core.ExternalCall():
+                return self._external_call(e, inner)
+            case core.Choose():
+                for limit in (e.low, e.high):
+                    be_number(self.shape(limit, inner), "the limit of a choice")
+                return self.book.integer(number="chosen") if e.type == INT else Scalar(None)
+            case core.Quantified():
+                return self._quantified(e, body)
+            case core.Ran(robot=robot) | core.Stopped(robot=robot):
+                unify(self.shape(robot, inner), self.book.robot())
+                return Scalar(None)
+
+    # --- operators ------------------------------------------------------------------------------
+
+    def _unary(self, e: core.Unary, body: Body) -> Shape:
+        operand = self.shape(e.operand, body)
+        if e.op is UnaryOp.NOT:
+            return Scalar(None)
+        be_number(operand, "calculated with")
+        return self.book.integer(number="calculated") if e.type == INT else Scalar(None)
+
+    def _binary(self, e: core.Binary, body: Body) -> Shape:
+        if e.op in _CONNECTIVES:
+            # Where ``a and b`` is false, it may as well fault; so may b of ``a implies b``.
+            strict_left = body.strict and e.op is BinaryOp.AND
+            strict_right = body.strict and e.op in (BinaryOp.AND, BinaryOp.IMPLIES)
+            self.shape(e.left, replace(body, strict=strict_left))
+            self.shape(e.right, replace(body, strict=strict_right))
+            return Scalar(None)
+        inner = replace(body, strict=False)
+        left, right = self.shape(e.left, inner), self.shape(e.right, inner)
+        if e.op in (BinaryOp.EQ, BinaryOp.NE):
+            unify(left, right)
+            return Scalar(None)
+        why = "ordered" if e.op in (BinaryOp.LT, BinaryOp.LE) else "calculated with"
+        be_number(left, why)
+        be_number(right, why)
+        return self.book.integer(number="calculated") if e.type == INT else Scalar(None)
+
+    def _builtin(self, e: core.Builtin, body: Body) -> Shape:
+        shapes = [self.shape(argument, body) for argument in e.arguments]
+        of = shapes[0]
+        match e.op:
+            case ListOp.LENGTH:
+                return self.book.integer(number="a length")
+            case ListOp.CONTAINS:
+                assert isinstance(of, Items | Entries)
+                unify(of.key if isinstance(of, Entries) else of.element, shapes[1])
+            case ListOp.MIN | ListOp.MAX:
+                assert isinstance(of, Items)
+                be_number(of.element, "ordered")
+                return self.book.integer(number="ordered") if e.type == INT else Scalar(None)
+            case ListOp.ANY | ListOp.ALL:
+                pass
+        return Scalar(None)
+
+    def _listed(self, items: tuple[core.Expr, ...], type_: Type, body: Body) -> Shape:
+        of = self.book.held(type_)
+        assert isinstance(of, Items)
+        of.index.be_number("an index into a list that is written out")
+        for item in items:
+            unify(of.element, self.shape(item, body))
+        return of
+
+    def _mapped(self, e: core.MakeMap, body: Body) -> Shape:
+        of = self.book.held(e.type)
+        assert isinstance(of, Entries)
+        for key, value in e.entries:
+            unify(of.key, self.shape(key, body))
+            unify(of.value, self.shape(value, body))
+        return of
+
+    # --- calls and quantifiers ------------------------------------------------------------------
+
+    def _call(self, e: core.Call, body: Body) -> Shape:
+        """Each call has sorts of its own, as if the body stood in its place."""
+        function = self.book.system.program.function(e.function)
+        assert function.result is not None
+        bound = {
+            parameter: self.shape(argument, body)
+            for parameter, argument in zip(function.parameters, e.arguments, strict=True)
+        }
+        result = self.book.fresh(function.result)
+        filled = frozenset(parameter.slot for parameter in function.parameters)
+        sure = replace(body.sure, filled=filled, robots={}, within={})
+        self.run_block(function.body, Body(sure, bound, result))
+        return result
+
+    def _external_call(self, e: core.ExternalCall, body: Body) -> Shape:
+        parameters, result = self.book.externals[e.function]
+        for of, argument in zip(parameters, e.arguments, strict=True):
+            unify(of, self.shape(argument, body))
+        return result
+
+    def _quantified(self, e: core.Quantified, body: Body) -> Shape:
+        variable, slot = self.book.bound(e.variable, body), e.variable.slot
+        strict = body.strict and e.quantifier is QuantifierKind.FORALL
+        outer = replace(body, strict=False)
+        sure: Sure | None = body.sure.with_value(slot)
+        sort, over = None, None
+        match e.domain:
+            case core.RobotRange(agent=kind):
+                unify(variable, self.book.robot())
+                sure = body.sure.with_robot(slot, kind)
+                sort = variable.sort if isinstance(variable, Scalar) else None
+            case core.IntRange(low=low, high=high):
+                assert isinstance(variable, Scalar)
+                assert variable.sort is not None
+                sure = self.range(low, high, variable.sort, slot, outer)
+                sort = variable.sort if sure is not None else None
+                over = self.over(low, high, outer) if sure is not None else None
+            case core.Elements(sequence=sequence):
+                of = self.shape(sequence, outer)
+                assert isinstance(of, Items)
+                unify(variable, of.element)
+                sort = of.index
+            case core.AllValues():
+                number_robots(variable)
+        known = sure if sure is not None else body.sure.with_value(slot)
+        if sort is not None:
+            self.book.ranges.append(Range(sort, over, strict or known.of(e.body)))
+        self.shape(e.body, replace(body, sure=known, strict=strict))
+        return Scalar(None)
+
+    def range(
+        self, low: core.Expr, high: core.Expr, variable: Sort, slot: int, body: Body
+    ) -> Sure | None:
+        """What is known in a range that may be one over all robots; None if it is not."""
+        starts_at_0 = isinstance(low, core.Const) and low.value == 0
+        if starts_at_0 and isinstance(high, core.NumAgents):
+            return body.sure.with_robot(slot, None)
+        of = indices(low, high)
+        if of is not None:
+            return body.sure.with_index(slot, of)
+        variable.be_number("counted from one number to another")
+        for limit in (low, high):
+            be_number(self.shape(limit, body), "the limit of a range")
+        return None
+
+    def over(self, low: core.Expr, high: core.Expr, body: Body) -> Sort | None:
+        """The index of the list whose indices a range goes over, if it does that."""
+        of = indices(low, high)
+        if of is None:
+            return None
+        found = self.shape(of, body)
+        return found.index if isinstance(found, Items) else Sort(number="a map's length")
+
+    # --- places ---------------------------------------------------------------------------------
+
+    def place(self, place: core.Place, body: Body) -> Shape:
+        """The shape of what is at a place."""
+        if place.robot is not None:
+            unify(self.shape(place.robot, body), self.book.robot())
+        of = self.book.variable(place.variable, body)
+        for step in place.steps:
+            of = self._step(of, step, body)
+        return of
+
+    def _step(self, of: Shape, step: core.Step, body: Body) -> Shape:
+        match step:
+            case core.FieldStep(position=position):
+                assert isinstance(of, Fields)
+                return of.parts[position]
+            case core.IndexStep(index=index):
+                assert isinstance(of, Items)
+                unify(self.shape(index, body), Scalar(of.index))
+                return of.element
+            case core.KeyStep(key=key):
+                assert isinstance(of, Entries)
+                unify(self.shape(key, body), of.key)
+                return of.value

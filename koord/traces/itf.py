@@ -1,0 +1,284 @@
+"""Traces as ITF, the Informal Trace Format that tools for TLA+ read (Apalache, ADR-015).
+
+One state per step: INIT, each program turn, each turn of the environment. Locals and ports are
+functions of the robot. What the step was is the variable ``step``; the order of the robots in the
+round stands in the state's ``#meta``. The trace itself travels in the document's ``#meta``, so that
+what was exported can be replayed.
+
+    int            {"#bigint": "3"}               float, unset   {"#unserializable": "3/4"}
+    enumeration    "idle"                         record         {"x": …, "y": …}
+    list, array    […]                            map            {"#map": [[key, value], …]}
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+from koord.semantics.configurations import NO_EVENT, Configuration
+from koord.semantics.domain import Constant
+from koord.semantics.execution import Step, execute
+from koord.semantics.recording import Concrete
+from koord.semantics.rounds import IllegalStepError
+from koord.semantics.storage import Cell, Storage
+from koord.semantics.values import Rec, Seq, Table
+from koord.syntax.diagnostics import refusal
+from koord.syntax.system import Status
+from koord.syntax.types import (
+    ArrayType,
+    EnumType,
+    FloatType,
+    MapType,
+    RecordType,
+    SequenceType,
+    Type,
+    part_types,
+)
+from koord.traces.codec import Load, decode_document, to_json
+from koord.traces.json_reader import Reader
+from koord.traces.names import Named, Names, distinct
+from koord.traces.trace import Trace
+from koord.traces.value_codec import Json, encode_value
+
+#: Where the document's ``#meta`` holds the trace.
+EMBEDDED = "koord"
+
+_ADR = "https://apalache-mc.org/docs/adr/015adr-trace.html"
+
+_OF_STEPS = ("status", "ran", "round", "turn", "step")
+
+
+# --- export -------------------------------------------------------------------------------------
+
+
+def encode_itf(trace: Trace) -> bytes:
+    """A trace as an ITF document. Raises IllegalStepError if it cannot be run step by step."""
+    exporting = _Exporting(trace)
+    head: dict[str, Json] = {
+        "#meta": {
+            "format": "ITF",
+            "format-description": _ADR,
+            "source": trace.sources.program.name,
+            "description": "A run of a Koord program",
+            EMBEDDED: to_json(trace),
+        },
+        "vars": list[Json](exporting.variables),
+    }
+    if trace.recording.loop is not None:
+        head["loop"] = exporting.looped(trace.recording.loop)
+    states = ",\n".join(json.dumps(state) for state in exporting.states())
+    text = json.dumps(head)[:-1] + f', "states": [\n{states}\n]}}\n'
+    return text.encode("utf-8")
+
+
+class _Exporting:
+    """The names of the variables in ITF, and the states."""
+
+    def __init__(self, trace: Trace) -> None:
+        self.trace = trace
+        self.names = Names(trace.system)
+        self.of_robots = list(dict.fromkeys(self._of_robots()))
+        shared = [n.name for n in (*self.names.allread, *self.names.allwrite)]
+        every = distinct([*_OF_STEPS, *shared, *(_identifier(n) for n in self.of_robots)])
+        self.variables = every
+        rest = every[len(_OF_STEPS) :]
+        self.shared = dict(zip(range(len(shared)), rest, strict=False))
+        self.own = dict(zip(self.of_robots, rest[len(shared) :], strict=True))
+
+    @property
+    def older(self) -> dict[str, str]:
+        """The names of variables by those that older documents have for them."""
+        ports = (named for kind in self.names.kinds for named in kind.ports)
+        return {_identifier(n.older): self.own[n.name] for n in ports if n.older != n.name}
+
+    def _of_robots(self) -> Iterator[str]:
+        """The names of locals and ports, of all kinds of robot."""
+        for kind in self.names.kinds:
+            yield from (n.name for n in kind.locals)
+            yield from (n.name for n in kind.ports)
+
+    def states(self) -> Iterator[dict[str, Json]]:
+        """One state per step."""
+        trace = self.trace
+        orders = [list[Json](round_.order) for round_ in trace.recording.rounds]
+        steps = execute(trace.numbers.domain, trace.system, trace.recording)
+        for index, step in enumerate(steps):
+            order = orders[step.round] if step.round >= 0 else trace.recording.opening.order
+            yield {"#meta": {"index": index, "order": list[Json](order)}, **self._state(step)}
+
+    def looped(self, loop: int) -> int:
+        """The number of the state that the last one is again, but for round and step. [LASSO]"""
+        rounds = self.trace.recording.rounds[:loop]
+        return sum(len(round_.order) + (not round_.cut) for round_ in rounds)
+
+    def _state(self, step: Step) -> dict[str, Json]:
+        configuration = step.configuration
+        fault = configuration.fault
+        state: dict[str, Json] = {
+            "status": self._function(
+                Status(int(str(r.status))).name.lower() for r in configuration.robots
+            ),
+            "ran": self._function(
+                "" if r.ran == NO_EVENT else self.names.of(i).events[int(str(r.ran))]
+                for i, r in enumerate(configuration.robots)
+            ),
+            "round": _integer(configuration.round),
+            "turn": configuration.turn.value,
+            "step": {
+                "rule": step.rule,
+                "robot": _integer(-1 if step.robot is None else step.robot),
+                "event": step.event or "",
+                "fault": "" if fault is None else fault.kind.value,
+            },
+        }
+        state.update(self._variables(configuration))
+        return state
+
+    def _variables(self, configuration: Configuration[Constant]) -> Iterator[tuple[str, Json]]:
+        store = configuration.store
+        shared = [
+            *zip(self.names.allread, store.allread, strict=True),
+            *zip(self.names.allwrite, store.allwrite, strict=True),
+        ]
+        for position, (named, storage) in enumerate(shared):
+            allread = position < len(self.names.allread)
+            value = _of_entries(named, storage) if allread else itf_storage(storage, named.type)
+            yield self.shared[position], value
+        held: dict[str, list[Json]] = {name: [] for name in self.of_robots}
+        for number, robot in enumerate(configuration.robots):
+            own = self.names.of(number)
+            pairs = [
+                *zip(own.locals, robot.locals, strict=True),
+                *zip(own.ports, robot.ports, strict=True),
+            ]
+            for named, storage in pairs:
+                held[named.name].append([_integer(number), itf_storage(storage, named.type)])
+        for name, entries in held.items():
+            yield self.own[name], {"#map": entries}
+
+    @staticmethod
+    def _function(values: Iterator[str]) -> Json:
+        return {"#map": [[_integer(i), value] for i, value in enumerate(values)]}
+
+
+def _of_entries(named: Named, storage: Storage[Constant]) -> Json:
+    """An allread variable as a function of the robot whose entry it is."""
+    assert not isinstance(storage, Cell)
+    assert isinstance(named.type, ArrayType)
+    element = named.type.element
+    entries = (itf_storage(part, element) for part in storage.parts)
+    return {"#map": [[_integer(i), entry] for i, entry in enumerate(entries)]}
+
+
+def _identifier(name: str) -> str:
+    """``Motion_psn`` for ``Motion.psn``: names in TLA+ have no dots."""
+    return name.replace(".", "_")
+
+
+def _integer(value: int) -> Json:
+    return {"#bigint": str(value)}
+
+
+def itf_storage(storage: Storage[Constant], type_: Type) -> Json:
+    """What a variable holds, as an ITF expression."""
+    if isinstance(storage, Cell):
+        if not storage.is_set:
+            return {"#unserializable": "unset"}
+        return itf_value(storage.value, type_)
+    types = part_types(type_, len(storage.parts))
+    parts = [itf_storage(part, t) for part, t in zip(storage.parts, types, strict=True)]
+    if isinstance(type_, RecordType):
+        return {name: part for (name, _), part in zip(type_.fields, parts, strict=True)}
+    return list[Json](parts)
+
+
+def itf_value(value: Concrete, type_: Type) -> Json:
+    """A value as an ITF expression."""
+    match value:
+        case Rec(fields=parts):
+            assert isinstance(type_, RecordType)
+            pairs = zip(type_.fields, parts, strict=True)
+            return {name: itf_value(part, t) for (name, t), part in pairs}
+        case Seq(items=items):
+            assert isinstance(type_, SequenceType)
+            return [itf_value(item, type_.element) for item in items]
+        case Table(entries=entries):
+            assert isinstance(type_, MapType)
+            pairs_of = [[itf_value(k, type_.key), itf_value(v, type_.value)] for k, v in entries]
+            return {"#map": list[Json](pairs_of)}
+        case _:
+            encoded = encode_value(value, type_)
+    if isinstance(type_, FloatType):
+        return {"#unserializable": str(encoded)}
+    if isinstance(encoded, bool) or isinstance(type_, EnumType) or isinstance(value, str):
+        return encoded
+    assert isinstance(value, int)
+    return {"#bigint": _decimal(value)}
+
+
+def _decimal(value: int) -> str:
+    """An integer in decimal, however long: Python's own conversion has a limit."""
+    if value.bit_length() < 10_000:
+        return str(value)
+    half = 10 ** (value.bit_length() // 7)
+    high, low = divmod(abs(value), half)
+    digits = len(_decimal(half)) - 1
+    return f"{'-' if value < 0 else ''}{_decimal(high)}{_decimal(low).rjust(digits, '0')}"
+
+
+# --- import -------------------------------------------------------------------------------------
+
+
+def is_itf(document: Reader) -> bool:
+    """Whether a JSON document is ITF, ours or another's."""
+    value = document.value
+    return isinstance(value, dict) and "vars" in value and "states" in value
+
+
+def embedded_trace(document: Reader, load: Load | None = None) -> Trace:
+    """The trace that an ITF document of ours carries. Raises KoordError.
+
+    The states must be those of the run that is carried along: whoever reads them in another tool
+    has to see what was replayed.
+    """
+    parts = dict(document.entries())
+    meta = parts["#meta"].value if "#meta" in parts else None
+    if not isinstance(meta, dict) or EMBEDDED not in meta:
+        raise refusal(
+            "K917",
+            document.file,
+            "this ITF document was not written by koord: it holds states, but no recording",
+            "name a file that `koord run --trace x.itf.json` wrote",
+        )
+    inner = Reader(meta[EMBEDDED], f"$.#meta.{EMBEDDED}", document.file)
+    trace = decode_document(inner, load)
+    loop = trace.recording.loop
+    given_loop = parts["loop"].value if "loop" in parts else None
+    if given_loop != (None if loop is None else _Exporting(trace).looped(loop)):
+        raise document.refuse("the field 'loop' is not that of the recording", "K917")
+    exporting = _Exporting(trace)
+    try:
+        expected = [json.loads(json.dumps(state)) for state in exporting.states()]
+    except IllegalStepError:
+        return trace  # the replay says where
+    for number, (state, given) in enumerate(
+        zip(expected, parts["states"].items(len(expected)), strict=True)
+    ):
+        if state != given.value and state != _renamed(given.value, exporting.older):
+            name = _first_difference(state, given)
+            raise given.refuse(
+                f"state {number} is not the one that the recording leads to (see {name})", "K917"
+            )
+    return trace
+
+
+def _renamed(state: object, older: dict[str, str]) -> object:
+    """A state whose variables have the names that older documents have."""
+    if not isinstance(state, dict):
+        return state
+    return {older.get(name, name): value for name, value in state.items()}
+
+
+def _first_difference(expected: dict[str, Json], given: Reader) -> str:
+    found = given.value if isinstance(given.value, dict) else {}
+    return next((name for name in expected if expected[name] != found.get(name)), "its fields")

@@ -1,0 +1,103 @@
+"""What the parts of a system are called in traces and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.syntax import core
+from koord.syntax.system import System
+from koord.syntax.types import ArrayType, Type
+from koord.traces.occurrences import choice_types, output_types
+
+
+class Named(Struct, frozen=True):
+    """A variable under its name, with the type of what one robot holds of it."""
+
+    name: str
+    slot: int
+    type: Type
+    older: str = ""  #: another name, which older traces have
+
+
+class KindNames(Struct, frozen=True):
+    """The names of one kind of robot. Ports bear that of their module: ``Motion.psn``."""
+
+    locals: tuple[Named, ...]
+    ports: tuple[Named, ...]
+    events: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Names:
+    """The names of a system."""
+
+    system: System
+    kinds: tuple[KindNames, ...] = field(init=False)
+    allread: tuple[Named, ...] = field(init=False)  #: typed as the whole array
+    allwrite: tuple[Named, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        program = self.system.program
+        put = object.__setattr__
+        put(self, "kinds", tuple(map(_kind, program.agents)))
+        put(self, "allread", _named(program.allread))
+        put(self, "allwrite", _named(program.allwrite))
+
+    def of(self, robot: int) -> KindNames:
+        return self.kinds[self.system.kinds[robot]]
+
+    @cached_property
+    def choices(self) -> dict[int, Type]:
+        """The type of each ``choose`` by its site."""
+        return choice_types(self.system.program)
+
+    @cached_property
+    def outputs(self) -> dict[str, Type]:
+        """The types of what the program writes, by name."""
+        return output_types(self.system.program)
+
+    @cached_property
+    def externals(self) -> dict[str, core.External]:
+        return {function.name: function for function in self.system.program.externals}
+
+
+def element_type(named: Named) -> Type:
+    """The type of a robot's own entry of an allread variable."""
+    assert isinstance(named.type, ArrayType)
+    return named.type.element
+
+
+def _kind(agent: core.Agent) -> KindNames:
+    ports = [port.declaration for port in agent.ports]
+    kept = distinct(f"{port.module}.{port.declaration.variable.name}" for port in agent.ports)
+    named = _named(ports, [port.label for port in agent.ports])
+    return KindNames(
+        _named(agent.locals),
+        tuple(replace(one, older=name) for one, name in zip(named, kept, strict=True)),
+        tuple(distinct(event.name for event in agent.events)),
+    )
+
+
+def _named(
+    declarations: Iterable[core.Declaration], labels: Iterable[str] | None = None
+) -> tuple[Named, ...]:
+    variables = [entry.variable for entry in declarations]
+    names = distinct(labels if labels is not None else (v.name for v in variables))
+    return tuple(Named(n, v.slot, v.type) for n, v in zip(names, variables, strict=True))
+
+
+def distinct(names: Iterable[str]) -> list[str]:
+    """The names, told apart where two are the same: elaboration may bring in a second ``i``."""
+    found: dict[str, None] = {}
+    for name in names:
+        candidate, count = name, 1
+        while candidate in found:
+            count += 1
+            candidate = f"{name}#{count}"
+        found[candidate] = None
+    return list(found)

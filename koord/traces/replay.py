@@ -1,0 +1,358 @@
+"""Replaying a trace: is every step one that the rules allow, every configuration right? [REPLAY]"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import islice
+from random import Random
+
+from msgspec import Struct
+
+from koord.sampling.sampled_inputs import SampledInputs
+from koord.sampling.values import Sampler
+from koord.semantics.configurations import Configuration, Written
+from koord.semantics.domain import Constant, Domain
+from koord.semantics.execution import RecordedInputs, Step, execute
+from koord.semantics.liveness import LIVENESS
+from koord.semantics.oracle import Phase
+from koord.semantics.races import overlap, rewritten
+from koord.semantics.recording import Answer, Round
+from koord.semantics.rounds import IllegalStepError
+from koord.semantics.turns import holds_in, program_turn
+from koord.semantics.values import identical
+from koord.syntax import core
+from koord.syntax.core import PropertyKind
+from koord.syntax.system import System
+from koord.syntax.walk import nodes
+from koord.traces.changes import Change, differences
+from koord.traces.lassos import Flaw, flaw_of
+from koord.traces.names import Names
+from koord.traces.rendering import show_output
+from koord.traces.trace import (
+    BEFORE_ROUNDS,
+    Emitted,
+    Numbers,
+    Trace,
+    Violation,
+    ViolationKind,
+    emitted,
+)
+
+
+class Planned(Struct, frozen=True):
+    """A step that a recording speaks of, before anyone knows whether it is legal."""
+
+    rule: str
+    round: int
+    robot: int | None = None
+    event: str | None = None
+
+
+class Refused(Struct, frozen=True):
+    """The first step of a trace that is not right, the rule that it breaks, and how.
+
+    ``differences`` are locations with what the rules give (``old``) and what was recorded
+    (``new``).
+    """
+
+    rule: str
+    step: Planned
+    reason: str
+    differences: tuple[Change, ...] = ()
+
+
+class Replayed(Struct, frozen=True):
+    """What a replay found: how many steps and rounds were right, and what was not, if anything."""
+
+    steps: int
+    rounds: int
+    refused: Refused | None
+    #: External functions whose summaries speak of every value of a type: taken on trust.
+    trusted: tuple[str, ...] = ()
+
+
+def planned(trace: Trace) -> Iterator[Planned]:
+    """The steps that a trace's recording speaks of."""
+    yield Planned("INIT", BEFORE_ROUNDS)
+    for number, round_ in enumerate(trace.recording.rounds):
+        for robot in round_.order:
+            position = round_.events[robot] if robot < len(round_.events) else None
+            if position is None:
+                yield Planned("SKIP", number, robot)
+            else:
+                events = trace.system.agent(robot).events
+                name = events[position].name if 0 <= position < len(events) else str(position)
+                yield Planned("EVENT-TRANS", number, robot, name)
+        if not round_.cut:
+            yield Planned("ENV-TRANS", number)
+
+
+def replay(trace: Trace, seen: Callable[[Step], None] = lambda step: None) -> Replayed:
+    """Check a trace. ``seen`` is told of every step that is right."""
+    replaying = _Replay(trace)
+    refused = None
+    try:
+        replaying.run(seen)
+    except _RefusedError as error:
+        refused = error.refused
+    return Replayed(replaying.steps, replaying.rounds, refused, trusted(trace.system.program))
+
+
+def trusted(program: core.Program) -> tuple[str, ...]:
+    """The external functions whose summaries cannot be tried on an answer. [REPLAY]"""
+    return tuple(
+        function.name
+        for function in program.externals
+        if any(
+            isinstance(node, core.Quantified) and isinstance(node.domain, core.AllValues)
+            for node in nodes(function.ensures)
+        )
+    )
+
+
+class _RefusedError(Exception):
+    """Carries the step that is not right out of the replay."""
+
+    def __init__(self, refused: Refused) -> None:
+        super().__init__(refused.reason)
+        self.refused = refused
+
+
+class _Replay:
+    """A replay under way: how far it is, and what was recorded for what comes."""
+
+    def __init__(self, trace: Trace) -> None:
+        self.trace = trace
+        self.names = Names(trace.system)
+        self.d = trace.numbers.domain
+        self.steps = 0
+        self.rounds = 0
+        self.plan = list(planned(trace))
+        self.ends: list[Configuration[Constant]] = []  #: after INIT and after each round
+        self.outputs = iter(trace.outputs)
+        self.inputs = SampledInputs(Sampler(trace.system, trace.numbers, Random(0)))
+
+    def run(self, seen: Callable[[Step], None]) -> None:
+        self.check_shape()
+        steps = execute(self.d, self.trace.system, self.trace.recording)
+        last: Step | None = None
+        for number, plan in enumerate(self.plan):
+            try:
+                step = next(steps, None)
+            except IllegalStepError as error:
+                raise self.refusal(error.rule, plan, error.reason) from None
+            if step is None:
+                reason = (
+                    "the run ended in a fault"
+                    if last and last.configuration.fault
+                    else ("the run ended in the round before, which was cut")
+                )
+                raise self.refusal("FAULT", plan, f"{reason}, and goes on in the trace")
+            self.check_step(plan, step, closes=self.closes(number, step))
+            if step.rule in ("INIT", "ENV-TRANS"):
+                self.ends.append(step.configuration)
+            last = step
+            self.steps += 1
+            seen(step)
+        assert last is not None
+        self.check_end(last)
+
+    def refusal(
+        self, rule: str, plan: Planned, reason: str, found: tuple[Change, ...] = ()
+    ) -> _RefusedError:
+        return _RefusedError(Refused(rule, plan, reason, found))
+
+    # --- before anything runs -------------------------------------------------------------------
+
+    def check_shape(self) -> None:
+        """What a codec sees to; a trace that was made in memory may lack it."""
+        trace, robots = self.trace, self.trace.system.robots
+        rounds = trace.recording.rounds
+        first = self.plan[0]
+        if len(trace.configurations) != len(rounds) + 1:
+            raise self.refusal(
+                "INIT",
+                first,
+                f"{len(rounds)} rounds have {len(trace.configurations)} configurations",
+            )
+        for number, round_ in enumerate(rounds):
+            plan = Planned("EVENT-TRANS", number)
+            if len(round_.events) != robots:
+                raise self.refusal("EVENT-TRANS", plan, f"there are not {robots} robots' events")
+            for robot, position in enumerate(round_.events):
+                events = trace.system.agent(robot).events
+                if position is not None and not 0 <= position < len(events):
+                    plan = Planned("SELECT", number, robot)
+                    raise self.refusal("SELECT", plan, f"the robot has no event {position}")
+        for answer in self.answers():
+            if answer.function is not None:
+                self.inputs.functions[answer.function, answer.arguments] = answer.value
+
+    def answers(self) -> Iterator[Answer]:
+        """The answers of mathematical functions in the whole run: properties may ask again."""
+        kinds = {f.name: f.kind for f in self.trace.system.program.externals}
+        recording = self.trace.recording
+        for answers in (recording.opening.answers, *(r.answers for r in recording.rounds)):
+            for answer in answers:
+                if kinds.get(answer.function or "") is core.ExternalKind.FUNCTION:
+                    yield answer
+
+    def answers_to_properties(self, number: int) -> None:
+        """Have the answers at hand that were given while properties were looked at."""
+        recording = self.trace.recording
+        holder = recording.opening if number == BEFORE_ROUNDS else recording.rounds[number]
+        self.inputs.answers = {
+            (a.phase, a.robot, a.key): a for a in holder.answers if a.phase is Phase.CHECK
+        }
+
+    # --- step by step ---------------------------------------------------------------------------
+
+    def closes(self, number: int, step: Step) -> bool:
+        """Whether the trace has a configuration for the one after this step."""
+        if step.configuration.fault is not None or number + 1 == len(self.plan):
+            return True
+        return self.plan[number + 1].round != step.round
+
+    def check_step(self, plan: Planned, step: Step, *, closes: bool) -> None:
+        for made in emitted(step):
+            recorded = next(self.outputs, None)
+            if recorded is None or not same_output(made, recorded):
+                shown = "nothing" if recorded is None else quoted(recorded)
+                reason = f"the output should be {quoted(made)}; recorded is {shown}"
+                raise self.refusal("OUTPUT", plan, reason)
+        if not closes:
+            return
+        recorded_configuration = self.trace.configurations[step.round + 1]
+        found = tuple(
+            islice(differences(self.names, step.configuration, recorded_configuration), 20)
+        )
+        if found:
+            raise self.refusal(step.rule, plan, "the configuration recorded is another", found)
+        self.rounds = step.round + 1
+
+    # --- the end --------------------------------------------------------------------------------
+
+    def check_end(self, last: Step) -> None:
+        plan = self.plan[-1]
+        left = next(self.outputs, None)
+        if left is not None:
+            reason = f"the output {quoted(left)} is recorded, and nothing more was written"
+            raise self.refusal("OUTPUT", plan, reason)
+        for number in range(last.round + 1, len(self.trace.recording.rounds)):
+            recorded = self.trace.configurations[number + 1]
+            found = tuple(islice(differences(self.names, last.configuration, recorded), 20))
+            if found:
+                reason = "nobody moved, but the configuration recorded is another"
+                raise self.refusal("EVENT-TRANS", Planned("EVENT-TRANS", number), reason, found)
+        violation = self.trace.violation
+        if self.trace.recording.loop is not None:
+            self.check_lasso(violation, plan)
+        elif violation is not None:
+            self.check_violation(violation, plan, last)
+
+    def check_lasso(self, violation: Violation | None, plan: Planned) -> None:
+        """A run that repeats itself closes, is fair, and breaks what it says. [LASSO]"""
+        trace = self.trace
+        flaw: Flaw | None = Flaw("LASSO", "a run without end is told in exact numbers")
+        if trace.numbers is Numbers.EXACT:
+            stated = self.stated(violation.name) if violation is not None else None
+            if violation is not None and stated is None:
+                reason = f"there is no property {violation.name} that a run could break"
+                raise self.refusal("LASSO", plan, reason)
+            flaw = flaw_of(trace.system, trace.recording, self.ends, stated)
+        if flaw is not None:
+            raise self.refusal(flaw.rule, plan, flaw.reason)
+
+    def stated(self, name: str) -> core.Property | None:
+        return next((p for p in self.trace.system.program.properties if p.name == name), None)
+
+    def check_violation(self, violation: Violation, plan: Planned, last: Step) -> None:
+        """A trace that claims a violation has to show it."""
+        rule, shown = "PROP-INVARIANT", False
+        match violation.kind:
+            case ViolationKind.PROPERTY:
+                rule, shown = self.property_broken(violation.name, last)
+            case ViolationKind.CONTRACT:
+                rule = "PROP-CONTRACT"
+                shown = any(
+                    (robot, contract.name) == (violation.robot, violation.name)
+                    for robot, contract in last.stepped.promises
+                )
+            case ViolationKind.LOST_UPDATE:
+                rule, shown = "LOST-UPDATE", self.update_lost(violation.name)
+        if not shown:
+            reason = f"the trace says that {violation.name} is broken at its end, and it is not"
+            raise self.refusal(rule, plan, reason)
+
+    def property_broken(self, name: str, last: Step) -> tuple[str, bool]:
+        stated = self.stated(name)
+        if stated is None:
+            return "PROP-INVARIANT", False
+        if stated.kind in LIVENESS:
+            return "LASSO", False  # no run that ends refutes it
+        at_round = stated.kind is PropertyKind.AT_ROUND
+        if at_round and last.rule not in ("INIT", "ENV-TRANS"):
+            return "PROP-ROUND", False
+        self.answers_to_properties(last.round)
+        holds, _ = holds_in(
+            self.d,
+            self.trace.system,
+            last.configuration,
+            stated.condition,
+            stated.bound,
+            self.inputs,
+        )
+        return ("PROP-ROUND" if at_round else "PROP-INVARIANT"), holds is not True
+
+    def update_lost(self, name: str) -> bool:
+        trace = self.trace
+        if not trace.recording.rounds:
+            return False
+        start, round_ = trace.configurations[-2], trace.recording.rounds[-1]
+        return update_lost(self.d, trace.system, start, round_, name)
+
+
+def update_lost(
+    d: Domain[Constant],
+    system: System,
+    start: Configuration[Constant],
+    round_: Round,
+    name: str,
+) -> bool:
+    """Whether two robots write a location in a round that one of them updates. [LOST-UPDATE]"""
+    slots = [n.slot for n in Names(system).allwrite if n.name == name]
+    inputs = RecordedInputs(readings=round_.readings, answers=round_.answers)
+    updated = rewritten(system.program)
+    written = []
+    for robot in round_.order:
+        position = round_.events[robot]
+        if position is None:
+            continue
+        _, turned = program_turn(d, system, robot, start.robots[robot], position, inputs)
+        updates = updated.get((system.kinds[robot], position), frozenset())
+        written.append((turned.allwrite, updates))
+    return any(
+        d.known(overlap(d, mine.get(slot), theirs.get(slot))) is True
+        for slot in slots
+        for k, (mine, updates) in enumerate(written)
+        for other, (theirs, _) in enumerate(written)
+        if k != other and slot in updates
+    )
+
+
+def same_output(made: Emitted, recorded: Emitted) -> bool:
+    """Whether two outputs are equal, and of the same step."""
+    a, b = made.written, recorded.written
+    return (
+        (made.round, made.robot, a.stream) == (recorded.round, recorded.robot, b.stream)
+        and len(a.values) == len(b.values)
+        and all(map(identical, a.values, b.values))
+    )
+
+
+def quoted(emitted_: Emitted) -> str:
+    """An output as messages have it."""
+    written: Written[Constant] = emitted_.written
+    text = show_output(written.values, written.types)
+    whose = "" if emitted_.robot is None else f" of robot {emitted_.robot}"
+    return f"{text!r}{whose} on {written.stream}"

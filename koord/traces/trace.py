@@ -1,0 +1,183 @@
+"""Traces: a run as whoever ran it saw it, together with the program it is a run of. [TRACE]
+
+A trace holds the texts, the settings and the recording, so that it can be replayed on its own, and
+the configurations that the run went through, so that the replay has something to compare with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from enum import Enum
+from fractions import Fraction
+from hashlib import sha256
+from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
+
+from koord.semantics.configurations import Configuration, Written
+from koord.semantics.domain import DOUBLES, EXACT, Constant, Domain
+from koord.semantics.execution import Step, execute
+from koord.semantics.recording import Recording
+from koord.syntax import core
+from koord.syntax.problem import Problem
+from koord.syntax.source import Source
+from koord.syntax.system import System
+
+if TYPE_CHECKING:
+    from koord.syntax.elaborate.settings import ParamValue
+
+#: The round of what INIT does: it belongs to none.
+BEFORE_ROUNDS = -1
+
+
+class Numbers(Enum):
+    """The domain that a run was made in. [DOMAIN]"""
+
+    EXACT = "exact"
+    DOUBLE = "double"
+
+    @property
+    def domain(self) -> Domain[Constant]:
+        return EXACT if self is Numbers.EXACT else DOUBLES
+
+
+class Sources(Struct, frozen=True):
+    """The texts that a program was read from, and the values that were set for it."""
+
+    program: Source
+    properties: tuple[Source, ...] = ()
+    params: tuple[tuple[str, ParamValue], ...] = ()
+    tasks: core.Places | None = None
+
+    @property
+    def texts(self) -> tuple[Source, ...]:
+        return (self.program, *self.properties)
+
+
+def digest(source: Source) -> str:
+    """The SHA-256 of a text, in hexadecimal."""
+    return sha256(source.text.encode("utf-8", errors="surrogatepass")).hexdigest()
+
+
+class ViolationKind(Enum):
+    """What a run broke. (A fault is no violation but a configuration.)"""
+
+    PROPERTY = "property"
+    CONTRACT = "contract"  #: of a module with a model
+    LOST_UPDATE = "lost update"
+
+
+class Violation(Struct, frozen=True):
+    """What does not hold at the end of a trace.
+
+    ``name`` is that of the property, the contract or the variable. ``robot`` is the one whose turn
+    broke it, None if that was INIT or the environment's turn (for a contract: whose model it is).
+    """
+
+    kind: ViolationKind
+    name: str
+    round: int
+    robot: int | None
+
+
+class Emitted(Struct, frozen=True):
+    """What a step wrote to streams; ``robot`` is None for INIT."""
+
+    round: int
+    robot: int | None
+    written: Written[Constant]
+
+
+class Trace(Struct, frozen=True):
+    """A run of a system.
+
+    ``configurations[k]`` is the one before round k; the last one is where the run ended, be it
+    between two rounds or, after a fault or a violation, inside one. So there is one more of them
+    than rounds in the recording.
+
+    ``slack`` is by how much floats may be off in what the program claims, for vehicles that made
+    the run keep no claim to the letter. Of a trace that is ``cut_off`` the file ends in the middle:
+    what the run did after these rounds is not known.
+    """
+
+    sources: Sources
+    system: System
+    numbers: Numbers
+    recording: Recording
+    configurations: tuple[Configuration[Constant], ...]
+    outputs: tuple[Emitted, ...] = ()
+    violation: Violation | None = None
+    slack: Fraction = Fraction(0)
+    cut_off: bool = False
+
+    @property
+    def problem(self) -> Problem:
+        """What it is a run of."""
+        names = tuple(source.name for source in self.sources.texts)
+        return Problem(names, self.system.program, self.system.kinds, self.system.delta_s)
+
+
+class Tracer(Struct):
+    """Gathers what a trace holds from the steps of a run."""
+
+    configurations: list[Configuration[Constant]] = field(default_factory=list)
+    outputs: list[Emitted] = field(default_factory=list)
+    _open: bool = False  #: whether the last configuration lies inside a round
+
+    def add(self, step: Step) -> None:
+        """The next step of the run."""
+        if self._open:
+            self.configurations.pop()
+        self.configurations.append(step.configuration)
+        self._open = step.rule not in ("INIT", "ENV-TRANS")
+        self.outputs += emitted(step)
+
+    def trace(
+        self,
+        sources: Sources,
+        system: System,
+        numbers: Numbers,
+        recording: Recording,
+        violation: Violation | None = None,
+    ) -> Trace:
+        """The trace of the run, whose recording and texts are known now."""
+        gathered = list(self.configurations)
+        if len(gathered) == len(recording.rounds):
+            # The last round is one that was cut before anybody moved.
+            gathered.append(gathered[-1])
+        configurations, outputs = tuple(gathered), tuple(self.outputs)
+        return Trace(sources, system, numbers, recording, configurations, outputs, violation)
+
+
+def emitted(step: Step) -> Iterator[Emitted]:
+    """What a step wrote, as a trace has it."""
+    for written in step.stepped.output:
+        yield Emitted(step.round, step.robot, written)
+
+
+def traced(
+    sources: Sources,
+    system: System,
+    numbers: Numbers,
+    recording: Recording,
+    violation: Violation | None = None,
+) -> Trace:
+    """The trace of a recorded run. Raises IllegalStepError where it is none of the system's."""
+    return assembled(
+        sources, system, numbers, recording, execute(numbers.domain, system, recording), violation
+    )
+
+
+def assembled(
+    sources: Sources,
+    system: System,
+    numbers: Numbers,
+    recording: Recording,
+    steps: Iterable[Step],
+    violation: Violation | None = None,
+) -> Trace:
+    """The trace of a run whose steps are at hand."""
+    tracer = Tracer()
+    for step in steps:
+        tracer.add(step)
+    return tracer.trace(sources, system, numbers, recording, violation)

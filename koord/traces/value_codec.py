@@ -1,0 +1,223 @@
+"""Values and storage as JSON, by their types. [TRACE]
+
+int                 123, or "0x7f…" from 2⁵³ on, where other readers of JSON would round
+float, exact        "3/4", "-2"            float, double    0.75, "inf", "-inf", "nan"
+enumeration         "idle"                 record           {"x": …, "y": …}
+array, list, queue  […]                    map              [[key, value], …]
+an unset atom       {"#unset": null}
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from fractions import Fraction
+from typing import TypeAlias, assert_never
+
+from koord.semantics.domain import LONGEST_NUMBER_BITS, Constant
+from koord.semantics.storage import Cell, Storage, Tree
+from koord.semantics.values import (
+    Rec,
+    Seq,
+    Table,
+    Value,
+    default,
+)
+from koord.syntax.types import (
+    ArrayType,
+    BoolType,
+    EnumType,
+    FloatType,
+    GrowingType,
+    IntType,
+    MapType,
+    OpaqueType,
+    RecordType,
+    Robots,
+    SequenceType,
+    StreamType,
+    StringType,
+    Type,
+    part_types,
+    show,
+)
+from koord.traces.json_reader import Reader, shortened
+from koord.traces.trace import Numbers
+
+Json: TypeAlias = "int | float | str | bool | list[Json] | dict[str, Json] | None"
+
+UNSET: Json = {"#unset": None}
+
+#: Integers from here on are written in hexadecimal: JSON's readers may take numbers for doubles.
+_LARGE = 2**53
+
+_INTEGER = re.compile(rf"-?(0x[0-9a-f]{{1,{LONGEST_NUMBER_BITS // 4 + 1}}}|[0-9]{{1,4000}})\Z")
+_NOT_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
+
+
+# --- numbers ------------------------------------------------------------------------------------
+
+
+def encode_int(value: int) -> Json:
+    return value if -_LARGE < value < _LARGE else hex(value)
+
+
+def decode_int(reader: Reader) -> int:
+    if isinstance(reader.value, str):
+        return _integer(reader, reader.value)
+    return reader.integer()
+
+
+def encode_fraction(value: int | Fraction) -> str:
+    """An exact number as a string: ``3/4``, ``-2``."""
+    top, bottom = value.numerator, value.denominator
+    return _digits(top) if bottom == 1 else f"{_digits(top)}/{_digits(bottom)}"
+
+
+def decode_fraction(reader: Reader) -> Fraction:
+    text = reader.text()
+    top, slash, bottom = text.partition("/")
+    numerator = _integer(reader, top)
+    denominator = _integer(reader, bottom) if slash else 1
+    if denominator <= 0:
+        raise reader.refuse(f"{shortened(text)!r} is no exact number: it divides by zero or less")
+    return Fraction(numerator, denominator)
+
+
+def _digits(value: int) -> str:
+    return str(value) if -_LARGE < value < _LARGE else hex(value)
+
+
+def _integer(reader: Reader, text: str) -> int:
+    if not _INTEGER.match(text):
+        raise reader.refuse(f'{shortened(text)!r} is no exact number: write "3/4", "-2" or "0x1f"')
+    return int(text, 16) if "x" in text else int(text)
+
+
+def _encode_double(value: float) -> Json:
+    if math.isfinite(value):
+        return value
+    return "nan" if math.isnan(value) else ("inf" if value > 0 else "-inf")
+
+
+def _decode_double(reader: Reader) -> float:
+    value = reader.value
+    if isinstance(value, str) and value in _NOT_FINITE:
+        return _NOT_FINITE[value]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise reader.refuse('there should be a number here, or "inf", "-inf", "nan"')
+    try:
+        return float(value)
+    except OverflowError:
+        raise reader.refuse("the number is larger than any double") from None
+
+
+# --- values -------------------------------------------------------------------------------------
+
+
+def encode_value(value: Value[Constant], type_: Type) -> Json:
+    """A value of a type as JSON."""
+    match value:
+        case Rec(fields=parts):
+            assert isinstance(type_, RecordType)
+            pairs = zip(type_.fields, parts, strict=True)
+            return {name: encode_value(part, t) for (name, t), part in pairs}
+        case Seq(items=items):
+            assert isinstance(type_, SequenceType)
+            return [encode_value(item, type_.element) for item in items]
+        case Table(entries=entries):
+            assert isinstance(type_, MapType)
+            return [[encode_value(k, type_.key), encode_value(v, type_.value)] for k, v in entries]
+        case _:
+            return _encode_scalar(value, type_)
+
+
+def _encode_scalar(value: Constant, type_: Type) -> Json:
+    if isinstance(type_, EnumType):
+        assert isinstance(value, int)
+        return type_.members[value]
+    if isinstance(type_, FloatType):
+        assert not isinstance(value, str)
+        return _encode_double(value) if isinstance(value, float) else encode_fraction(value)
+    if isinstance(value, int) and not isinstance(value, bool):
+        return encode_int(value)
+    assert not isinstance(value, Fraction)
+    return value
+
+
+def decode_value(reader: Reader, type_: Type, robots: int, numbers: Numbers) -> Value[Constant]:
+    """The value of a type that a part of a document holds. Raises KoordError if it is none."""
+    match type_:
+        case IntType():
+            return decode_int(reader)
+        case FloatType():
+            exact = numbers is Numbers.EXACT
+            return decode_fraction(reader) if exact else _decode_double(reader)
+        case BoolType():
+            return reader.boolean()
+        case StringType() | StreamType() | OpaqueType():
+            return reader.text()
+        case EnumType(members=members):
+            name = reader.text()
+            if name not in members:
+                raise reader.refuse(f"{shortened(name)!r} is no member of {show(type_)}", "K914")
+            return members.index(name)
+        case RecordType(fields=fields):
+            parts = reader.fields([name for name, _ in fields])
+            return Rec(tuple(decode_value(parts[n], t, robots, numbers) for n, t in fields))
+        case ArrayType(element=element, size=size):
+            items = reader.items(robots if size is Robots.ALL else size)
+            return _sequence(items, element, robots, numbers)
+        case GrowingType(element=element):
+            return _sequence(reader.items(), element, robots, numbers)
+        case MapType():
+            return _decode_map(reader, type_, robots, numbers)
+    assert_never(type_)
+
+
+def _sequence(
+    items: Iterable[Reader], element: Type, robots: int, numbers: Numbers
+) -> Seq[Constant]:
+    decoded = tuple(decode_value(item, element, robots, numbers) for item in items)
+    return Seq(len(decoded), decoded)
+
+
+def _decode_map(reader: Reader, type_: MapType, robots: int, numbers: Numbers) -> Table[Constant]:
+    entries: dict[Value[Constant], Value[Constant]] = {}
+    for item in reader.items():
+        key_part, value_part = item.items(2)
+        key = decode_value(key_part, type_.key, robots, numbers)
+        if key in entries:
+            raise key_part.refuse("the map has this key already")
+        entries[key] = decode_value(value_part, type_.value, robots, numbers)
+    return Table(len(entries), tuple(entries.items()))
+
+
+# --- storage ------------------------------------------------------------------------------------
+
+
+def encode_storage(storage: Storage[Constant], type_: Type) -> Json:
+    """Storage of a type as JSON: as its value, with marks where nothing is set."""
+    if isinstance(storage, Cell):
+        return encode_value(storage.value, type_) if storage.is_set else UNSET
+    types = part_types(type_, len(storage.parts))
+    parts = [encode_storage(part, t) for part, t in zip(storage.parts, types, strict=True)]
+    if isinstance(type_, RecordType):
+        return {name: part for (name, _), part in zip(type_.fields, parts, strict=True)}
+    return list(parts)
+
+
+def decode_storage(reader: Reader, type_: Type, robots: int, numbers: Numbers) -> Storage[Constant]:
+    """The storage of a type that a part of a document holds. Raises KoordError if it is none."""
+    match type_:
+        case RecordType(fields=fields):
+            parts = reader.fields([name for name, _ in fields])
+            return Tree(tuple(decode_storage(parts[n], t, robots, numbers) for n, t in fields))
+        case ArrayType(element=element, size=size):
+            items = reader.items(robots if size is Robots.ALL else size)
+            return Tree(tuple(decode_storage(i, element, robots, numbers) for i in items))
+        case _:
+            if reader.value == UNSET:
+                return Cell(False, default(numbers.domain, type_, robots))
+            return Cell(True, decode_value(reader, type_, robots, numbers))

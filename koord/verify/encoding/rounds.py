@@ -1,0 +1,195 @@
+"""One round as one formula, of size O(robots · program). [T-COMMIT] [T-ONE-WINNER] [T-PREFIX]
+
+Every robot's events run once on its snapshot, by the semantics' own turns on Z3 terms; Booleans say
+which event each robot runs. Where the order of robots matters (writes to one location outside of
+atomic blocks; urgent events that wait for a lock) places say who comes before whom; elsewhere
+there is no order at all. A robot that would lose a lock skips, so at most one robot enters a class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from msgspec.structs import replace
+
+from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Turn
+from koord.semantics.domain import conjunction, disjunction
+from koord.semantics.races import rewritten
+from koord.semantics.turns import declared, environment_turn, initial_turn, program_turn
+from koord.syntax.analysis.footprint import stops_show
+from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.system import Status, System
+from koord.syntax.types import BOOL, INT
+from koord.verify.claims import Findings, Phase
+from koord.verify.encoding.any_state import Arbitrary
+from koord.verify.encoding.choices import (
+    differs,
+    free_to_skip,
+    obligations,
+    one_event_each,
+    one_winner_each,
+    order_of,
+    who_acts,
+)
+from koord.verify.encoding.commits import committed, lost_updates
+from koord.verify.encoding.moments import Moment, Opening, Option, SymbolicRound, turn_taken
+from koord.verify.encoding.races import Before, racy_variables
+from koord.verify.encoding.symbols import SymbolicInputs, Unknowns
+from koord.verify.encoding.terms import Term
+
+
+class Encoder:
+    """Builds initial configurations and rounds of one system.
+
+    With ``movers`` the others only skip: some of the runs, of which much less is to be said.
+    """
+
+    def __init__(
+        self, system: System, unknowns: Unknowns, movers: frozenset[int] | None = None
+    ) -> None:
+        self.system = system
+        self.movers = frozenset(range(system.robots)) if movers is None else movers
+        self.unknowns = unknowns
+        self.d = unknowns.d
+        self._racy = racy_variables(system.program)
+        self._urgent = any(e.urgent for a in system.program.agents for e in a.events)
+        self._stops_show = stops_show(system.program)
+        self._updates = rewritten(system.program)
+        self._arbitrary = Arbitrary(system, unknowns)
+
+    # --- configurations to start from -----------------------------------------------------------
+
+    def initial(self) -> Opening:
+        """The configuration after INIT. [INIT]"""
+        d, robots = self.d, range(self.system.robots)
+        inputs = SymbolicInputs(self.unknowns, "init")
+        store, faults = declared(d, self.system, inputs)
+        turns = [initial_turn(d, self.system, i, store, inputs) for i in robots]
+        writers: dict[int, list[int]] = {}
+        for i, turned in enumerate(turns):
+            for slot in turned.allwrite:
+                writers.setdefault(slot, []).append(i)
+        racy = {slot for slot, who in writers.items() if len(who) > 1}
+        before = order_of(d, self.system.robots, "init") if racy else {}
+        always = d.const(True, BOOL)
+        options = [Option(i, NO_EVENT, always, turned) for i, turned in enumerate(turns)]
+        final = committed(d, self.system, store, options, before, racy)
+        constraints = [x.condition for turned in turns for x in turned.legality]
+        found = [f for f, _ in faults] + [f for turned in turns for f, _ in turned.faults]
+        states = tuple(replace(t.robot, copy=final, turn=Turn.PROG) for t in turns)
+        configuration = Configuration(states, final, 0)
+        return Opening(inputs, before, self._moment(Phase.INIT, configuration, constraints, found))
+
+    def arbitrary(self, initial: Configuration[Term], label: str) -> Configuration[Term]:
+        """Any configuration at the end of a round, reachable or not: where induction starts.
+
+        It has in common with ``initial`` what no event ever changes.
+        """
+        return self._arbitrary.configuration(initial, label)
+
+    # --- rounds ---------------------------------------------------------------------------------
+
+    def round(self, start: Configuration[Term], label: str) -> SymbolicRound:
+        """One round from a configuration in which every robot is to move."""
+        inputs = SymbolicInputs(self.unknowns, label)
+        options = self._options(start, inputs, label)
+        before = order_of(self.d, self.system.robots, label) if self._racy else {}
+        inside = self._program_turns(start, options, before)
+        asked, middle = self._end_of_program_turns(inside)
+        urgency = obligations(self.d, self.system, start, options, inputs) if self._urgent else []
+        end = self._environment(middle.configuration, inputs)
+        if not self._urgent and not self._stops_show:
+            return SymbolicRound(options, before, inputs, None, middle, end, urgency, [])
+        acting = who_acts(self.d, self.system, options)
+        # A lone robot that skips has ended the program turns.
+        free = free_to_skip(self.d, self.system, start, inputs) if self.system.robots > 1 else []
+        # Where everyone has moved and asked, nobody sees that they did not all stop yet; where
+        # nobody has moved, the round before has not been left.
+        ended = self.d.binary(BinaryOp.AND, conjunction(self.d, acting), asked)
+        begun = disjunction(self.d, [*acting, *free])
+        inside.real = self.d.binary(BinaryOp.AND, begun, self.d.unary(UnaryOp.NOT, ended))
+        return SymbolicRound(options, before, inputs, inside, middle, end, urgency, free)
+
+    def _end_of_program_turns(self, inside: Moment) -> tuple[Term, Moment]:
+        """Whether all robots stop now, and the configuration after that. [END-PROG] [STOP]"""
+        d, robots = self.d, inside.configuration.robots
+        asked = conjunction(d, [differs(self.d, r.status, Status.RUNNING) for r in robots])
+        if d.known(asked) is not False:
+            stopped = d.const(int(Status.STOPPED), INT)
+            robots = tuple(replace(r, status=d.ite(asked, stopped, r.status)) for r in robots)
+        configuration = replace(inside.configuration, robots=robots)
+        checks = SymbolicInputs(self.unknowns, Phase.MIDDLE.value)
+        return asked, Moment(
+            Phase.MIDDLE, configuration, inside.constraints, inside.findings, checks
+        )
+
+    def _options(
+        self, start: Configuration[Term], inputs: SymbolicInputs, label: str
+    ) -> list[Option]:
+        options = []
+        for i in sorted(self.movers):
+            state = start.robots[i]
+            for position, event in enumerate(self.system.agent(i).events):
+                chosen = self.d.fresh(f"{event.name}@{i}#{label}", BOOL)
+                selectable, turned = program_turn(self.d, self.system, i, state, position, inputs)
+                running = differs(self.d, state.status, Status.STOPPED)
+                allowed = conjunction(
+                    self.d, [selectable, running, *(x.condition for x in turned.legality)]
+                )
+                if self.d.known(allowed) is False:
+                    continue
+                self.unknowns.constraints.append(self.d.binary(BinaryOp.IMPLIES, chosen, allowed))
+                options.append(Option(i, position, chosen, turned))
+        return options
+
+    def _program_turns(
+        self,
+        start: Configuration[Term],
+        options: list[Option],
+        before: Before,
+    ) -> Moment:
+        """The configuration when robots have run the events they chose. [EVENT-TRANS]"""
+        d = self.d
+        constraints = one_event_each(d, self.system, options)
+        constraints += one_winner_each(d, self.system, options)
+        store = committed(d, self.system, start.store, options, before, set(self._racy))
+        robots = tuple(
+            turn_taken(d, state, [(o.chosen, o.turned) for o in options if o.robot == i])
+            for i, state in enumerate(start.robots)
+        )
+        faults = [d.binary(BinaryOp.AND, o.chosen, f) for o in options for f, _ in o.turned.faults]
+        configuration = Configuration(robots, store, start.round, Turn.ENV)
+        lost = lost_updates(d, self.system, self._updates, options)
+        return self._moment(Phase.INSIDE, configuration, constraints, faults, lost=lost)
+
+    def _moment(
+        self,
+        phase: Phase,
+        configuration: Configuration[Term],
+        constraints: list[Term],
+        faults: list[Term],
+        *,
+        lost: Sequence[tuple[Term, str]] = (),
+        promises: Sequence[tuple[Term, str]] = (),
+    ) -> Moment:
+        findings = Findings(disjunction(self.d, faults), tuple(lost), tuple(promises))
+        checks = SymbolicInputs(self.unknowns, phase.value)
+        return Moment(phase, configuration, constraints, findings, checks)
+
+    # --- the environment ------------------------------------------------------------------------
+
+    def _environment(self, middle: Configuration[Term], inputs: SymbolicInputs) -> Moment:
+        """The configuration after the environment's turn. [ENV-TRANS] [REFRESH]"""
+        d = self.d
+        robots: list[Robot[Term]] = []
+        constraints: list[Term] = []
+        faults: list[Term] = []
+        promises: list[tuple[Term, str]] = []
+        for i, state in enumerate(middle.robots):
+            turned = environment_turn(d, self.system, i, state, inputs)
+            constraints += [x.condition for x in turned.legality]
+            faults += [fault for fault, _ in turned.faults]
+            promises += [(kept, contract.name) for kept, contract in turned.promises]
+            robots.append(replace(state, ports=turned.ports, copy=middle.store, turn=Turn.PROG))
+        configuration = Configuration(tuple(robots), middle.store, middle.round + 1)
+        return self._moment(Phase.END, configuration, constraints, faults, promises=promises)

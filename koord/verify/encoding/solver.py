@@ -1,0 +1,368 @@
+"""The solver: the second and last file that knows Z3."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from enum import Enum
+from fractions import Fraction
+
+import z3
+from msgspec import Struct
+
+from koord.semantics.domain import Constant
+from koord.syntax.types import BoolType, OpaqueType, StreamType, StringType, Type
+from koord.verify.encoding.symbols import Unknowns
+from koord.verify.encoding.terms import Term, Terms
+
+#: Why Z3 stops on Ctrl-C. It says "canceled" of some deadlines too.
+_INTERRUPTED = frozenset({"interrupted from keyboard", "interrupted", "canceled"})
+
+#: What Z3 takes for no limit of time, in its milliseconds.
+_FOR_EVER = 2**32 - 1
+
+
+#: What part of its time somebody may take longer to end in good order, and in seconds at least.
+GRACE, GRACE_S = 0.05, 0.1
+
+#: The same of somebody's share of the time, while others wait.
+OVERTIME = 0.2
+
+
+class Answer(Enum):
+    """What a solver says of a question."""
+
+    SAT = "sat"
+    UNSAT = "unsat"
+    UNKNOWN = "unknown"
+
+
+class Deadline(Struct):
+    """A moment after which no question is asked any more; None: never.
+
+    ``cpu_at`` is one in the time of this process' own work, which passes no faster where others
+    work as well.
+    """
+
+    at: float | None = None
+    cpu_at: float | None = None
+
+    @staticmethod
+    def after(seconds: float | None) -> Deadline:
+        return Deadline(None if seconds is None else time.monotonic() + seconds)
+
+    def left_s(self) -> float | None:
+        left = []
+        if self.at is not None:
+            left.append(self.at - time.monotonic())
+        if self.cpu_at is not None:
+            left.append(self.cpu_at - time.process_time())
+        return max(0.0, min(left)) if left else None
+
+    def is_near(self) -> bool:
+        """Whether a solver that stops now may have done so because of it."""
+        left = self.left_s()
+        return left is not None and left < 0.05
+
+    def passed(self) -> bool:
+        left = self.left_s()
+        return left is not None and left <= 0
+
+    @contextmanager
+    def sharing(self, part: float) -> Iterator[float | None]:
+        """While this lasts, for all who know of it, a part of what is left is all that is left.
+
+        It yields the moment when somebody is to be ended who does not look at the clock.
+        """
+        whole = self.at
+        ended = None
+        if whole is not None:
+            now = time.monotonic()
+            share = part * max(0.0, whole - now)
+            self.at, ended = now + share, now + (1 + OVERTIME) * share
+        try:
+            yield ended
+        finally:
+            self.at = whole
+
+    def at_last(self) -> float | None:
+        """When somebody is ended who does not look at the clock, so that others can still tell."""
+        left = self.left_s()
+        if self.at is None or left is None:
+            return None
+        return self.at + max(GRACE_S, GRACE * left) / 2
+
+    def sooner(self, seconds: float) -> Deadline:
+        """The one of two moments that comes first: this one, or so many seconds from now."""
+        soon = time.monotonic() + seconds
+        return Deadline(soon if self.at is None else min(self.at, soon), self.cpu_at)
+
+    def of_work(self, seconds: float) -> Deadline:
+        """The same moment, or when this process has worked for so many seconds."""
+        soon = time.process_time() + seconds
+        return Deadline(self.at, soon if self.cpu_at is None else min(self.cpu_at, soon))
+
+
+#: Roughly what a solver does in a second, in its own units.
+PER_SECOND = 10_000_000
+
+#: How many times longer a question may take than its effort is meant for. Reals that are multiplied
+#: keep a solver busy for minutes that it counts as a second of work.
+AT_MOST_TIMES = 10
+
+#: How long a single question may take where there are others to ask, and where nobody said how long
+#: all may take: then nobody would hear of anything else.
+LONGEST_S, LONGEST_UNLIMITED_S = 10.0, 60.0
+
+
+class Effort(Struct):
+    """Work that a solver may still do, in its own units: the same on every machine, loaded or not.
+
+    So whether a proof is found does not depend on how fast it is looked for.
+    """
+
+    left: int
+
+    @staticmethod
+    def of_seconds(seconds: float) -> Effort:
+        """About what a solver does in that time."""
+        return Effort(int(seconds * PER_SECOND))
+
+    def limit(self, at_most: int) -> int:
+        """What one question may use up: all that is left, or ``at_most`` of it (0: all)."""
+        return min(self.left, at_most or self.left)
+
+
+class Layer(Struct, frozen=True):
+    """A question about what the first so many of the things say that are ``required``."""
+
+    required: int
+    asked: Term
+
+
+class Solver:
+    """An incremental solver over the terms of one domain.
+
+    Constraints of fresh terms are taken from ``unknowns`` as they appear.
+    """
+
+    def __init__(self, d: Terms, unknowns: Unknowns, seed: int = 0) -> None:
+        self.d = d
+        self.unknowns = unknowns
+        self.seed = seed
+        self._taken = 0
+        self._model: z3.ModelRef | None = None
+        self._core: frozenset[int] = frozenset()
+        self._solver: z3.Solver = z3.Solver(ctx=self.d.context)
+        self._solver.set("random_seed", self.seed)
+
+    def add(self, constraints: Iterable[Term]) -> None:
+        """Require constraints from here on."""
+        self._take()
+        for constraint in constraints:
+            known = self.d.known(constraint)
+            if known is not True:
+                self._solver.add(self.d.boolean(constraint))
+
+    def check(
+        self,
+        question: Iterable[Term],
+        deadline: Deadline,
+        effort: Effort | None = None,
+        *,
+        at_most: int = 0,
+    ) -> Answer:
+        """Whether all of the question can hold together with what is required.
+
+        ``effort`` is what this question may use up, and ``at_most`` how much of that at once
+        (0: all of it).
+        """
+        self._take()
+        question = list(question)
+        asked = [k for k, term in enumerate(question) if self.d.known(term) is not True]
+        terms = [self.d.boolean(question[k]) for k in asked]
+        limit = 0 if effort is None else effort.limit(at_most)
+        if deadline.passed() or (effort is not None and limit <= 0):
+            return Answer.UNKNOWN
+        if effort is not None:
+            meant = deadline.sooner(_longest_s(limit))
+        elif deadline.left_s() is None:
+            meant = deadline.sooner(LONGEST_UNLIMITED_S)
+        else:
+            meant = deadline
+        given = Deadline.after(meant.left_s())  # Z3 has a clock of its own
+        left = given.left_s()
+        self._solver.set("timeout", _FOR_EVER if left is None else max(1, int(left * 1000)))
+        self._solver.set("rlimit", limit)
+        literals, once = [], []
+        for term in terms:
+            literal = term
+            if not z3.is_const(term) or term.decl().kind() != z3.Z3_OP_UNINTERPRETED:
+                literal = z3.FreshBool("q", self.d.context)
+                self._solver.add(z3.Implies(literal, term))
+                once.append(literal)
+            literals.append(literal)
+        spent = spent_by(self._solver)
+        result = self._solver.check(*literals)
+        spent = spent_by(self._solver) - spent
+        if result == z3.unsat:
+            core = {literal.get_id() for literal in self._solver.unsat_core()}
+            pairs = zip(asked, literals, strict=True)
+            self._core = frozenset(k for k, literal in pairs if literal.get_id() in core)
+        exhausted = bool(limit) and (spent >= limit or (result == z3.unknown and given.is_near()))
+        if effort is not None:
+            # One that was cut short by the clock leaves something for others.
+            cost = min(limit, int(LONGEST_S * PER_SECOND))
+            effort.left -= max(spent, cost) if exhausted else spent
+        self._model = self._solver.model() if result == z3.sat else None
+        # Asked for now: the next assertion makes Z3 forget why it stopped.
+        reason = self._solver.reason_unknown() if result == z3.unknown else ""
+        # The question is not asked again, so the solver may forget it.
+        self._solver.add(*(z3.Not(literal) for literal in once))
+        if result == z3.unsat:
+            return Answer.UNSAT
+        if result == z3.sat:
+            return Answer.SAT
+        if reason in _INTERRUPTED and not exhausted and not given.is_near():
+            raise KeyboardInterrupt
+        return Answer.UNKNOWN
+
+    def script(self, question: Iterable[Term]) -> str:
+        """The question, with what is required, as a script of SMT-LIB 2."""
+        self._take()
+        asked = z3.Solver(ctx=self.d.context)
+        asked.add(self._solver.assertions())
+        asked.add(*(self.d.boolean(term) for term in question))
+        return str(asked.to_smt2())
+
+    @property
+    def required(self) -> int:
+        """How many things are required by now."""
+        self._take()
+        return len(self._solver.assertions())
+
+    def layered(self, layers: Sequence[Layer]) -> str:
+        """Whether one of the layers' questions can hold, with what was required up to it alone.
+
+        A script of SMT-LIB 2.
+        """
+        required = list(self._solver.assertions())
+        whole = z3.BoolVal(False, self.d.context)
+        starts = [0, *(layer.required for layer in layers)]
+        for start, layer in zip(reversed(starts[:-1]), reversed(layers), strict=True):
+            here = z3.Or(self.d.boolean(layer.asked), whole)
+            whole = z3.And(*required[start : layer.required], here)
+        asked = z3.Solver(ctx=self.d.context)
+        asked.add(whole)
+        return str(asked.to_smt2())
+
+    def core(self) -> frozenset[int]:
+        """Positions in the last question, answered with UNSAT, of what cannot hold together."""
+        return self._core
+
+    def model(self) -> Model:
+        """The model of the last question that was answered with SAT."""
+        assert self._model is not None
+        return Model(self.d, self._model)
+
+    def _take(self) -> None:
+        new = self.unknowns.constraints[self._taken :]
+        self._taken = len(self.unknowns.constraints)
+        for constraint in new:
+            if self.d.known(constraint) is not True:
+                self._solver.add(self.d.boolean(constraint))
+
+
+def _longest_s(limit: int) -> float:
+    """How long a question may take at most that is to cost so much."""
+    return min(LONGEST_S, max(1.0, AT_MOST_TIMES * limit / PER_SECOND))
+
+
+def spent_by(solver: z3.Solver | z3.Fixedpoint) -> int:
+    """What a solver has done so far, in its own units."""
+    statistics = solver.statistics()
+    known = "rlimit count" in statistics.keys()  # noqa: SIM118 - no mapping, though it looks like one
+    return int(statistics.get_key_value("rlimit count")) if known else 0
+
+
+def cases(d: Terms, term: Term) -> list[Term]:
+    """Terms of which one holds exactly if the given one does: small questions for a large one.
+
+    Splits where the term is a disjunction by how it is built (a quantifier over robots that is
+    denied, say), which no solver does as well by itself.
+    """
+    if not isinstance(term, z3.ExprRef):
+        return [term] if term else []
+    return [*_split(term)]
+
+
+def _split(term: z3.ExprRef) -> Iterator[z3.ExprRef]:
+    if z3.is_or(term):
+        for part in term.children():
+            yield from _split(part)
+    elif z3.is_and(term):
+        yield from _split_one(term)
+    elif z3.is_not(term) and z3.is_and(term.arg(0)):
+        for part in term.arg(0).children():
+            yield from _split(z3.Not(part))
+    elif z3.is_not(term) and z3.is_not(term.arg(0)):
+        yield from _split(term.arg(0).arg(0))
+    elif z3.is_not(term) and z3.is_implies(term.arg(0)):
+        given, then = term.arg(0).children()
+        yield from (z3.And(given, part) for part in _split(z3.Not(then)))
+    elif z3.is_not(term) and z3.is_or(term.arg(0)):
+        yield from _split_one(z3.And(*(z3.Not(part) for part in term.arg(0).children())))
+    else:
+        yield term
+
+
+def _split_one(conjunction: z3.ExprRef) -> Iterator[z3.ExprRef]:
+    """Split the part of a conjunction that splits most; the others stay with each case."""
+    parts = conjunction.children()
+    splits = [list(_split(part)) for part in parts]
+    most = max(range(len(parts)), key=lambda position: len(splits[position]))
+    if len(splits[most]) == 1:
+        yield conjunction
+        return
+    rest = parts[:most] + parts[most + 1 :]
+    yield from (z3.And(case, *rest) for case in splits[most])
+
+
+class Model(Struct, frozen=True):
+    """A solver's model, read as Python's own numbers. Terms it leaves open get some value."""
+
+    d: Terms
+    model: z3.ModelRef
+
+    def truth(self, condition: Term) -> bool:
+        if not isinstance(condition, z3.ExprRef):
+            return bool(condition)
+        return bool(z3.is_true(self.model.eval(condition, model_completion=True)))
+
+    def scalar(self, value: Term, type_: Type) -> Constant:
+        """A scalar of a type. An opaque value is the name of its element in the model."""
+        if not isinstance(value, z3.ExprRef):
+            return value
+        found = self.model.eval(value, model_completion=True)
+        match type_:
+            case BoolType():
+                return bool(z3.is_true(found))
+            case StringType() | StreamType():
+                return self.d.text_of(found.as_long())
+            case OpaqueType():
+                return str(found)
+            case _:
+                return self.number(found)
+
+    def number(self, value: Term | object) -> Constant:
+        """An int or a rational; an irrational algebraic number is rounded to 2^-40 of itself."""
+        if not isinstance(value, z3.ExprRef):
+            assert isinstance(value, int | Fraction)
+            return value
+        found = self.model.eval(value, model_completion=True)
+        if z3.is_int_value(found):
+            return int(found.as_long())
+        if z3.is_algebraic_value(found):
+            found = found.approx(40)
+        return Fraction(found.numerator_as_long(), found.denominator_as_long())

@@ -1,0 +1,481 @@
+"""The domain of Z3 terms: the third number domain of the semantics.
+
+A scalar is one of Python's own constants where it is known, and a Z3 term elsewhere; operators on
+constants are those of the exact domain, so a run on constants never leaves Python. Enumeration
+members and strings are Z3 integers (a string by its number in a table), opaque values are of an
+uninterpreted sort each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+from typing import TypeAlias, assert_never
+
+import z3
+
+from koord.semantics.domain import Constant, binary_of_numbers, unary_of_numbers
+from koord.syntax.budget import ENDLESS, Patience
+from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.types import (
+    BoolType,
+    EnumType,
+    FloatType,
+    IntType,
+    OpaqueType,
+    StreamType,
+    StringType,
+    Type,
+)
+from koord.verify.encoding.z3_builder import Maker, same
+
+Term: TypeAlias = "Constant | z3.ExprRef"
+
+#: A term that is no constant of Python's.
+Made: TypeAlias = z3.ExprRef
+Sort: TypeAlias = z3.SortRef
+
+#: What a quick look at a formula costs, in steps of evaluation.
+_QUICK_LOOK = 25
+
+
+class Terms:
+    """Scalars as constants or Z3 terms. One instance per solver run: it owns the string table.
+
+    It has a Z3 context of its own too: what a solver answers depends on the names and the age of
+    all terms of its context, so with a shared one answers would depend on what was asked before.
+    Building terms spends ``patience``: formulas can take longer to write than to decide.
+    """
+
+    def __init__(self, patience: Patience = ENDLESS) -> None:
+        self.context = z3.Context()
+        self._make = Maker(self.context)
+        self._patience = patience
+        self._bool = z3.BoolSort(self.context)
+        self._int = z3.IntSort(self.context)
+        self._real = z3.RealSort(self.context)
+        self._strings: dict[str, int] = {}
+        self._sorts: dict[str, z3.SortRef] = {}
+        self._lists: dict[str, z3.DatatypeSortRef] = {}
+        self._counter = 0
+        self._nowhere: dict[int, z3.ExprRef] = {}
+        #: whether unknown reals were multiplied, which solvers rarely come to an end with
+        self.has_products = False
+
+    # --- the five methods of a domain -----------------------------------------------------------
+
+    def const(self, value: Constant, type_: Type) -> Term:
+        if isinstance(type_, FloatType):
+            return Fraction(value)
+        if isinstance(type_, OpaqueType):
+            return z3.Const(str(value), self.sort(type_))
+        return value
+
+    def known(self, value: Term) -> Constant | None:
+        return None if isinstance(value, z3.ExprRef) else value
+
+    def unary(self, op: UnaryOp, operand: Term) -> Term:
+        if not isinstance(operand, z3.ExprRef):
+            return unary_of_numbers(op, operand, exact=True)
+        self._patience.spend()
+        match op:
+            case UnaryOp.NOT:
+                return self._make.negation(operand)
+            case UnaryOp.NEG:
+                return self._make.opposite(operand)
+            case UnaryOp.ABS:
+                return z3.If(operand < 0, -operand, operand)
+            case UnaryOp.WIDEN:
+                return self._make.widened(operand)
+        assert_never(op)
+
+    def binary(self, op: BinaryOp, left: Term, right: Term) -> Term:
+        if not isinstance(left, z3.ExprRef) and not isinstance(right, z3.ExprRef):
+            return binary_of_numbers(op, left, right)
+        self._patience.spend()
+        if op is BinaryOp.AND or op is BinaryOp.OR or op is BinaryOp.IMPLIES:
+            return self._connective(op, left, right)
+        return self._operation(op, *self._alike(left, right))
+
+    def ite(self, condition: Term, then: Term, other: Term) -> Term:
+        if not isinstance(condition, z3.ExprRef):
+            return then if condition else other
+        self._patience.spend()
+        if self._same(then, other):
+            return then
+        if isinstance(then, bool) or isinstance(other, bool):
+            return self._boolean_ite(condition, then, other)
+        return self._make.choice(condition, *self._alike(then, other))
+
+    # --- terms ----------------------------------------------------------------------------------
+
+    def sort(self, type_: Type) -> z3.SortRef:
+        """The sort of a scalar type."""
+        match type_:
+            case IntType() | EnumType() | StringType() | StreamType():
+                return self._int
+            case FloatType():
+                return self._real
+            case BoolType():
+                return self._bool
+            case OpaqueType(name=name):
+                if name not in self._sorts:
+                    self._sorts[name] = z3.DeclareSort(name, self.context)
+                return self._sorts[name]
+            case _:
+                raise AssertionError(f"{type_} is no scalar type")
+
+    def lifted(self, value: Term, sort: z3.SortRef) -> z3.ExprRef:
+        """A constant as a term of a sort; terms stay as they are."""
+        if isinstance(value, z3.ExprRef):
+            return value
+        if isinstance(value, bool):
+            return z3.BoolVal(value, self.context)
+        if isinstance(value, str):
+            number = self._strings.setdefault(value, len(self._strings))
+            return z3.IntVal(number, self.context)
+        if sort == self._real:
+            return z3.RealVal(Fraction(value), self.context)
+        return z3.IntVal(int(value), self.context)
+
+    def boolean(self, value: Term) -> z3.BoolRef:
+        """A Boolean scalar as a formula."""
+        lifted = self.lifted(value, self._bool)
+        assert isinstance(lifted, z3.BoolRef)
+        return lifted
+
+    def fresh(self, name: str, type_: Type) -> z3.ExprRef:
+        """A constant of a scalar type that occurs nowhere else."""
+        self._counter += 1
+        return z3.Const(f"{name}!{self._counter}", self.sort(type_))
+
+    def applied(self, name: str, arguments: Sequence[Term], result: Type) -> z3.ExprRef:
+        """An uninterpreted function symbol, the same one for a name each time, at arguments."""
+        lifted = [
+            self.lifted(a, self._real if isinstance(a, Fraction | float) else self._int)
+            for a in arguments
+        ]
+        if not lifted:
+            return z3.Const(name, self.sort(result))
+        return self._make.applied(name, lifted, self.sort(result))
+
+    def list_sort(self, element: Sequence[Sort]) -> z3.DatatypeSortRef:
+        """The sort of lists whose elements are made of parts of these sorts."""
+        name = f"list({', '.join(map(str, element))})"
+        if name not in self._lists:
+            made = z3.Datatype(name, self.context)
+            made.declare("nil")
+            parts = [(f"part{k}", sort) for k, sort in enumerate(element)]
+            made.declare("cons", *parts, ("rest", made))
+            self._lists[name] = made.create()
+        return self._lists[name]
+
+    def list_term(
+        self, element: Sequence[Sort], rows: Sequence[Sequence[Term]], length: Term
+    ) -> z3.ExprRef:
+        """A list as one term: as many of the rows as its length says, each an element's parts."""
+        sort = self.list_sort(element)
+        nil, cons = sort.constructor(0)(), sort.constructor(1)
+        built: Term = nil
+        for position in reversed(range(len(rows))):
+            parts = [self.lifted(p, s) for p, s in zip(rows[position], element, strict=True)]
+            there = self.binary(BinaryOp.LT, position, length)
+            built = self.ite(there, cons(*parts, built), nil)
+        assert isinstance(built, z3.ExprRef)
+        return built
+
+    def for_all(self, variables: Sequence[Term], body: Term) -> Term:
+        """Whether a Boolean holds whatever its variables are."""
+        terms = [variable for variable in variables if isinstance(variable, z3.ExprRef)]
+        if not isinstance(body, z3.ExprRef) or not terms:
+            return body
+        return z3.ForAll(terms, body)
+
+    def text_of(self, number: int) -> str:
+        """The string of a number in the table; one made up for a number that is not there."""
+        for text, its_number in self._strings.items():
+            if its_number == number:
+                return text
+        return f"string{number}"
+
+    # --- looking at terms -----------------------------------------------------------------------
+
+    def key(self, term: Term) -> object:
+        """Something hashable that two scalars have in common exactly if they are written alike.
+
+        It is valid as long as the term is kept.
+        """
+        return term.get_id() if isinstance(term, z3.ExprRef) else (type(term), term)
+
+    def with_values(self, term: Term, values: Sequence[tuple[Term, Term]]) -> Term:
+        """A term with other terms in the place of constants, simplified."""
+        if not isinstance(term, z3.ExprRef):
+            return term
+        pairs = [
+            (old, self.lifted(new, old.sort()))
+            for old, new in values
+            if isinstance(old, z3.ExprRef)
+        ]
+        return self.constant(z3.simplify(z3.substitute(term, *pairs)))
+
+    def put(self, term: Term, values: Sequence[tuple[Term, Term]]) -> Term:
+        """A term with other integers in the place of some, otherwise as it is."""
+        if not isinstance(term, z3.ExprRef) or not values:
+            return term
+        old = [term for term, _ in values if isinstance(term, z3.ExprRef)]
+        assert len(old) == len(values)
+        found = _substituted(term, old, [self.lifted(new, self._int) for _, new in values])
+        put = z3.z3._to_expr_ref(found, self.context)
+        assert isinstance(put, z3.ExprRef)
+        return put
+
+    def symbol(self, term: Term) -> str:
+        """The name of the symbol that a term applies."""
+        assert isinstance(term, z3.ExprRef)
+        return str(term.decl().name())
+
+    def leanings(self, term: Term, seen: set[tuple[int, int]]) -> Iterator[tuple[str, bool]]:
+        """The symbols of Booleans below a formula, each with how it leans.
+
+        True: the formula may need the Boolean to hold; False: not to hold. What is in ``seen`` is
+        left out, and everything looked at is put there.
+        """
+        waiting = [(term, 1)]
+        while waiting:
+            part, sign = waiting.pop()
+            if not isinstance(part, z3.ExprRef) or (part.get_id(), sign) in seen:
+                continue
+            seen.add((part.get_id(), sign))
+            if z3.is_not(part):
+                waiting.append((part.arg(0), -sign))
+            elif z3.is_and(part) or z3.is_or(part):
+                waiting += [(below, sign) for below in part.children()]
+            elif z3.is_implies(part):
+                waiting += [(part.arg(0), -sign), (part.arg(1), sign)]
+            elif z3.is_app(part) and part.decl().kind() == z3.Z3_OP_ITE and z3.is_bool(part):
+                waiting += [(part.arg(0), 0), (part.arg(1), sign), (part.arg(2), sign)]
+            else:
+                if z3.is_app(part) and part.decl().kind() == z3.Z3_OP_UNINTERPRETED:
+                    name = str(part.decl().name())
+                    if sign >= 0:
+                        yield name, True
+                    if sign <= 0:
+                        yield name, False
+                waiting += [(below, 0) for below in part.children()]
+
+    def is_constant(self, term: Term) -> bool:
+        """Whether a scalar is one unknown, and no more."""
+        if not isinstance(term, z3.ExprRef) or not z3.is_const(term):
+            return False
+        return bool(term.decl().kind() == z3.Z3_OP_UNINTERPRETED)
+
+    def is_boolean(self, term: Term) -> bool:
+        """Whether a scalar is a truth value."""
+        return isinstance(term, bool | z3.BoolRef)
+
+    def is_integer(self, term: Term) -> bool:
+        """Whether a scalar is an integer."""
+        if isinstance(term, z3.ExprRef):
+            return bool(term.sort() == self._int)
+        return isinstance(term, int) and not isinstance(term, bool)
+
+    def unused(self, name: str) -> str:
+        """A name that no symbol has yet."""
+        self._counter += 1
+        return f"{name}!{self._counter}"
+
+    def function_like(self, like: z3.ExprRef, arguments: Sequence[Term]) -> z3.ExprRef:
+        """The function symbol of a constant's name and sort, at arguments."""
+        lifted = [self.lifted(a, self._int) for a in arguments]
+        return self._make.applied(str(like), lifted, like.sort())
+
+    def mentions(self, term: Term, constants: Sequence[Term]) -> bool:
+        """Whether one of some constants occurs in a term."""
+        wanted = [c for c in constants if isinstance(c, z3.ExprRef)]
+        if not isinstance(term, z3.ExprRef) or not wanted:
+            return False
+        # Putting others in their place changes a term that has them, and is quicker than looking.
+        others = [self._elsewhere(c.sort()) for c in wanted]
+        return bool(_substituted(term, wanted, others).value != term.as_ast().value)
+
+    def _elsewhere(self, sort: z3.SortRef) -> z3.ExprRef:
+        """A constant of a sort that occurs in no term."""
+        key = sort.get_id()
+        if key not in self._nowhere:
+            self._nowhere[key] = z3.Const(self.unused("elsewhere"), sort)
+        return self._nowhere[key]
+
+    def parts_like(self, term: Term) -> list[Term]:
+        """The parts of a term that are of its sort, each once, itself first."""
+        if not isinstance(term, z3.ExprRef):
+            return []
+        sort = term.sort()
+        return [self.constant(part) for part in parts_of([term]) if part.sort() == sort]
+
+    def fresh_like(self, name: str, term: Term) -> z3.ExprRef:
+        """A constant of the sort of a scalar that occurs nowhere else."""
+        self._counter += 1
+        if isinstance(term, z3.ExprRef):
+            sort = term.sort()
+        elif isinstance(term, bool):
+            sort = self._bool
+        else:
+            sort = self._real if isinstance(term, Fraction) else self._int
+        return z3.Const(f"{name}!{self._counter}", sort)
+
+    def is_valid(self, claim: Term) -> bool:
+        """Whether a Boolean holds whatever its constants are, as far as a quick look tells."""
+        if not isinstance(claim, z3.ExprRef):
+            return bool(claim)
+        self._patience.spend(_QUICK_LOOK)
+        solver = z3.Solver(ctx=self.context)
+        solver.set("rlimit", 200_000)
+        solver.add(z3.Not(claim))
+        return bool(solver.check() == z3.unsat)
+
+    def constant(self, term: z3.ExprRef) -> Term:
+        """Python's own constant where a term is one."""
+        if z3.is_true(term) or z3.is_false(term):
+            return bool(z3.is_true(term))
+        if z3.is_int_value(term):
+            return int(term.as_long())
+        if z3.is_rational_value(term):
+            return Fraction(term.numerator_as_long(), term.denominator_as_long())
+        return term
+
+    # --- how they are built ---------------------------------------------------------------------
+
+    def _connective(self, op: BinaryOp, left: Term, right: Term) -> Term:
+        """Two Booleans, one of them a term: constants vanish."""
+        if op is BinaryOp.IMPLIES:
+            return self._connective_or(self.unary(UnaryOp.NOT, left), right)
+        if op is BinaryOp.OR:
+            return self._connective_or(left, right)
+        if not isinstance(left, z3.ExprRef):
+            return right if left else False
+        if not isinstance(right, z3.ExprRef):
+            return left if right else False
+        return left if same(left, right) else self._make.conjunction(left, right)
+
+    def _connective_or(self, left: Term, right: Term) -> Term:
+        if not isinstance(left, z3.ExprRef):
+            return True if left else right
+        if not isinstance(right, z3.ExprRef):
+            return True if right else left
+        return left if same(left, right) else self._make.disjunction(left, right)
+
+    def _operation(self, op: BinaryOp, left: z3.ExprRef, right: z3.ExprRef) -> Term:
+        match op:
+            case BinaryOp.EQ:
+                return True if same(left, right) else self._equation(left, right)
+            case BinaryOp.NE:
+                if same(left, right):
+                    return False
+                return self._make.negation(self._make.equation(left, right))
+            case BinaryOp.ADD:
+                return self._make.total(left, right)
+            case BinaryOp.SUB:
+                return self._make.difference(left, right)
+            case BinaryOp.MUL:
+                plain = left.sort() == self._int or _is_value(left) or _is_value(right)
+                self.has_products = self.has_products or not plain
+                return self._make.product(left, right)
+            case BinaryOp.LT:
+                return self._make.less(left, right)
+            case BinaryOp.LE:
+                return True if same(left, right) else self._make.at_most(left, right)
+            case BinaryOp.MIN:
+                return z3.If(right < left, right, left)
+            case BinaryOp.MAX:
+                return z3.If(right > left, right, left)
+            case BinaryOp.DIV:
+                return self._quotient(left, right)
+            case BinaryOp.MOD:
+                return self._remainder(left, right)
+        raise AssertionError(op)
+
+    def _equation(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
+        """Booleans are compared with constants often: then no equation is needed."""
+        for one, other in ((left, right), (right, left)):
+            kind = self._make.kind(one)
+            if kind == z3.Z3_OP_TRUE:
+                return other
+            if kind == z3.Z3_OP_FALSE:
+                return self.unary(UnaryOp.NOT, other)
+        return self._make.equation(left, right)
+
+    def _quotient(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
+        """As :func:`binary_of_numbers`: of ints rounded down, and zero for a zero divisor."""
+        zero = self.lifted(0, left.sort())
+        if left.sort() == self._real:
+            return (
+                z3.simplify(left / right)
+                if z3.is_rational_value(right) and not _is_zero(right)
+                else z3.If(right == zero, zero, left / right)
+            )
+        # Z3's ``div`` rounds down for positive divisors only.
+        if z3.is_int_value(right) and right.as_long() != 0:
+            return left / right if right.as_long() > 0 else (-left) / (-right)
+        down = z3.If(right > 0, left / right, (-left) / (-right))
+        return z3.If(right == zero, zero, down)
+
+    def _remainder(self, left: z3.ExprRef, right: z3.ExprRef) -> Term:
+        quotient = self._quotient(left, right)
+        assert isinstance(quotient, z3.ExprRef)
+        rest = left - right * quotient
+        if z3.is_int_value(right) and right.as_long() != 0:
+            return left % right if right.as_long() > 0 else rest
+        return z3.If(right == 0, z3.IntVal(0, self.context), rest)
+
+    def _boolean_ite(self, condition: z3.ExprRef, then: Term, other: Term) -> Term:
+        """A choice with a constant on one side is a connective."""
+        if isinstance(then, bool) and isinstance(other, bool):
+            return condition if then else self.unary(UnaryOp.NOT, condition)
+        if isinstance(then, bool):
+            if then:
+                return self._connective_or(condition, other)
+            return self._connective(BinaryOp.AND, self.unary(UnaryOp.NOT, condition), other)
+        if other:
+            return self._connective_or(self.unary(UnaryOp.NOT, condition), then)
+        return self._connective(BinaryOp.AND, condition, then)
+
+    def _alike(self, then: Term, other: Term) -> tuple[z3.ExprRef, z3.ExprRef]:
+        if isinstance(then, z3.ExprRef):
+            return then, other if isinstance(other, z3.ExprRef) else self.lifted(other, then.sort())
+        if isinstance(other, z3.ExprRef):
+            return self.lifted(then, other.sort()), other
+        sort = self._real if isinstance(then, Fraction) else self._int
+        return self.lifted(then, sort), self.lifted(other, sort)
+
+    def _same(self, then: Term, other: Term) -> bool:
+        if isinstance(then, z3.ExprRef):
+            return isinstance(other, z3.ExprRef) and same(then, other)
+        return not isinstance(other, z3.ExprRef) and then == other
+
+
+def _is_value(term: z3.ExprRef) -> bool:
+    return bool(z3.is_int_value(term) or z3.is_rational_value(term))
+
+
+def _is_zero(value: z3.ExprRef) -> bool:
+    return bool(z3.is_rational_value(value) and value.numerator_as_long() == 0)
+
+
+def _substituted(term: z3.ExprRef, old: Sequence[z3.ExprRef], new: Sequence[z3.ExprRef]) -> z3.Ast:
+    """A term with others in the place of some (not by z3.substitute, which looks at each sort)."""
+    before, after = (z3.Ast * len(old))(), (z3.Ast * len(new))()
+    for k, (one, other) in enumerate(zip(old, new, strict=True)):
+        before[k], after[k] = one.as_ast(), other.as_ast()
+    return z3.Z3_substitute(term.ctx.ref(), term.as_ast(), len(old), before, after)
+
+
+def parts_of(terms: Iterable[z3.ExprRef]) -> Iterator[z3.ExprRef]:
+    """Terms and all below them, each once."""
+    seen: set[int] = set()
+    waiting = list(terms)
+    while waiting:
+        part = waiting.pop()
+        if part.get_id() not in seen:
+            seen.add(part.get_id())
+            yield part
+            waiting += part.children()

@@ -1,0 +1,91 @@
+"""Rounds unrolled one behind the other on one incremental solver. [T-PREFIX]"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import count
+
+from koord.semantics.turns import holds_in
+from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.system import System
+from koord.verify.claims import Claim, ClaimKind, broken
+from koord.verify.encoding.moments import Moment, Opening, SymbolicRound
+from koord.verify.encoding.rounds import Encoder
+from koord.verify.encoding.solver import Solver
+from koord.verify.encoding.symbols import Unknowns
+from koord.verify.encoding.terms import Term, Terms
+
+
+class Unrolling:
+    """A system unrolled so far: the solver knows INIT and some rounds.
+
+    With ``movers`` it is only the runs in which the other robots skip.
+    """
+
+    def __init__(self, system: System, seed: int = 0, movers: frozenset[int] | None = None) -> None:
+        self.system = system
+        self.seed = seed
+        self.movers = movers
+        self.rounds: list[SymbolicRound] = []
+        d = Terms(self.system.patience)
+        self.unknowns = Unknowns(d, self.system.program, self.system.robots)
+        self.encoder = Encoder(self.system, self.unknowns, self.movers)
+        self.solver = Solver(d, self.unknowns, self.seed)
+        self.opening: Opening = self.encoder.initial()
+        self.solver.add(self.opening.moment.constraints)
+        self.solver.add(assumed(self.system, self.encoder.d, self.opening.moment))
+
+    def moments(self) -> Iterator[Moment]:
+        """The configurations to look at, in order, without end. Unrolls as it goes."""
+        yield self.opening.moment
+        self._sound(self.opening.moment)
+        start = self.opening.moment.configuration
+        for number in count():
+            taken = self.encoder.round(start, str(number))
+            self.rounds.append(taken)
+            self.solver.add(taken.middle.constraints)
+            if taken.inside is not None:
+                yield taken.inside
+                self._sound(taken.inside)
+            self.solver.add(taken.urgency)
+            yield taken.middle
+            self._sound(taken.middle)
+            self.solver.add(taken.end.constraints)
+            yield taken.end
+            self._sound(taken.end)
+            start = taken.end.configuration
+
+    def _sound(self, moment: Moment) -> None:
+        """A faulted configuration has no successors. [FAULT]"""
+        self.solver.add([self.encoder.d.unary(UnaryOp.NOT, moment.findings.fault)])
+
+
+def assumed(system: System, d: Terms, moment: Moment) -> list[Term]:
+    """The assumptions about the configuration after INIT. [PROP-ASSUME]"""
+    needed: list[Term] = []
+    for assumption in system.program.assumptions:
+        holds, legality = holds_in(
+            d, system, moment.configuration, assumption.condition, assumption.bound, moment.checks
+        )
+        needed += [holds, *(x.condition for x in legality)]
+    return needed
+
+
+def violations(
+    system: System, d: Terms, moment: Moment, claims: Sequence[Claim]
+) -> dict[Claim, tuple[Term, list[Term]]]:
+    """For each claim that this configuration can break: when it does, and what that needs."""
+    found: dict[Claim, tuple[Term, list[Term]]] = {}
+    sound = d.unary(UnaryOp.NOT, moment.findings.fault)
+    for claim in claims:
+        if not claim.looked_at(moment.phase):
+            continue
+        violated, legality = broken(
+            d, system, claim, moment.configuration, moment.findings, moment.checks
+        )
+        if claim.kind is not ClaimKind.FAULT:
+            violated = d.binary(BinaryOp.AND, sound, violated)
+        violated = d.binary(BinaryOp.AND, moment.real, violated)
+        if d.known(violated) is not False:
+            found[claim] = (violated, [x.condition for x in legality])
+    return found

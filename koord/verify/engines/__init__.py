@@ -1,0 +1,1 @@
+"""The engines: each decides claims by one method. No engine imports another."""

@@ -1,0 +1,77 @@
+"""abc's PDR in the place of IC3 here, where it is installed. What it finds is asked again."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from koord.verify.encoding.solver import Deadline
+from koord.verify.engines.bits.circuit_files import aiger_of, machine_asking
+from koord.verify.engines.bits.graph import Graph
+from koord.verify.engines.bits.ic3 import Cube, Invariant, Question, Reached, Unfinished
+
+#: What Debian calls it, and what it calls itself.
+NAMES = ("berkeley-abc", "abc")
+
+_ASSERTED = re.compile(r"was asserted in frame (\d+)")
+
+
+def installed() -> str | None:
+    """The program, if there is one."""
+    return next(filter(None, map(shutil.which, NAMES)), None)
+
+
+def searched(g: Graph, question: Question, deadline: Deadline) -> Invariant | Reached | Unfinished:
+    """What abc says of a question: an invariant as it says, or in which round it fails."""
+    program = installed()
+    assert program is not None, "whoever asks has looked"
+    if deadline.passed():
+        return Unfinished(0)
+    with TemporaryDirectory() as folder:
+        problem, invariant = Path(folder) / "problem.aig", Path(folder) / "invariant.pla"
+        problem.write_bytes(aiger_of(machine_asking(g, question)))
+        command = f"read {problem}; pdr -d -I {invariant}"
+        try:
+            done = subprocess.run(
+                [program, "-q", command],
+                capture_output=True,
+                text=True,
+                timeout=deadline.left_s(),
+                check=False,
+                cwd=folder,
+            )
+        except subprocess.TimeoutExpired:
+            return Unfinished(0)
+        asserted = _ASSERTED.search(done.stdout)
+        if asserted is not None:
+            # The first step is INIT.
+            return Reached(max(1, int(asserted[1])))
+        if "Property proved" not in done.stdout:
+            return Unfinished(0)
+        text = invariant.read_text(encoding="utf-8") if invariant.exists() else ""
+    return Invariant(tuple(sorted(_cubes(text, len(question.latches)))), 0)
+
+
+def _cubes(text: str, latches: int) -> Iterator[Cube]:
+    """The states that an invariant leaves out, of those that are reached by legal steps."""
+    names: list[str] = []
+    for line in text.splitlines():
+        if line.startswith(".ilb"):
+            names = line.split()[1:]
+        row = line.split()
+        if len(row) != 2 or row[1] != "1" or set(row[0]) - {"0", "1", "-"}:
+            continue
+        said = dict(zip(names, row[0], strict=True))
+        if said.pop("begun", "-") == "0" or said.pop("valid", "-") == "0":
+            continue
+        cube = [
+            int(name[1:]) + 1 if value == "1" else -(int(name[1:]) + 1)
+            for name, value in said.items()
+            if value != "-"
+        ]
+        assert all(0 < abs(x) <= latches for x in cube)
+        yield tuple(sorted(cube))

@@ -1,0 +1,259 @@
+"""A circuit for other tools: AIGER for model checkers, VMT and SMT-LIB for solvers.
+
+In a circuit of its own INIT is a first step: latches are false before it. A latch ``valid`` says
+that there was such a step and that all steps since were legal; nothing is bad without it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from enum import Enum
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.verify.engines.bits.circuit import Circuit, Latch
+from koord.verify.engines.bits.graph import FALSE, Graph
+from koord.verify.engines.bits.ic3 import Question
+from koord.verify.engines.bits.unrolling import Copy
+
+
+class Format(Enum):
+    """What a circuit is written as."""
+
+    AIGER = "aiger"  #: ASCII, version 1.9, one bad literal for each claim
+    AIG = "aig"  #: the same in its binary form
+    VMT = "vmt"  #: a transition system in SMT-LIB, for tools like nuXmv and ic3ia
+    SMT2 = "smt2"  #: the question whether a claim breaks within the bound, for any SMT solver
+
+
+class Machine(Struct, frozen=True):
+    """A transition system whose latches all start false, with what is never to hold, by name."""
+
+    graph: Graph
+    inputs: tuple[int, ...]
+    latches: tuple[Latch, ...]
+    bad: tuple[tuple[str, int], ...]
+
+
+def machine_of(circuit: Circuit) -> Machine:
+    """The circuit with INIT as its first step."""
+    g = circuit.d.graph
+    begun, valid = g.input("begun"), g.input("valid")
+    lost = g.both(valid, circuit.lost)
+    bad = []
+    for claim, phases in circuit.bad.items():
+        when = g.both(valid, g.any_of(x for _, x in phases))
+        first = g.both(begun ^ 1, circuit.bad_start.get(claim, FALSE))
+        bad.append((claim.name, g.any_of((when, first, g.both(lost, circuit.steps)))))
+    return _begun(g, (begun, valid), circuit.latches, circuit.opens, circuit.steps, bad)
+
+
+def machine_asking(g: Graph, question: Question) -> Machine:
+    """A question of IC3 with INIT as its first step; latches are called l0, l1, …"""
+    begun, valid = g.input("begun"), g.input("valid")
+    steps = g.all_of([question.steps, *question.given])
+    bad = g.all_of([begun, valid, question.bad, *question.given])
+    latches = [replace(latch, name=f"l{k}") for k, latch in enumerate(question.latches)]
+    return _begun(g, (begun, valid), latches, question.opens, steps, [("bad", bad)])
+
+
+def _begun(
+    g: Graph,
+    first: tuple[int, int],
+    given: Sequence[Latch],
+    opens: int,
+    steps: int,
+    bad: Sequence[tuple[str, int]],
+) -> Machine:
+    """A machine whose ``first`` latches say that INIT is over, and that all was legal so far."""
+    begun, valid = first
+    legal = g.choose(begun, g.both(valid, steps), opens)
+    latches = [Latch("begun", begun, FALSE, FALSE ^ 1), Latch("valid", valid, FALSE, legal)]
+    for latch in given:
+        then = g.choose(begun, latch.next, latch.init)
+        latches.append(Latch(latch.name, latch.literal, FALSE, then))
+    own = {latch.literal >> 1 for latch in latches}
+    roots = [*(latch.next for latch in latches), *(x for _, x in bad)]
+    inputs = tuple(2 * n for n in g.cone(roots) if g.is_input(n) and n not in own)
+    return Machine(g, inputs, tuple(latches), tuple(bad))
+
+
+def exported(circuit: Circuit, format_: Format, rounds: int, comment: str) -> bytes:
+    """A file. ``rounds`` is how far an SMT-LIB question goes."""
+    of = machine_of(circuit)
+    match format_:
+        case Format.AIGER:
+            return _text(_aiger(of, comment))
+        case Format.AIG:
+            return _aig(of, comment)
+        case Format.VMT:
+            return _text(_vmt(of, comment))
+        case Format.SMT2:
+            return _text(_smt2(of, rounds, comment))
+
+
+def aiger_of(of: Machine) -> bytes:
+    """A machine in the binary form of AIGER."""
+    return _aig(of, "")
+
+
+def _text(lines: Iterable[str]) -> bytes:
+    return "".join(f"{line}\n" for line in lines).encode()
+
+
+# --- AIGER ----------------------------------------------------------------------------------------
+
+
+class _Numbered:
+    """Inputs, latches and conjunctions, numbered in this order, each after what it is made of."""
+
+    def __init__(self, of: Machine) -> None:
+        self._numbers = {0: 0}
+        for literal in (*of.inputs, *(latch.literal for latch in of.latches)):
+            self._numbers[literal >> 1] = len(self._numbers)
+        assert len(self._numbers) == 1 + len(of.inputs) + len(of.latches)
+        g = of.graph
+        nodes = [n for n in _cone(of) if not g.is_input(n)]
+        for node in nodes:
+            self._numbers[node] = len(self._numbers)
+        #: Each conjunction with what it is made of, the larger one first.
+        self.conjunctions = [
+            (self.of(2 * n), *sorted((self.of(g.left[n]), self.of(g.right[n])), reverse=True))
+            for n in nodes
+        ]
+
+    def of(self, literal: int) -> int:
+        return 2 * self._numbers[literal >> 1] + (literal & 1)
+
+    def header(self, kind: str, of: Machine) -> str:
+        sizes = len(of.inputs), len(of.latches), 0, len(self.conjunctions), len(of.bad)
+        return f"{kind} {len(self._numbers) - 1} {' '.join(map(str, sizes))}"
+
+
+def _aiger(of: Machine, comment: str) -> Iterator[str]:
+    numbered = _Numbered(of)
+    yield numbered.header("aag", of)
+    yield from (str(numbered.of(literal)) for literal in of.inputs)
+    yield from (f"{numbered.of(x.literal)} {numbered.of(x.next)}" for x in of.latches)
+    yield from (str(numbered.of(literal)) for _, literal in of.bad)
+    yield from (f"{node} {left} {right}" for node, left, right in numbered.conjunctions)
+    yield from _symbols(of, comment)
+
+
+def _aig(of: Machine, comment: str) -> bytes:
+    """The numbers of inputs and latches go without saying; conjunctions are differences."""
+    numbered = _Numbered(of)
+    head = [numbered.header("aig", of)]
+    head += [str(numbered.of(latch.next)) for latch in of.latches]
+    head += [str(numbered.of(literal)) for _, literal in of.bad]
+    body = bytearray()
+    for node, left, right in numbered.conjunctions:
+        for difference in (node - left, left - right):
+            body.extend(_seven_bits_each(difference))
+    return _text(head) + bytes(body) + _text(_symbols(of, comment))
+
+
+def _seven_bits_each(number: int) -> Iterator[int]:
+    """A number as bytes, the lowest bits first; the highest bit of each says that more follow."""
+    while number > 0x7F:
+        yield number & 0x7F | 0x80
+        number >>= 7
+    yield number
+
+
+def _symbols(of: Machine, comment: str) -> Iterator[str]:
+    """The names of things, which some tools want to be of one thing each."""
+    seen: Counter[str] = Counter()
+    named = [(f"i{k}", of.graph.names[x >> 1]) for k, x in enumerate(of.inputs)]
+    named += [(f"l{k}", latch.name) for k, latch in enumerate(of.latches)]
+    for key, name in named:
+        seen[name] += 1
+        yield f"{key} {name}" if seen[name] == 1 else f"{key} {name} #{seen[name]}"
+    yield from (f"b{k} {name}" for k, (name, _) in enumerate(of.bad))
+    yield "c"
+    yield comment
+
+
+def _cone(of: Machine) -> list[int]:
+    return of.graph.cone([*(latch.next for latch in of.latches), *(x for _, x in of.bad)])
+
+
+# --- SMT-LIB --------------------------------------------------------------------------------------
+
+
+def _vmt(of: Machine, comment: str) -> Iterator[str]:
+    g = of.graph
+    yield f"; {comment}"
+    names = {0: "false"}
+    for literal in of.inputs:
+        names[literal >> 1] = _symbol(g.names[literal >> 1], literal)
+        yield f"(declare-fun {names[literal >> 1]} () Bool)"
+    for latch in of.latches:
+        name = names[latch.literal >> 1] = _symbol(latch.name, latch.literal)
+        then = _symbol(f"next {latch.name}", latch.literal)
+        yield f"(declare-fun {name} () Bool)"
+        yield f"(declare-fun {then} () Bool)"
+        yield f"(define-fun |.{latch.literal}| () Bool (! {name} :next {then}))"
+    yield from _definitions(g, _cone(of), names)
+    starts = _all(f"(not {names[latch.literal >> 1]})" for latch in of.latches)
+    yield f"(define-fun |.init| () Bool (! {starts} :init true))"
+    steps = _all(
+        f"(= {_symbol(f'next {latch.name}', latch.literal)} {_term(latch.next, names)})"
+        for latch in of.latches
+    )
+    yield f"(define-fun |.trans| () Bool (! {steps} :trans true))"
+    for k, (name, literal) in enumerate(of.bad):
+        yield f"; {name}"
+        yield (
+            f"(define-fun |.bad{k}| () Bool (! {_term(literal ^ 1, names)} :invar-property {k}))"
+        )
+
+
+def _smt2(of: Machine, rounds: int, comment: str) -> Iterator[str]:
+    """Satisfiable if a claim breaks in INIT or in one of so many rounds."""
+    to = Graph()
+    state = {latch.literal >> 1: FALSE for latch in of.latches}
+    bad = []
+    for number in range(rounds + 1):
+        step = Copy(of.graph, to, f"#{number}", dict(state))
+        bad += [step.of(literal) for _, literal in of.bad]
+        state = {latch.literal >> 1: step.of(latch.next) for latch in of.latches}
+    question = to.any_of(bad)
+    yield f"; {comment}"
+    yield "(set-logic QF_UF)"
+    names = {0: "false"}
+    nodes = to.cone([question])
+    for node in nodes:
+        if to.is_input(node):
+            names[node] = _symbol(to.names[node], 2 * node)
+            yield f"(declare-fun {names[node]} () Bool)"
+    yield from _definitions(to, nodes, names)
+    yield f"(assert {_term(question, names)})"
+    yield "(check-sat)"
+
+
+def _definitions(g: Graph, nodes: Sequence[int], names: dict[int, str]) -> Iterator[str]:
+    for node in nodes:
+        if not g.is_input(node):
+            both = f"(and {_term(g.left[node], names)} {_term(g.right[node], names)})"
+            yield f"(define-fun n{node} () Bool {both})"
+            names[node] = f"n{node}"
+
+
+def _term(literal: int, names: dict[int, str]) -> str:
+    name = names[literal >> 1]
+    return f"(not {name})" if literal & 1 else name
+
+
+def _symbol(name: str, literal: int) -> str:
+    """A name that occurs once, in bars."""
+    return f"|{name.replace('|', '!').replace(chr(92), '/')} {literal >> 1}|"
+
+
+def _all(terms: Iterable[str]) -> str:
+    return f"(and true {' '.join(terms)})"
+
+
+__all__ = ["Format", "Machine", "exported", "machine_asking", "machine_of"]

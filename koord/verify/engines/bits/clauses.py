@@ -1,0 +1,223 @@
+"""Literals of a graph as clauses of a SAT solver: the only file that knows one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from threading import Timer
+from typing import Any, cast
+
+import pysolvers
+from pysat.solvers import Solver
+
+from koord.syntax.budget import OutOfPatienceError
+from koord.verify.encoding.solver import Answer, Deadline
+from koord.verify.engines.bits.graph import Graph
+
+#: In which directions a node's clauses are needed: where it is true, where it is false.
+TRUE_SIDE = 1
+FALSE_SIDE = 2
+BOTH_SIDES = 3
+
+#: Which is quick where questions come by the thousand, but cannot be interrupted: it is asked for
+#: so many conflicts at once, some tenths of a second, and goes on with what it learnt.
+QUICK = "cadical153"
+AT_ONCE = 2_000
+
+#: Which can be interrupted. It shares nothing with the other: what that found is asked again here.
+OTHER = "glucose4"
+
+
+class NoAnswerError(OutOfPatienceError):
+    """A solver came to no answer within its limits."""
+
+
+class Clauses:
+    """A solver over one graph, which takes in what is asked about. Literals of it are signed
+    numbers.
+
+    A conjunction is written down only in the directions in which somebody needs it.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        engine: str = QUICK,
+        deadline: Deadline | None = None,
+        left: int | None = None,
+    ) -> None:
+        self.graph = graph
+        self.engine = engine
+        self.deadline = Deadline() if deadline is None else deadline
+        self.left = left  #: so often questions may go on after ``AT_ONCE`` conflicts
+        self._numbers: dict[int, int] = {}
+        self._sides: dict[int, int] = {}
+        self._top = 1
+        self._solver: Any = Solver(name=self.engine)
+        self._solver.add_clause([1])
+
+    def close(self) -> None:
+        """Give the solver's memory back."""
+        self._solver.delete()
+
+    def variable(self) -> int:
+        """A new literal."""
+        self._top += 1
+        return self._top
+
+    def of(self, literal: int, sides: int = BOTH_SIDES) -> int:
+        """The solver's literal of a graph's, with clauses for the given directions."""
+        self._write(literal, sides)
+        return self._signed(literal)
+
+    def known(self, node: int) -> int | None:
+        """The literal of a node, if it was ever asked about."""
+        return self._numbers.get(node)
+
+    def add(self, clause: Iterable[int]) -> None:
+        self._solver.add_clause(list(clause))
+
+    def require(self, literal: int) -> None:
+        """Require a literal of the graph."""
+        for part in self.graph.conjuncts(literal) or ():
+            self._solver.add_clause([self.of(part, TRUE_SIDE)])
+
+    def solve(self, assumptions: Sequence[int]) -> bool:
+        """Whether everything required can be, with the assumptions.
+
+        Raises NoAnswerError where the deadline passes first, or too many questions were hard.
+        """
+        answer = self.solve_in_time(assumptions, self.deadline)
+        if answer is Answer.UNKNOWN:
+            raise NoAnswerError
+        return answer is Answer.SAT
+
+    def solve_in_time(self, assumptions: Sequence[int], deadline: Deadline) -> Answer:
+        """The same, or nothing where the deadline passes first."""
+        try:
+            if self.engine == QUICK:
+                found = self._solved_by_and_by(assumptions, deadline)
+            else:
+                found = self._solved_unless_interrupted(assumptions, deadline)
+        except pysolvers.error as error:
+            # It listens to Ctrl-C by itself, and says so in a way of its own.
+            raise KeyboardInterrupt from error
+        if found is None:
+            return Answer.UNKNOWN
+        return Answer.SAT if found else Answer.UNSAT
+
+    def _solved_by_and_by(self, assumptions: Sequence[int], deadline: Deadline) -> bool | None:
+        while not deadline.passed():
+            self._solver.conf_budget(AT_ONCE)
+            found: bool | None = self._solver.solve_limited(assumptions=assumptions)
+            if found is not None:
+                return found
+            if self.left is not None:
+                self.left -= 1
+                if self.left <= 0:
+                    return None
+        return None
+
+    def _solved_unless_interrupted(
+        self, assumptions: Sequence[int], deadline: Deadline
+    ) -> bool | None:
+        left = deadline.left_s()
+        if left is None:
+            return bool(self._solver.solve(assumptions=assumptions))
+        if left <= 0:
+            return None
+        timer = Timer(left, self._solver.interrupt)
+        timer.start()
+        try:
+            found: bool | None = self._solver.solve_limited(
+                assumptions=assumptions, expect_interrupt=True
+            )
+        finally:
+            timer.cancel()
+            self._solver.clear_interrupt()
+        return found
+
+    def core(self) -> list[int]:
+        """The assumptions that the last answer, no, hangs on."""
+        return self._solver.get_core() or []
+
+    def model(self) -> list[int]:
+        """The last model: at position v the literal v or -v, where 0 stands for none."""
+        return [0, *cast("list[int]", self._solver.get_model())]
+
+    def _signed(self, literal: int) -> int:
+        if literal < 2:
+            return 1 if literal else -1
+        number = self._numbers.get(literal >> 1)
+        if number is None:
+            number = self._numbers[literal >> 1] = self.variable()
+        return -number if literal & 1 else number
+
+    def _write(self, literal: int, sides: int) -> None:
+        g, solver = self.graph, self._solver
+        stack = [(literal, sides)]
+        while stack:
+            x, wanted = stack.pop()
+            node = x >> 1
+            if x & 1:
+                wanted = _turned(wanted)
+            missing = wanted & ~self._sides.get(node, 0)
+            if not missing or node == 0 or g.is_input(node):
+                continue
+            self._sides[node] = self._sides.get(node, 0) | missing
+            me = self._signed(2 * node)
+            choice = self._choice(node)
+            if choice is not None:
+                condition, then, other = choice
+                c, t, e = (self._signed(y) for y in choice)
+                if missing & TRUE_SIDE:
+                    solver.append_formula([[-me, -c, t], [-me, c, e], [-me, t, e]])
+                if missing & FALSE_SIDE:
+                    solver.append_formula([[me, -c, -t], [me, c, -e], [me, -t, -e]])
+                stack += ((condition, BOTH_SIDES), (then, missing), (other, missing))
+                continue
+            parts = self._parts(node)
+            signed = [self._signed(y) for y in parts]
+            if missing & TRUE_SIDE:
+                solver.append_formula([[-me, y] for y in signed])
+            if missing & FALSE_SIDE:
+                solver.add_clause([me, *(-y for y in signed)])
+            stack += ((y, missing) for y in parts)
+
+    def _parts(self, node: int) -> list[int]:
+        """What a conjunction is of, with those parts of it taken apart that nobody else uses."""
+        g = self.graph
+        found: list[int] = []
+        stack = [g.right[node], g.left[node]]
+        while stack:
+            x = stack.pop()
+            inner = x >> 1
+            if x & 1 or g.is_input(inner) or g.uses[inner] > 1 or inner in self._numbers:
+                found.append(x)
+            else:
+                stack += (g.right[inner], g.left[inner])
+        return found
+
+    def _choice(self, node: int) -> tuple[int, int, int] | None:
+        """Condition and both sides, if a node is made as a choice or an exclusive or is."""
+        g = self.graph
+        p, q = g.left[node], g.right[node]
+        if not (p & q & 1) or g.is_input(p >> 1) or g.is_input(q >> 1):
+            return None
+        if g.uses[p >> 1] > 1 or g.uses[q >> 1] > 1:
+            return None
+        for c, t in ((g.left[p >> 1], g.right[p >> 1]), (g.right[p >> 1], g.left[p >> 1])):
+            for n, e in ((g.left[q >> 1], g.right[q >> 1]), (g.right[q >> 1], g.left[q >> 1])):
+                if c == n ^ 1:
+                    return c, t ^ 1, e ^ 1
+        return None
+
+
+def _turned(sides: int) -> int:
+    """The directions of a literal that its negation needs."""
+    return (sides & 1) << 1 | sides >> 1
+
+
+def now() -> float:
+    """Seconds, for durations."""
+    return time.monotonic()

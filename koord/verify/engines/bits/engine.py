@@ -1,0 +1,340 @@
+"""The engine on bits: rounds unrolled, then induction, then IC3, all on one circuit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.semantics.machine import NotFiniteError
+from koord.syntax.core import Declaration
+from koord.syntax.types import FloatType
+from koord.syntax.walk import nodes
+from koord.verify.claims import Claim, Phase
+from koord.verify.encoding.solver import Answer
+from koord.verify.engines.bits import abc, ic3
+from koord.verify.engines.bits.checking import holds_always
+from koord.verify.engines.bits.circuit import LEVELS, Circuit, circuit_of
+from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses, NoAnswerError
+from koord.verify.engines.bits.constraint_selection import everything, narrowed
+from koord.verify.engines.bits.found_runs import recording
+from koord.verify.engines.bits.graph import FALSE
+from koord.verify.engines.bits.invariants import lemmas
+from koord.verify.engines.bits.robot_permutations import images
+from koord.verify.engines.bits.unrolling import Copy, Unrolled
+from koord.verify.ledger import Ledger, Reach
+from koord.verify.obstacles import Lengths, NoInvariant, Obstacle, Unreplayed, Values, gave_up
+from koord.verify.verdicts import Engine, Outcome, Verdict, has_fewest
+from koord.verify.witness import NotReplayedError
+
+#: So many rounds are unrolled before a proof is tried.
+FIRST_ROUNDS = 2
+
+#: How many questions IC3 may ask where other engines wait for their turn.
+FEW_QUESTIONS = 30_000
+
+#: How often one of these may go on that is hard: for some seconds in all.
+FEW_HARD = 40
+
+
+class ByBits(Struct):
+    """Verdicts from a circuit. ``sparing``: only where it promises to be quick.
+
+    ``abc``: its PDR is asked in the place of IC3. With ``names`` those claims alone are asked.
+    """
+
+    sparing: bool = False
+    abc: bool = False
+    names: Collection[str] = ()
+
+    @property
+    def name(self) -> str:
+        return Engine.ABC.value if self.abc else Engine.BITS.value
+
+    def work(self, ledger: Ledger) -> None:
+        started = time.monotonic()
+        claims = [c for c in ledger.open() if not self.names or c.name in self.names]
+        if self.sparing and _has_floats(ledger):
+            return
+        for level in range(len(LEVELS)):
+            try:
+                circuit = circuit_of(ledger.system, claims, level)
+            except NotFiniteError as error:
+                _leave(ledger, claims, None, f"bits: {error}", started)
+                return
+            run = _Run(ledger, circuit, started, self.sparing, self.abc)
+            run.work()
+            again = [claim for claim in run.astray if claim not in ledger.verdicts]
+            if not again or not run.strays or ledger.deadline.passed():
+                return
+            claims = again
+
+
+def _has_floats(ledger: Ledger) -> bool:
+    return any(
+        isinstance(node, Declaration) and isinstance(node.variable.type, FloatType)
+        for node in nodes(ledger.system.program)
+    )
+
+
+def _leave(
+    ledger: Ledger,
+    claims: Sequence[Claim],
+    rounds: int | None,
+    reason: str,
+    started: float,
+    obstacle: Obstacle | None = None,
+) -> None:
+    seconds = time.monotonic() - started
+    if reason and obstacle is None:
+        obstacle = gave_up(Engine.BITS, ledger.deadline)
+    ledger.leave(claims, Reach(Engine.BITS, rounds, reason, seconds, obstacle=obstacle))
+
+
+class _Run:
+    """One circuit, asked about the open claims of a ledger."""
+
+    def __init__(
+        self,
+        ledger: Ledger,
+        circuit: Circuit,
+        started: float,
+        sparing: bool,
+        abc: bool,
+    ) -> None:
+        self.ledger = ledger
+        self.circuit = circuit
+        self.started = started
+        self.sparing = sparing
+        self.abc = abc
+        self.completed: int | None = None
+        self.astray: dict[Claim, str] = {}  #: with a violation that is no run
+        self.proved: dict[Claim, None] = {}
+        self.no_invariant: NoInvariant | None = None  #: who looked for one was stopped
+        self.unrolled = Unrolled(self.circuit)
+
+    @property
+    def strays(self) -> bool:
+        """Whether looking at more values could tell more."""
+        circuit = self.circuit
+        return circuit.lost != FALSE or any("strays" in latch.name for latch in circuit.latches)
+
+    @property
+    def engine(self) -> Engine:
+        return Engine.ABC if self.abc else Engine.BITS
+
+    def open(self) -> list[Claim]:
+        return [
+            claim
+            for claim in self.circuit.bad
+            if claim not in self.ledger.verdicts and claim not in self.astray
+        ]
+
+    def work(self) -> None:
+        ledger = self.ledger
+        self._unroll(min(FIRST_ROUNDS, ledger.bounds.rounds))
+        if self.completed is not None and self.open() and not self.circuit.limits:
+            with suppress(NoAnswerError):
+                self._induct()
+                self._search()
+        if self.open() and not self.sparing:
+            self._unroll(ledger.bounds.rounds)
+        reason, through = "", self.completed
+        obstacle: Obstacle | None = self.no_invariant
+        if self.circuit.limits:
+            obstacle = Lengths(self.engine, tuple(self.circuit.limits))
+            through = None  # a longer list may break a claim at once
+            reason = f"not covered: {'; '.join(self.circuit.limits)}"
+        elif ledger.deadline.passed():
+            reason, obstacle = "timeout", None
+        elif self.completed is None or self.completed < ledger.bounds.rounds:
+            reason = "bits: too much to be proved" if self.sparing else "timeout"
+        _leave(ledger, self.open(), through, reason, self.started, obstacle)
+        for claim, why in self.astray.items():
+            if claim not in ledger.verdicts:
+                names = tuple(loose_variables(self.circuit))
+                astray = Values(self.engine, names) if names else Unreplayed(self.engine)
+                reason = f"bits: {why}{self._open_values()}"
+                _leave(ledger, [claim], None, reason, self.started, astray)
+
+    def _open_values(self) -> str:
+        names = loose_variables(self.circuit)
+        return f"; infinitely many values: {', '.join(names)}" if names else ""
+
+    # --- unrolling ------------------------------------------------------------------------------
+
+    def _unroll(self, rounds: int) -> None:
+        """Look at INIT and so many rounds, one after the other."""
+        unrolled, circuit = self.unrolled, self.circuit
+        if self.completed is None:
+            at = {claim: ((Phase.INIT, x),) for claim, x in circuit.bad_start.items()}
+            if not self._looked(unrolled.opening, at):
+                return
+            self.completed = 0
+        while self.open() and self.completed < rounds:
+            self.ledger.progress(f"bits, round {self.completed + 1} of {rounds}")
+            copy = unrolled.begin()
+            if not self._looked(copy, circuit.bad):
+                return
+            if unrolled.asked(copy.of(circuit.lost), self.ledger.deadline) is not Answer.UNSAT:
+                self.astray |= dict.fromkeys(self.open(), "lists grow beyond what is followed")
+                return
+            self.completed += 1
+
+    def _looked(self, copy: Copy, bad: Mapping[Claim, tuple[tuple[Phase, int], ...]]) -> bool:
+        """Settle the claims that break in one step. False if time ran out."""
+        unrolled, deadline = self.unrolled, self.ledger.deadline
+        for claim in self.open():
+            for phase, literal in bad.get(claim, ()):
+                here = copy.of(literal)
+                answer = unrolled.asked(here, deadline)
+                if answer is Answer.UNKNOWN:
+                    return False
+                if answer is Answer.SAT:
+                    self._found(claim, phase)
+                    break
+                unrolled.never(here)
+        return True
+
+    def _found(self, claim: Claim, phase: Phase) -> None:
+        """Replay the run of the last answer, and settle the claim if it is one."""
+        run = self.unrolled.witnessed()
+        ledger = self.ledger
+        try:
+            shown = recording(self.circuit, ledger.system, run, phase)
+            counterexample = ledger.subject.judge(shown, claim, phase)
+        except NotReplayedError as error:
+            self.astray[claim] = f"a candidate violation did not replay: {error}"
+            return
+        seconds = time.monotonic() - self.started
+        # Circuits allow more than the program, and shorter lists: then a longer one may break it.
+        fewest = not self.circuit.limits and has_fewest(counterexample, self.completed)
+        verdict = Verdict(
+            claim,
+            Outcome.VIOLATED,
+            self.engine,
+            seconds,
+            counterexample=counterexample,
+            fewest=fewest,
+        )
+        ledger.settle({claim: verdict})
+
+    # --- proofs ---------------------------------------------------------------------------------
+
+    def _induct(self) -> None:
+        """The largest set of claims that proves itself from one round to the next."""
+        circuit = self.circuit
+        clauses = self._clauses()
+        given = [circuit.held[c] for c in self.ledger.proved() if c in circuit.held]
+        for literal in given:
+            clauses.require(literal)
+        claims = self.open()
+        while claims:
+            held = [clauses.of(circuit.held[c], TRUE_SIDE) for c in claims if c in circuit.held]
+            failed = []
+            for claim in claims:
+                bad = circuit.d.graph.any_of([x for _, x in circuit.bad[claim]])
+                broken = circuit.d.graph.either(bad, self._lost())
+                if broken != FALSE and clauses.solve([*held, clauses.of(broken, TRUE_SIDE)]):
+                    failed.append(claim)
+            if not failed:
+                break
+            claims = [claim for claim in claims if claim not in failed]
+        clauses.close()
+        if claims:
+            self._holds(claims, everything(circuit, claims, given), ())
+
+    def _clauses(self) -> Clauses:
+        left = FEW_HARD if self.sparing else None
+        return Clauses(self.circuit.d.graph, QUICK, self.ledger.deadline, left)
+
+    def _lost(self) -> int:
+        g, circuit = self.circuit.d.graph, self.circuit
+        return g.both(circuit.lost, circuit.steps)
+
+    def _holds(
+        self, claims: Sequence[Claim], question: ic3.Question, cubes: Sequence[ic3.Cube]
+    ) -> None:
+        """Settle claims, with what keeps them in words."""
+        ledger = self.ledger
+        found = lemmas(
+            ledger.system, self.circuit, question, cubes, claims, ledger.proved(), ledger.deadline
+        )
+        verdict = Verdict(
+            claims[0],
+            Outcome.HOLDS,
+            self.engine,
+            time.monotonic() - self.started,
+            lemmas=found.statements,
+            unsaid=found.unsaid,
+        )
+        ledger.settle({claim: replace(verdict, claim=claim) for claim in claims})
+
+    def _search(self) -> None:
+        """IC3 on the claims that are left, all at once, until each is settled or gives up."""
+        circuit, g = self.circuit, self.circuit.d.graph
+        narrow = exchange = True
+        while claims := self.open():
+            given = [circuit.held[c] for c in self.ledger.proved() if c in circuit.held]
+            question = (narrowed if narrow else everything)(circuit, claims, given)
+            found = self._searched(question, claims, exchange=exchange)
+            match found:
+                case ic3.Invariant():
+                    # Asked with all constraints, whatever the question left out.
+                    whole = everything(circuit, claims, given)
+                    asked = replace(question, steps=whole.steps, bad=whole.bad)
+                    if holds_always(g, asked, found.cubes, self.ledger.deadline):
+                        self._holds(claims, asked, found.cubes)
+                        return
+                    if self.abc:
+                        self.astray |= dict.fromkeys(claims, "abc gave an invariant that is none")
+                        return
+                    # Robots were exchanged that are not alike in every bit.
+                    assert exchange, "an invariant that is none"
+                    exchange = False
+                case ic3.Reached(rounds=rounds):
+                    before = len(claims)
+                    self._unroll(rounds)
+                    if len(self.open()) == before:
+                        if not narrow:
+                            return
+                        narrow = False
+                case ic3.Unfinished():
+                    self.no_invariant = NoInvariant(self.engine, "PDR" if self.abc else "IC3")
+                    return
+
+    def _searched(
+        self, question: ic3.Question, claims: Sequence[Claim], *, exchange: bool
+    ) -> ic3.Invariant | ic3.Reached | ic3.Unfinished:
+        g, ledger = self.circuit.d.graph, self.ledger
+        if self.abc:
+            ledger.progress("abc, PDR")
+            return abc.searched(g, question, ledger.deadline)
+        properties = tuple(c.stated for c in claims if c.stated is not None)
+        clauses = self._clauses()
+        search = ic3.Search(
+            clauses,
+            question,
+            ledger.deadline,
+            images(ledger.system, properties if exchange else None, question.latches),
+            lambda frame, cubes: ledger.progress(f"bits, IC3, frame {frame}, {cubes} clauses"),
+            limit=FEW_QUESTIONS if self.sparing else None,
+        )
+        found = search.run()
+        clauses.close()
+        return found
+
+
+def loose_variables(circuit: Circuit) -> list[str]:
+    """The variables whose values are not all followed."""
+    return list(dict.fromkeys(map(_plain, circuit.d.looser)))
+
+
+def _plain(name: str) -> str:
+    """A variable's name without robot, element and round."""
+    for mark in "@[#":
+        name = name.split(mark)[0]
+    return name

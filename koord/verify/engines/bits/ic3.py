@@ -1,0 +1,480 @@
+"""IC3, also called PDR: an invariant of a circuit found clause by clause, for all rounds.
+
+Frame k is a set of clauses that hold of every state after at most k rounds. A state of the last
+frame that breaks a claim is an *obligation*: it is excluded by a clause, with what led to it if
+need be, or led back to INIT. When two frames are alike, they are an invariant. See Een, Mishchenko,
+Brayton, *Efficient implementation of property directed reachability* (2011).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from heapq import heappop, heappush
+
+from msgspec import Struct, field
+
+from koord.verify.encoding.solver import Deadline
+from koord.verify.engines.bits.circuit import Latch
+from koord.verify.engines.bits.clauses import BOTH_SIDES, QUICK, TRUE_SIDE, Clauses, NoAnswerError
+from koord.verify.engines.bits.graph import FALSE, Graph
+
+#: Literals of a cube are numbers of latches from 1 on, negative where the latch is false.
+Cube = tuple[int, ...]
+
+
+class Question(Struct, frozen=True):
+    """What is asked of a circuit: whether ``bad`` can ever hold. All are literals of the graph.
+
+    ``given`` holds of every state that can be reached, as was shown before.
+    """
+
+    latches: tuple[Latch, ...]
+    opens: int
+    steps: int
+    bad: int
+    given: tuple[int, ...] = ()
+
+
+class Invariant(Struct, frozen=True):
+    """Clauses, as cubes of states that cannot be reached, that hold always and keep ``bad`` out."""
+
+    cubes: tuple[Cube, ...]
+    rounds: int  #: frames that were needed
+
+
+class Reached(Struct, frozen=True):
+    """``bad`` can hold in the round with that number, counted from 1."""
+
+    rounds: int
+
+
+class Unfinished(Struct, frozen=True):
+    """Time ran out; ``bad`` does not hold in so many rounds."""
+
+    rounds: int
+
+
+class Search(Struct):
+    """One run of IC3.
+
+    ``images`` gives what a cube becomes when robots change places; None if that is not to be said
+    of it in cubes. Images of what is excluded are excluded as well, unasked as long as all that was
+    learned has images, for then frames are symmetric.
+    """
+
+    clauses: Clauses
+    question: Question
+    deadline: Deadline
+    images: Callable[[Cube], Iterable[Cube] | None] = lambda cube: None
+    progress: Callable[[int, int], None] = lambda frame, cubes: None
+    limit: int | None = None  #: so many questions are asked at most
+    frames: list[set[Cube]] = field(default_factory=list)
+    queries: int = 0
+    _enabled: list[int] = field(default_factory=list)  #: per frame, the literal that turns it on
+    _latch: list[int] = field(default_factory=list)
+    _next: list[int] = field(default_factory=list)
+    _inputs: list[int] = field(default_factory=list)
+    _step: int = 0
+    _bad: int = 0
+    _reset: _Start | None = None
+    _lifting: _Lifting | None = None
+    _first: dict[int, bool] = field(default_factory=dict)  #: what latches are after INIT, if known
+    _counter: int = 0
+    _spent: int = 0
+    _orbit: dict[Cube, tuple[Cube, ...]] = field(default_factory=dict)
+    _primed: dict[Cube, int] = field(default_factory=dict)
+    _lopsided: bool = False  #: whether something without images was learned
+    _depth: int = 0
+    _weight: dict[int, float] = field(default_factory=dict)
+
+    def run(self) -> Invariant | Reached | Unfinished:
+        """Find an invariant, or how many rounds it takes to be bad."""
+        try:
+            return self._found()
+        except NoAnswerError:
+            return Unfinished(max(0, len(self.frames) - 1))
+
+    def _found(self) -> Invariant | Reached | Unfinished:
+        self._prepare()
+        frame = 0
+        while True:
+            while True:
+                found = self._bad_state(frame)
+                if found is None:
+                    break
+                if not self._blocked(found, frame):
+                    return Reached(self._depth)
+                if self._is_over():
+                    return Unfinished(frame)
+            if self._is_over():
+                return Unfinished(frame)
+            frame += 1
+            self._open_frame()
+            self.progress(frame, sum(map(len, self.frames)))
+            fixed = self._pushed(frame)
+            if fixed is not None:
+                return Invariant(tuple(sorted(fixed)), frame)
+            if self._is_over():
+                return Unfinished(frame)
+
+    def _is_over(self) -> bool:
+        return self.deadline.passed() or (self.limit is not None and self.queries > self.limit)
+
+    # --- set-up ---------------------------------------------------------------------------------
+
+    def _prepare(self) -> None:
+        clauses, question = self.clauses, self.question
+        for latch in question.latches:
+            self._latch.append(clauses.of(latch.literal))
+            self._next.append(clauses.of(latch.next))
+        self._step = clauses.of(question.steps, TRUE_SIDE)
+        self._bad = clauses.of(question.bad, TRUE_SIDE)
+        for literal in question.given:
+            clauses.require(literal)
+        self._first = {
+            k + 1: bool(latch.init) for k, latch in enumerate(question.latches) if latch.init < 2
+        }
+        self._reset = _Start(clauses.graph, question)
+        self._lifting = _Lifting(clauses.graph, question)
+        # Frame 0 is INIT itself.
+        start = clauses.variable()
+        opens = clauses.of(question.opens, TRUE_SIDE)
+        clauses.add([-start, opens])
+        for number, latch in zip(self._latch, question.latches, strict=True):
+            first = clauses.of(latch.init)
+            clauses.add([-start, -number, first])
+            clauses.add([-start, number, -first])
+        self._enabled.append(start)
+        self.frames.append(set())
+
+    def _open_frame(self) -> None:
+        self._enabled.append(self.clauses.variable())
+        self.frames.append(set())
+
+    def _on(self, frame: int) -> list[int]:
+        """The assumptions that turn a frame on. Clauses of later frames hold in it too."""
+        return [self._enabled[0]] if frame == 0 else self._enabled[frame:]
+
+    # --- questions ------------------------------------------------------------------------------
+
+    def _bad_state(self, frame: int) -> Cube | None:
+        """States of a frame that are bad, if there are any."""
+        self.queries += 1
+        if not self.clauses.solve([*self._on(frame), self._bad]):
+            return None
+        assert self._lifting is not None
+        return self._lifting.bad(self.clauses, self._latch)
+
+    def _leads_to(self, frame: int, cube: Cube, *, but: bool = True) -> Cube | None:
+        """None if a state of the frame leads to the cube. Else the part of it that is enough.
+
+        With ``but``, states of the cube itself do not count.
+        """
+        self.queries += 1
+        if self._spent:
+            self.clauses.add([-self._spent])
+        assumptions = self._on(frame)
+        extra = 0
+        if but and frame:
+            extra = self.clauses.variable()
+            self.clauses.add([-extra, *(-self._number(x) for x in cube)])
+            assumptions = [*assumptions, extra]
+        then = {self._then(x): x for x in cube}
+        reached = self.clauses.solve([*assumptions, self._step, *then])
+        # Whoever asks may want the model, which the next clause makes the solver forget.
+        self._spent = extra
+        if reached:
+            return None
+        core = self.clauses.core()
+        kept = tuple(sorted(then[x] for x in core if x in then))
+        return kept
+
+    def _number(self, x: int) -> int:
+        number = self._latch[abs(x) - 1]
+        return number if x > 0 else -number
+
+    def _then(self, x: int) -> int:
+        number = self._next[abs(x) - 1]
+        return number if x > 0 else -number
+
+    # --- blocking -------------------------------------------------------------------------------
+
+    def _blocked(self, cube: Cube, frame: int) -> bool:
+        """Exclude a cube from a frame. False if a run from INIT leads to it."""
+        queue: list[tuple[int, int, Cube, int]] = []
+        self._push(queue, frame, cube, 1)
+        while queue:
+            if self._is_over():
+                return True
+            level, _, wanted, distance = heappop(queue)
+            if level == 0 or self._starts_in(wanted):
+                self._depth = distance
+                return False
+            if self._is_excluded(wanted, level):
+                continue
+            enough = self._leads_to(level - 1, wanted)
+            if enough is None:
+                assert self._lifting is not None
+                before = self._lifting.before(self.clauses, self._latch, wanted)
+                self._push(queue, level - 1, before, distance + 1)
+                self._push(queue, level, wanted, distance)
+                continue
+            smaller = self._generalised(self._apart(enough, wanted), level)
+            level_of = self._as_late_as_possible(smaller, level)
+            self._learn(smaller, level_of)
+            if level_of < frame:
+                self._push(queue, level_of + 1, wanted, distance)
+        return True
+
+    def _push(
+        self, queue: list[tuple[int, int, Cube, int]], level: int, cube: Cube, distance: int
+    ) -> None:
+        self._counter += 1
+        heappush(queue, (level, self._counter, cube, distance))
+
+    def _is_excluded(self, cube: Cube, level: int) -> bool:
+        """Whether a clause of the frame keeps the whole cube out."""
+        literals = set(cube)
+        return any(literals.issuperset(other) for frame in self.frames[level:] for other in frame)
+
+    def _generalised(self, cube: Cube, level: int, depth: int = 0) -> Cube:
+        """A part of a cube that the frame before does not lead to either, as small as is easy."""
+        order = sorted(cube, key=lambda x: (self._weight.get(x, 0.0), x))
+        tried = 0
+        for x in order:
+            if x not in cube or len(cube) == 1:
+                continue
+            without = tuple(y for y in cube if y != x)
+            smaller = self._dropped(without, level, depth)
+            if smaller is not None:
+                cube = smaller
+            else:
+                tried += 1
+                if tried > MISSES and depth:
+                    break
+        return cube
+
+    def _dropped(self, cube: Cube, level: int, depth: int) -> Cube | None:
+        """The cube or a part of it, if it can be excluded; maybe with what stands in the way."""
+        counter = 0
+        while True:
+            if self._starts_in(cube):
+                return None
+            enough = self._leads_to(level - 1, cube)
+            if enough is not None:
+                return self._apart(enough, cube)
+            if depth or counter >= OBSTACLES or level < 2:
+                return None
+            assert self._lifting is not None
+            obstacle = self._lifting.before(self.clauses, self._latch, cube)
+            if self._starts_in(obstacle):
+                return None
+            part = self._leads_to(level - 2, obstacle)
+            if part is None:
+                return None
+            part = self._apart(part, obstacle)
+            where = level - 1
+            part = self._generalised(part, where, depth + 1)
+            self._learn(part, self._as_late_as_possible(part, where))
+            counter += 1
+
+    def _as_late_as_possible(self, cube: Cube, level: int) -> int:
+        """The last frame that a cube can be excluded from."""
+        while level < len(self.frames) - 1 and self._leads_to(level, cube) is not None:
+            level += 1
+        return level
+
+    def _apart(self, enough: Cube, cube: Cube) -> Cube:
+        """A part of a cube with at least these literals, in which no run starts."""
+        if not self._starts_in(enough):
+            return enough
+        assert self._reset is not None
+        for x in cube:
+            if x in self._first_not(x):
+                return tuple(sorted({*enough, x}))
+        return tuple(sorted({*enough, *self._reset.why_not(cube)}))
+
+    def _first_not(self, x: int) -> tuple[int, ...]:
+        first = self._first.get(abs(x))
+        return (x,) if first is not None and first != (x > 0) else ()
+
+    def _starts_in(self, cube: Cube) -> bool:
+        """Whether a state after INIT may be in a cube."""
+        if any(self._first_not(x) for x in cube):
+            return False
+        assert self._reset is not None
+        return self._reset.meets(cube)
+
+    # --- clauses --------------------------------------------------------------------------------
+
+    def _learn(self, cube: Cube, level: int) -> None:
+        """Exclude a cube from a frame and all before it, and with it what it may be renamed to."""
+        if self._is_excluded(cube, level):
+            return
+        literals = set(cube)
+        for frame in self.frames[1 : level + 1]:
+            frame -= {other for other in frame if literals.issubset(other)}
+        for x in cube:
+            self._weight[x] = self._weight.get(x, 0.0) + 1.0
+        self._add(cube, level)
+        images = self.images(cube)
+        if images is None:
+            self._lopsided = True
+            return
+        orbit = (cube, *images)
+        new = [x for x in orbit[1:] if all(x not in frame for frame in self.frames[level:])]
+        if self._lopsided:
+            new = self._kept_out([x for x in new if not self._starts_in(x)], level)
+        for image in orbit:
+            self._orbit[image] = orbit
+        for image in new:
+            self._add(image, level)
+
+    def _kept_out(self, cubes: Sequence[Cube], level: int) -> list[Cube]:
+        """Those of the cubes that the frame before does not lead to, as far as is easily told."""
+        left = list(cubes)
+        for _ in range(PATIENCE):
+            if not left:
+                break
+            self.queries += 1
+            reached = [self._reached(cube) for cube in left]
+            one = self.clauses.variable()
+            self.clauses.add([-one, *reached])
+            some = self.clauses.solve([*self._on(level - 1), self._step, one])
+            model = self.clauses.model() if some else []
+            self.clauses.add([-one])
+            if not some:
+                return left
+            left = [c for c, number in zip(left, reached, strict=True) if model[number] < 0]
+        return []
+
+    def _reached(self, cube: Cube) -> int:
+        """A literal that makes a round lead to a cube."""
+        number = self._primed.get(cube)
+        if number is None:
+            number = self._primed[cube] = self.clauses.variable()
+            for x in cube:
+                self.clauses.add([-number, self._then(x)])
+        return number
+
+    def _add(self, cube: Cube, level: int) -> None:
+        for frame in self.frames[1:level]:
+            frame.discard(cube)
+        self.frames[level].add(cube)
+        self.clauses.add([-self._enabled[level], *(-self._number(x) for x in cube)])
+
+    def _pushed(self, last: int) -> set[Cube] | None:
+        """Move clauses on to later frames. The invariant, if two frames are now alike."""
+        for level in range(1, last):
+            for cube in sorted(self.frames[level], key=len):
+                if cube not in self.frames[level]:
+                    continue
+                if self._leads_to(level, cube, but=False) is None:
+                    continue
+                orbit = [c for c in self._orbit.get(cube, ()) if c in self.frames[level]]
+                # Where all that is known has images, what holds of one of them holds of all.
+                alike = self._kept_out(orbit, level + 1) if self._lopsided else orbit
+                for other in {cube, *alike}:
+                    self._add(other, level + 1)
+            if not self.frames[level]:
+                return set().union(*self.frames[level + 1 :])
+        return None
+
+
+#: So often what some images are reached by is looked at.
+PATIENCE = 6
+
+#: So many literals that cannot be left out are enough in a minor cube.
+MISSES = 6
+
+#: So many states that stand in the way of a smaller cube are looked at.
+OBSTACLES = 3
+
+
+class _Start:
+    """A solver that knows INIT alone."""
+
+    def __init__(self, graph: Graph, question: Question) -> None:
+        self.question = question
+        self.clauses = Clauses(graph, QUICK)
+        self.clauses.require(question.opens)
+        self._then = [self.clauses.of(latch.init) for latch in question.latches]
+        self._met: dict[Cube, bool] = {}
+
+    def meets(self, cube: Cube) -> bool:
+        return self.clauses.solve([self._signed(x) for x in cube])
+
+    def why_not(self, cube: Cube) -> Cube:
+        """Literals of a cube that no state after INIT has together."""
+        signed = {self._signed(x): x for x in cube}
+        met = self.clauses.solve(list(signed))
+        assert not met
+        return tuple(signed[x] for x in self.clauses.core())
+
+    def _signed(self, x: int) -> int:
+        number = self._then[abs(x) - 1]
+        return number if x > 0 else -number
+
+
+class _Lifting:
+    """A solver that tells which part of a state is enough to lead where it leads."""
+
+    def __init__(self, g: Graph, q: Question) -> None:
+        self.question = q
+        self.clauses = Clauses(g, QUICK)
+        self._latch = [self.clauses.of(latch.literal) for latch in q.latches]
+        self._next = [self.clauses.of(latch.next) for latch in q.latches]
+        own = {latch.literal >> 1 for latch in q.latches}
+        roots = [q.steps, q.bad, *(latch.next for latch in q.latches)]
+        self._inputs = [
+            (node, self.clauses.of(2 * node))
+            for node in g.cone(roots)
+            if g.is_input(node) and node not in own
+        ]
+
+    def bad(self, of: Clauses, latches: list[int]) -> Cube:
+        """The part of the state in the last model that is enough to be bad."""
+        return self._enough(of, latches, [self.clauses.of(self.question.bad)])
+
+    def before(self, of: Clauses, latches: list[int], cube: Cube) -> Cube:
+        """The part of the state in the last model that is enough to lead to a cube."""
+        goal = [self.clauses.of(self.question.steps)]
+        goal += [self._next[abs(x) - 1] * (1 if x > 0 else -1) for x in cube]
+        return self._enough(of, latches, goal)
+
+    def _enough(self, of: Clauses, latches: list[int], goal: list[int]) -> Cube:
+        model = of.model()
+        state = {}
+        for k, number in enumerate(latches):
+            true = model[abs(number)] * (1 if number > 0 else -1) > 0
+            state[self._latch[k] if true else -self._latch[k]] = k + 1 if true else -(k + 1)
+        inputs = []
+        for node, number in self._inputs:
+            there = of.known(node)
+            if there is not None:
+                inputs.append(number if model[there] > 0 else -number)
+        off = self.clauses.variable()
+        self.clauses.add([-off, *(-x for x in goal)])
+        met = self.clauses.solve([off, *inputs, *state])
+        assert not met
+        core = self.clauses.core()
+        self.clauses.add([-off])
+        return tuple(sorted(state[x] for x in core if x in state))
+
+
+def reduced(
+    latches: Sequence[Latch], cone: Callable[[Iterable[int]], list[int]], roots: Iterable[int]
+) -> tuple[Latch, ...]:
+    """The latches that literals depend on, now or later."""
+    by_node = {latch.literal >> 1: latch for latch in latches}
+    found: dict[int, Latch] = {}
+    pending = list(roots)
+    while pending:
+        nodes = cone(pending)
+        new = [by_node[n] for n in nodes if n in by_node and n not in found]
+        found |= {latch.literal >> 1: latch for latch in new}
+        pending = [latch.next for latch in new]
+    return tuple(latch for latch in latches if latch.literal >> 1 in found)
+
+
+__all__ = ["BOTH_SIDES", "FALSE", "Cube", "Invariant", "Question", "Reached", "Search"]

@@ -1,0 +1,153 @@
+"""Which parts of an invariant a proof needs: those that answers of a SAT solver hang on.
+
+What keeps the claims is needed, and what keeps that from one round to the next, and so on: a part
+of an inductive invariant that is inductive itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.verify.claims import Claim, Phase
+from koord.verify.encoding.solver import Deadline
+from koord.verify.engines.bits.checking import keeps
+from koord.verify.engines.bits.circuit import Circuit
+from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses
+from koord.verify.engines.bits.constraint_selection import everything
+from koord.verify.engines.bits.graph import FALSE
+from koord.verify.engines.bits.numbers import Number
+from koord.verify.engines.bits.prime_implicants import Orbit, Table, UnsaidError, complexity, facts
+
+#: What must not come about, in which phase of a round.
+Goal = tuple[Phase, int]
+
+#: So many questions are spent on leaving parts out one by one.
+MOST_TRIALS = 300
+
+
+class Needed(Struct, frozen=True):
+    """Orbits of cubes that are left out, and the places whose ranges count."""
+
+    orbits: tuple[Orbit, ...]
+    ranged: tuple[int, ...]
+
+
+def needed(
+    circuit: Circuit,
+    table: Table,
+    orbits: Sequence[Orbit],
+    claims: Sequence[Claim],
+    given: Sequence[Claim],
+    deadline: Deadline,
+) -> Needed:
+    """What the claims need of an invariant, if ``given`` ones hold.
+
+    Raises UnsaidError if the orbits are no invariant, or time runs out.
+    """
+    core = _Core(circuit, table, orbits, [*claims, *given])
+    kept = core.of(claims, deadline)
+    chosen = [orbits[k] for k in sorted(kept)]
+    held = [circuit.held[claim] for claim in given if claim in circuit.held]
+    # Ranges are what a circuit is made with; to ask of them again costs little.
+    question = replace(everything(circuit, claims, held), latches=circuit.latches)
+    statements = [table.left_out(orbit) for orbit in chosen]
+    statements += [circuit.held[claim] for claim in claims if claim in circuit.held]
+    if not keeps(circuit.d.graph, question, [*statements, *facts(table)], deadline):
+        raise UnsaidError("robots are not alike in it")
+    return Needed(tuple(chosen), tuple(core.ranged([circuit.d.graph.all_of(statements)])))
+
+
+class _Core:
+    """A solver that knows a round, and on request each part of an invariant."""
+
+    def __init__(
+        self, circuit: Circuit, table: Table, orbits: Sequence[Orbit], known: Sequence[Claim]
+    ) -> None:
+        self.circuit = circuit
+        self.table = table
+        self.orbits = orbits
+        self.known = known
+        self.clauses: Clauses
+        self._then: dict[int, int]
+        self._phase: dict[Phase, int]
+        self._parts: dict[int, int]  #: positions of orbits, by what turns them on
+
+    def of(self, claims: Sequence[Claim], deadline: Deadline) -> set[int]:
+        """The positions of orbits that the claims need: few, if not as few as can be."""
+        g, circuit = self.circuit.d.graph, self.circuit
+        self.clauses = Clauses(g, QUICK, deadline)
+        self._then = {latch.literal >> 1: latch.next for latch in circuit.latches}
+        for claim in self.known:
+            if claim in circuit.held:
+                self.clauses.require(circuit.held[claim])
+        for fact in facts(self.table):
+            self.clauses.require(fact)
+        self._phase = {phase: self._on(g.all_of(x)) for phase, x in self._phases()}
+        self._parts = {self._on(self.table.left_out(o)): k for k, o in enumerate(self.orbits)}
+        goals = [(phase, x) for claim in claims for phase, x in circuit.broken[claim]]
+        goals = [(phase, x) for phase, x in (*goals, (Phase.END, circuit.lost)) if x != FALSE]
+        found = self._closed(goals, deadline)
+        left = MOST_TRIALS
+        for k in sorted(found, key=lambda k: complexity(self.orbits[k]), reverse=True):
+            asked = [*goals, *(self._broken(other) for other in found if other != k)]
+            on = [x for x, other in self._parts.items() if other in found and other != k]
+            if left > 0 and all(self._is_kept(goal, on) for goal in asked):
+                found.remove(k)
+            left -= len(asked)
+        self.clauses.close()
+        return found
+
+    def _on(self, literal: int) -> int:
+        return self.clauses.of(literal, TRUE_SIDE)
+
+    def _closed(self, goals: Sequence[Goal], deadline: Deadline) -> set[int]:
+        """The orbits that goals need, and those that these need to be kept."""
+        pending, found = list(goals), set[int]()
+        while pending:
+            if deadline.passed():
+                raise UnsaidError("there was no time to say it in Koord")
+            if not self._is_kept(pending.pop(), list(self._parts)):
+                raise UnsaidError("what can be said of it is not inductive")
+            new = {self._parts[x] for x in self.clauses.core() if x in self._parts} - found
+            found |= new
+            pending += map(self._broken, sorted(new))
+        return found
+
+    def _broken(self, k: int) -> Goal:
+        """That a round leads into an orbit. What holds of one cube holds of its images."""
+        then = self.table.is_in(self.orbits[k].first)
+        return Phase.END, self.circuit.d.graph.substituted(then, self._then)
+
+    def _is_kept(self, goal: Goal, on: Sequence[int]) -> bool:
+        """Whether nothing bad comes about in a round from where some orbits are left out."""
+        phase, bad = goal
+        return not self.clauses.solve([self._phase[phase], self._on(bad), *on])
+
+    def _phases(self) -> Iterator[tuple[Phase, list[int]]]:
+        circuit = self.circuit
+        for phase, constraints in circuit.needed.items():
+            sound = [x ^ 1 for x in circuit.faults] if phase is Phase.END else []
+            yield phase, [*constraints, *sound]
+
+    def ranged(self, statements: Sequence[int]) -> list[int]:
+        """The places with numbers that statements and claims depend on, now or later."""
+        g, circuit = self.circuit.d.graph, self.circuit
+        roots = [*statements, *(x for c in self.known for _, x in circuit.broken.get(c, ()))]
+        found: set[int] = set()
+        while roots:
+            new = {node for node in g.cone(roots) if node in self._then} - found
+            found |= new
+            roots = [self._then[node] for node in sorted(new)]
+        places = self.table.places
+        if any(place.written and len(place.values) == 1 for place in places):
+            # What always has one value is part of no state, and may hang on any range.
+            return [
+                k
+                for k, place in enumerate(places)
+                if isinstance(place.bits, Number) or len(place.values) == 1
+            ]
+        moving = ((k, p) for k, p in enumerate(places) if isinstance(p.bits, Number))
+        return [k for k, place in moving if any(x >> 1 in found for x in place.latches)]

@@ -1,0 +1,365 @@
+"""The engine on circuits: loops of bounded length, and proofs that count. [T-COUNT] [LASSO]"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from functools import partial
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from koord.semantics.liveness import Response, expected, reads_ran, responses
+from koord.semantics.machine import NotFiniteError
+from koord.semantics.recording import Recording
+from koord.syntax import core
+from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
+from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.core import QuantifierKind
+from koord.syntax.system import System
+from koord.syntax.walk import asks
+from koord.verify.claims import Claim, Phase
+from koord.verify.engines.bits import ic3
+from koord.verify.engines.bits.checking import holds_always
+from koord.verify.engines.bits.circuit import LEVELS
+from koord.verify.engines.bits.clauses import QUICK, Clauses, NoAnswerError
+from koord.verify.engines.bits.engine import loose_variables
+from koord.verify.engines.bits.fairness_monitors import NOTHING, Watched, Watching
+from koord.verify.engines.bits.lasso_unrolling import Loops
+from koord.verify.engines.bits.liveness_to_safety import Counting, counted, counting, settles
+from koord.verify.engines.bits.robot_permutations import images, speaking_last
+from koord.verify.engines.explicit.liveness_engine import no_fair_run
+from koord.verify.ledger import Ledger, Reach
+from koord.verify.obstacles import Beyond, Lengths, Obstacle, Unreplayed, Values, gave_up
+from koord.verify.per_claim import singly
+from koord.verify.processes import Pool
+from koord.verify.verdicts import Engine, Outcome, Vacuity, Verdict
+from koord.verify.witness import NotReplayedError, OnlyOfSliceError
+
+#: Lassos with so many rounds are looked for before a proof is tried.
+FIRST_ROUNDS = 4
+
+
+class _Try(Struct, frozen=True):
+    """One way to look for a proof; ``most`` times fairness is counted, by so many questions."""
+
+    locks: bool
+    lemmas: bool
+    narrow: bool
+    most: int
+    questions: int | None
+
+
+#: What is tried before longer lassos are looked for, and what after that.
+QUICKLY = (_Try(False, False, True, 6, 100_000), _Try(True, False, True, 6, 20_000))
+#: What is tried instead where others wait, and how long lassos then are at most.
+AGAIN = (_Try(True, True, True, 2, 50_000),)
+FEW_ROUNDS = 12
+#: What is tried to show that no run is fair at all.
+IN_VAIN = (_Try(True, False, True, 2, 2_000),)
+AT_LENGTH = (
+    _Try(True, False, True, 8, 100_000),
+    _Try(True, True, True, 8, 100_000),
+    _Try(True, True, False, 64, None),
+)
+
+
+class LiveByBits(Struct):
+    """Verdicts on whole runs from circuits. ``lemmas`` are claims that hold in every round."""
+
+    pool: Pool  #: where claims are asked each by itself
+    sparing: bool = False  #: only what promises to end soon
+    quick: bool = False  #: only what is tried first
+    lemmas: tuple[Claim, ...] = ()
+    #: what was found out besides
+    empty: list[Vacuity] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        return Engine.BITS.value
+
+    def work(self, ledger: Ledger) -> None:
+        started = time.monotonic()
+        open_ = [claim for claim in ledger.open() if _leaves_open(ledger.system, claim)]
+        asks_ = "a statement asks what an external function gives"
+        _leave(ledger, open_, asks_, started, Beyond(Engine.BITS, asks_))
+        claims = [claim for claim in ledger.open() if claim not in open_]
+        stated = [claim.stated for claim in claims if claim.stated is not None]
+        for level in range(len(LEVELS)):
+            try:
+                watching = Watching.of(ledger.system, stated, self.lemmas, level)
+            except NotFiniteError as error:
+                _leave(ledger, claims, str(error), started, Beyond(Engine.BITS, str(error)))
+                return
+            work = partial(self._work, watching, started)
+            left = [claim for claim in claims if claim not in ledger.verdicts]
+            singly(ledger, left, self.pool, work, self.name)
+            circuit = watching.circuit
+            held = [c for c in claims if c in ledger.verdicts]
+            if held and expected(ledger.system) and not self.empty:
+                run = _Run(ledger, watching, held[0], self.lemmas, started)
+                if run.is_impossible():
+                    self.empty.append(no_fair_run(ledger.system))
+            strays = any("strays" in latch.name for latch in circuit.latches)
+            if (
+                self.sparing
+                or self.quick
+                or not ledger.open()
+                or not strays
+                or ledger.deadline.passed()
+            ):
+                return
+
+    def _work(self, watching: Watching, started: float, ledger: Ledger, claim: Claim) -> None:
+        _Run(ledger, watching, claim, self.lemmas, started).work(*self._means(ledger))
+
+    def _means(self, ledger: Ledger) -> tuple[int, tuple[_Try, ...]]:
+        """How long lassos may be, and which proofs are tried once there are none of these."""
+        if self.quick:
+            return FIRST_ROUNDS, ()
+        most = ledger.bounds.rounds
+        return (min(most, FEW_ROUNDS), AGAIN) if self.sparing else (most, AT_LENGTH)
+
+
+def _leaves_open(system: System, claim: Claim) -> bool:
+    assert claim.stated is not None
+    parts = [claim.stated, *system.program.expectations]
+    sides = [side for p in parts for side in (p.condition, p.trigger) if side is not None]
+    return any(asks(system.program, side) for side in sides)
+
+
+def _leave(
+    ledger: Ledger, claims: Sequence[Claim], reason: str, started: float, obstacle: Obstacle
+) -> None:
+    seconds = time.monotonic() - started
+    reach = Reach(Engine.BITS, None, f"bits: {reason}", seconds, obstacle=obstacle)
+    ledger.leave(claims, reach)
+
+
+class _Run(Struct):
+    """One claim, asked of one circuit."""
+
+    ledger: Ledger
+    watching: Watching
+    claim: Claim
+    lemmas: tuple[Claim, ...]
+    started: float
+    astray: str = ""
+    only_of_slice: bool = False  #: whether what went astray is a lasso of the slice all the same
+    used: dict[str, None] = field(default_factory=dict)
+
+    def work(self, most: int, more: tuple[_Try, ...]) -> None:
+        """Settle the claim, or say why not."""
+        assert self.claim.stated is not None
+        rounds = 0
+        for response in self._different(self.claim.stated):
+            watched = self.watching.watched(response)
+            loops = Loops(watched, reads_ran(self.watching.system, self.claim.stated))
+            proved = self._looked(loops, FIRST_ROUNDS) and self._proved(response, watched, QUICKLY)
+            if not proved and self._goes_on() and self._looked(loops, most):
+                proved = self._proved(response, watched, more)
+            if not proved:
+                rounds = loops.rounds
+                break
+        else:
+            fairness = tuple(name for name in self._names() if name in self.used)
+            verdict = Verdict(
+                self.claim, Outcome.HOLDS, Engine.BITS, self._seconds(), fairness=fairness
+            )
+            self.ledger.settle({self.claim: verdict})
+        if self.claim in self.ledger.verdicts:
+            return
+        limits = self.watching.circuit.limits
+        obstacle: Obstacle = gave_up(Engine.BITS, self.ledger.deadline)
+        reason = f"no lasso of up to {rounds} rounds breaks it, and no proof was found"
+        if limits and not self.only_of_slice:
+            reason = f"not covered: {'; '.join(limits)}"
+            obstacle = Lengths(Engine.BITS, tuple(limits))
+        elif self.astray:
+            reason = self.astray
+            obstacle = Unreplayed(Engine.BITS)
+        elif self.ledger.deadline.passed():
+            reason = f"timeout; {reason}"
+        loose = loose_variables(self.watching.circuit)
+        if loose:
+            reason += f"; infinitely many values: {', '.join(loose)}"
+            if not limits and not self.only_of_slice:
+                obstacle = Values(Engine.BITS, tuple(loose))
+        _leave(self.ledger, [self.claim], reason, self.started, obstacle)
+
+    def is_impossible(self) -> bool:
+        """Whether it is quickly proved that no run is fair at all."""
+        watched = self.watching.watched(NOTHING)
+        return self._proved(NOTHING, watched, IN_VAIN, anew=True)
+
+    def _different(self, stated: core.Property) -> list[Response]:
+        """The responses to look at: of robots that may change places, that of one. [SYMMETRY]"""
+        system = self.watching.system
+        found = responses(system, stated)
+        if stated.each is None:
+            return list(found)
+        symmetry = symmetry_of(speaking_last(system), self._sides((stated,)))
+        groups = symmetry.groups if isinstance(symmetry, Symmetry) else ()
+        others = {robot for group in groups for robot in group[1:]}
+        return [response for response in found if response.robot not in others]
+
+    def _goes_on(self) -> bool:
+        settled = self.claim in self.ledger.verdicts
+        return not settled and not self.astray and not self.ledger.deadline.passed()
+
+    def _seconds(self) -> float:
+        return time.monotonic() - self.started
+
+    def _names(self) -> list[str]:
+        names = [response.name for response in expected(self.watching.system)]
+        return ["robots", "locks", *dict.fromkeys(names)]
+
+    # --- lassos ---------------------------------------------------------------------------------
+
+    def _looked(self, loops: Loops, rounds: int) -> bool:
+        """Look for lassos of up to so many rounds. Whether there is reason to go on.
+
+        Where one does not replay another one may: circuits allow more than programs do.
+        """
+        ledger = self.ledger
+        while loops.rounds < rounds and not ledger.deadline.passed():
+            self._tell(f"lassos of {loops.rounds + 1} rounds")
+            loops.begin()
+            try:
+                for lasso in loops.lassos(ledger.system, ledger.deadline):
+                    if self._is_violated_by(lasso):
+                        return False
+            except OutOfPatienceError:
+                return False
+        return not ledger.deadline.passed()
+
+    def _is_violated_by(self, lasso: Recording) -> bool:
+        """Settle the claim if the lasso replays; whether its slice needs no more lassos."""
+        try:
+            shown = self.ledger.subject.judge(lasso, self.claim, Phase.END)
+        except NotReplayedError as error:
+            self.astray = f"a candidate violation did not replay: {error}"
+            self.only_of_slice = isinstance(error, OnlyOfSliceError)
+            return self.only_of_slice
+        verdict = Verdict(
+            self.claim, Outcome.VIOLATED, Engine.BITS, self._seconds(), counterexample=shown
+        )
+        self.ledger.settle({self.claim: verdict})
+        return True
+
+    # --- proofs ---------------------------------------------------------------------------------
+
+    def _proved(
+        self, response: Response, watched: Watched, tries: Sequence[_Try], *, anew: bool = False
+    ) -> bool:
+        settled = self.claim in self.ledger.verdicts and not anew
+        if self.watching.circuit.limits or settled:
+            return False
+        try:
+            return self._tried(response, watched, tries, anew=anew)
+        except NoAnswerError:
+            return False
+
+    def _tried(
+        self, response: Response, watched: Watched, tries: Sequence[_Try], *, anew: bool
+    ) -> bool:
+        for each in tries:
+            given = self._given() if each.lemmas else []
+            if each.lemmas and not given:
+                continue
+            if each.locks and not watched.grants and each in QUICKLY:
+                continue
+            of = counting(watched, given, locks=each.locks, narrow=each.narrow)
+            for times in range(1, each.most + 1):
+                if self.ledger.deadline.passed():
+                    return False
+                found = self._counted(response, of, times, each.questions)
+                if found:
+                    if not anew:
+                        self._rests_on(response, watched, each, times)
+                    return True
+                if found is None:
+                    break
+        return False
+
+    def _given(self) -> list[int]:
+        held = self.watching.circuit.held
+        return [held[lemma] for lemma in self.lemmas if lemma in held]
+
+    def _counted(
+        self, response: Response, of: Counting, times: int, questions: int | None
+    ) -> bool | None:
+        """Whether fairness is never met so many times; None if nobody knows."""
+        for exchange in (True, False):
+            question = counted(of, times)
+            clauses = Clauses(of.graph, QUICK, self.ledger.deadline)
+            alike = self._symmetric(response) if exchange else None
+            search = ic3.Search(
+                clauses,
+                question,
+                self.ledger.deadline,
+                images(self.ledger.system, alike, question.latches),
+                lambda frame, cubes: self._tell(f"frame {frame}, {cubes} clauses"),
+                limit=questions,
+            )
+            found = search.run()
+            clauses.close()
+            match found:
+                case ic3.Reached():
+                    return False
+                case ic3.Unfinished():
+                    return None
+                case ic3.Invariant():
+                    # Asked with all constraints, whatever was left out.
+                    asked = replace(question, steps=of.whole)
+                    if self._is_kept(of, asked, found):
+                        return True
+                    # Robots were exchanged that are not alike in every bit.
+                    assert exchange, "an invariant that is none"
+        return None
+
+    def _is_kept(self, of: Counting, asked: ic3.Question, found: ic3.Invariant) -> bool:
+        """Whether an invariant is one, by another solver."""
+        deadline = self.ledger.deadline
+        return holds_always(of.graph, asked, found.cubes, deadline) and settles(of, deadline)
+
+    def _tell(self, text: str) -> None:
+        self.ledger.progress(f"bits, {text}")
+
+    def _symmetric(self, response: Response) -> tuple[core.Property, ...]:
+        """What robots must look alike to: the response, and what is expected of each of them."""
+        return (*response.statements, *self._sides(()))
+
+    def _sides(self, stated: tuple[core.Property, ...]) -> tuple[core.Property, ...]:
+        """Both sides of statements and of what is expected, said of all robots that are meant."""
+        sides = []
+        for each in (*stated, *self.watching.system.program.expectations):
+            trigger = () if each.trigger is None else (each.trigger,)
+            for side in (*trigger, each.condition):
+                whole = _of_all(each, side)
+                sides.append(replace(each, condition=whole, trigger=None, each=None))
+        return tuple(sides)
+
+    def _rests_on(self, response: Response, watched: Watched, how: _Try, times: int) -> None:
+        """Note which fairness the proof needs, as far as that is quickly told."""
+        locks = how.locks and bool(watched.grants)
+        needed = [name for name in self._names() if name != "locks" or locks]
+        given = self._given() if how.lemmas else []
+        for name in list(needed):
+            rest = [other for other in needed if other != name]
+            of = counting(watched.resting_on(rest), given, locks="locks" in rest, narrow=how.narrow)
+            more = (self._counted(response, of, times + k, FEW_QUESTIONS) for k in range(3))
+            if any(more):
+                needed = rest
+        self.used |= dict.fromkeys(needed)
+
+
+#: So many questions may be asked to do without some fairness.
+FEW_QUESTIONS = 1_000
+
+
+def _of_all(stated: core.Property, side: core.Expr) -> core.Expr:
+    if stated.each is None:
+        return side
+    domain = core.RobotRange(stated.each.agent)
+    return core.Quantified(QuantifierKind.FORALL, stated.each.variable, domain, side)

@@ -1,0 +1,159 @@
+"""Opaque values: of these only equality and uninterpreted relations are known.
+
+At any moment finitely many of them exist. A *token* is one that came about: what a variable held at
+the start of a round, an answer, a function of other tokens. A value that is not known is a *choice*
+of tokens under conditions that exclude each other. What is known of tokens are *atoms*: one literal
+for each relation and each tuple of tokens that somebody asks about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+from typing import NamedTuple, TypeAlias
+
+from msgspec import Struct, field
+
+from koord.semantics.domain import Constant
+from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
+
+#: The relation that every sort has.
+EQUALS = "="
+
+
+class Choice(NamedTuple):
+    """An opaque value: tokens, each with the condition that it is the one."""
+
+    sort: str
+    parts: tuple[tuple[Argument, int], ...]
+
+
+class Token(NamedTuple):
+    """One opaque value that came about.
+
+    ``standing`` ones are held by variables from one round to the next, ``part`` says to which
+    formula the others belong. ``function`` and ``arguments`` tell what it was computed from.
+    """
+
+    sort: str
+    name: str
+    part: int
+    standing: bool = False
+    function: str = ""
+    arguments: tuple[Argument, ...] = ()
+
+
+class Known(NamedTuple):
+    """A constant as an argument."""
+
+    value: Constant
+
+
+Argument: TypeAlias = "int | Known"
+
+#: A relation and what it is asked of.
+Atom: TypeAlias = "tuple[str, tuple[Argument, ...]]"
+
+
+class Opaques(Struct):
+    """All tokens and atoms of one system, over one graph."""
+
+    graph: Graph
+    part: int = 0  #: to which formula what comes about now belongs
+    tokens: list[Token] = field(default_factory=list)
+    atoms: dict[int, dict[Atom, int]] = field(default_factory=dict)  #: by part
+    _terms: dict[tuple[str, int, tuple[Argument, ...]], int] = field(default_factory=dict)
+
+    def fresh(self, sort: str, name: str, *, standing: bool = False) -> Choice:
+        """A value of which nothing is known."""
+        self.tokens.append(Token(sort, name, self.part, standing))
+        return Choice(sort, ((len(self.tokens) - 1, TRUE),))
+
+    def term(self, function: str, arguments: tuple[Argument, ...], sort: str) -> int:
+        """The token that a function gives for arguments: for equal ones the same.
+
+        For none it gives one for the whole run, of which is known what is known of variables'.
+        """
+        key = (function, self.part if arguments else 0, arguments)
+        if key not in self._terms:
+            shown = ",".join(str(a) for a in arguments)
+            name, standing = f"{function}({shown})", not arguments
+            token = Token(sort, name, self.part, standing, function, arguments)
+            self.tokens.append(token)
+            self._terms[key] = len(self.tokens) - 1
+        return self._terms[key]
+
+    def found(self, function: str, arguments: tuple[Argument, ...]) -> int:
+        """The token that a function gave for arguments; -1 if it was never asked."""
+        return self._terms.get((function, self.part if arguments else 0, arguments), -1)
+
+    def atom(self, relation: str, arguments: tuple[Argument, ...]) -> int:
+        """Whether a relation holds of tokens and constants."""
+        if relation == EQUALS:
+            if arguments[0] == arguments[1]:
+                return TRUE
+            arguments = tuple(sorted(arguments, key=str))
+        key = (relation, arguments)
+        atoms = self.atoms.setdefault(self.part, {})
+        if key not in atoms:
+            shown = ",".join(self._name(a) for a in arguments)
+            atoms[key] = self.graph.input(f"{relation}({shown})")
+        return atoms[key]
+
+    def _name(self, argument: Argument) -> str:
+        if isinstance(argument, Known):
+            return str(argument.value)
+        return self.tokens[argument].name
+
+    def is_standing(self, atom: Atom) -> bool:
+        """Whether an atom is of values that variables hold: then it is part of the state."""
+        return all(isinstance(a, Known) or self.tokens[a].standing for a in atom[1])
+
+    # --- values ---------------------------------------------------------------------------------
+
+    def chosen(self, condition: int, then: Choice, other: Choice) -> Choice:
+        """One of two values."""
+        g = self.graph
+        guards: dict[Argument, int] = {}
+        for token, guard in then.parts:
+            guards[token] = g.both(condition, guard)
+        for token, guard in other.parts:
+            both = g.both(condition ^ 1, guard)
+            guards[token] = g.either(guards[token], both) if token in guards else both
+        if set(guards) == {t for t, _ in then.parts} == {t for t, _ in other.parts}:
+            # Simpler, and the same.
+            a, b = dict(then.parts), dict(other.parts)
+            guards = {token: g.choose(condition, a[token], b[token]) for token in guards}
+        return Choice(then.sort, tuple((t, x) for t, x in guards.items() if x != FALSE))
+
+    def related(self, relation: str, arguments: Sequence[Choice | Constant]) -> int:
+        """Whether a relation holds of values: by cases."""
+        g = self.graph
+        if relation == EQUALS and arguments[0] == arguments[1]:
+            return TRUE
+        return g.any_of(
+            g.both(guard, self.atom(relation, tokens)) for tokens, guard in self.cases(arguments)
+        )
+
+    def applied(self, function: str, arguments: Sequence[Choice | Constant], sort: str) -> Choice:
+        """What a function gives for values: by cases."""
+        g = self.graph
+        guards: dict[Argument, int] = {}
+        for tokens, guard in self.cases(arguments):
+            token = self.term(function, tokens, sort)
+            guards[token] = g.either(guards.get(token, FALSE), guard)
+        return Choice(sort, tuple(guards.items()))
+
+    def cases(
+        self, arguments: Sequence[Choice | Constant]
+    ) -> Iterator[tuple[tuple[Argument, ...], int]]:
+        """What the arguments may be, with the conditions."""
+        options: list[tuple[tuple[Argument, int], ...]] = [
+            a.parts if isinstance(a, Choice) else ((Known(a), TRUE),) for a in arguments
+        ]
+        for combined in product(*options):
+            guard = TRUE
+            for _, condition in combined:
+                guard = self.graph.both(guard, condition)
+            if guard != FALSE:
+                yield tuple(argument for argument, _ in combined), guard

@@ -1,0 +1,270 @@
+"""An invariant of bits as one of values: prime cubes of values in the place of cubes of bits.
+
+A cube of values says of some places which values they have. What the invariant leaves out is
+covered by cubes that are prime: no place can be dropped from one, and no value added, without it
+meeting a state of the invariant. Where robots may change places, cubes come in *orbits*, closed
+under that: what is left out is the same if the invariant is closed, and else is less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import permutations, product
+from math import perm, prod
+
+from msgspec import Struct
+
+from koord.verify.encoding.solver import Deadline
+from koord.verify.engines.bits import numbers
+from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses
+from koord.verify.engines.bits.domain import BitDomain
+from koord.verify.engines.bits.graph import FALSE, TRUE
+from koord.verify.engines.bits.ic3 import Cube, Question
+from koord.verify.engines.bits.numbers import Number
+from koord.verify.engines.bits.state_decoder import EQUALS_SIGN, OUTSIDE, Held, Piece, Place, Robot
+
+#: Places by position, with the values that they have in a cube.
+Values = tuple[tuple[int, frozenset[Held]], ...]
+
+#: An orbit of more cubes than that is not followed.
+MANY_IMAGES = 2_000
+
+
+class Orbit(Struct, frozen=True):
+    """States that are left out: those of a cube, and of what it may be renamed to."""
+
+    first: Values
+    images: tuple[Values, ...]  #: the first is among them
+
+
+class UnsaidError(Exception):
+    """An invariant that cannot be said in Koord, with the reason."""
+
+
+class Table:
+    """The places of a state, to be found by name, and robots that may change places."""
+
+    def __init__(
+        self, d: BitDomain, places: tuple[Place, ...], groups: tuple[tuple[int, ...], ...]
+    ) -> None:
+        self.d = d
+        self.places = places
+        self.groups = groups
+        self._literals: dict[tuple[int, frozenset[Held]], int] = {}
+        self._numbers: dict[tuple[Piece, ...], int] = {
+            place.name: k for k, place in enumerate(self.places)
+        }
+
+    def is_in(self, values: Values) -> int:
+        """The literal that says that a state is in a cube."""
+        return self.d.graph.all_of(self._has(k, held) for k, held in values)
+
+    def left_out(self, orbit: Orbit) -> int:
+        """The literal that says that a state is in no cube of an orbit."""
+        return self.d.graph.any_of(self.is_in(image) for image in orbit.images) ^ 1
+
+    def _has(self, k: int, held: frozenset[Held]) -> int:
+        key = (k, held)
+        if key not in self._literals:
+            place = self.places[k]
+            is_value = (place.is_value(self.d, value) for value in held)
+            self._literals[key] = self.d.graph.any_of(is_value)
+        return self._literals[key]
+
+    # --- robots that change places --------------------------------------------------------------
+
+    def orbit(self, values: Values) -> Orbit:
+        """All that a cube becomes. Raises UnsaidError if that is too much."""
+        robots = self.robots_of(values)
+        moving = [[r for r in robots if r in group] for group in self.groups]
+        count = prod(perm(len(g), len(m)) for g, m in zip(self.groups, moving, strict=True))
+        if count > MANY_IMAGES:
+            raise UnsaidError(f"one of its clauses is about {len(robots)} robots at once")
+        found: dict[Values, None] = {}
+        choices = [permutations(g, len(m)) for g, m in zip(self.groups, moving, strict=True)]
+        for others in product(*choices):
+            to: dict[int, int] = {}
+            for group, m, new in zip(self.groups, moving, others, strict=True):
+                # All robots move, so that sets of others become sets of others.
+                still = [r for r in group if r not in m], [r for r in group if r not in new]
+                to |= dict(zip([*m, *still[0]], [*new, *still[1]], strict=True))
+            found.setdefault(self._renamed(values, to))
+        images = tuple(sorted(found, key=_order))
+        return Orbit(images[0], images)
+
+    def robots_of(self, values: Values) -> list[int]:
+        """The robots that a cube is about, in the order in which they come up."""
+        found: dict[int, None] = {}
+        for k, held in values:
+            place = self.places[k]
+            found |= dict.fromkeys(place.robots)
+            if place.of_robots:
+                few = _fewer(place, held)
+                everyone = {r for group in self.groups for r in group}
+                found |= dict.fromkeys(sorted(int(v) for v in few if v in everyone))
+        return list(found)
+
+    def _renamed(self, values: Values, to: Mapping[int, int]) -> Values:
+        return tuple(sorted((self._moved(k, to), self._held(k, held, to)) for k, held in values))
+
+    def _moved(self, k: int, to: Mapping[int, int]) -> int:
+        name = tuple(
+            Robot(to.get(piece.number, piece.number)) if isinstance(piece, Robot) else piece
+            for piece in self.places[k].name
+        )
+        found = self._numbers.get(name)
+        if found is None and EQUALS_SIGN in name:
+            middle = name.index(EQUALS_SIGN)
+            found = self._numbers.get((*name[middle + 1 :], EQUALS_SIGN, *name[:middle]))
+        if found is None:
+            raise UnsaidError(f"nothing is known of {''.join(map(str, name))}")
+        return found
+
+    def _held(self, k: int, held: frozenset[Held], to: Mapping[int, int]) -> frozenset[Held]:
+        if not self.places[k].of_robots:
+            return held
+        return frozenset(to.get(v, v) if isinstance(v, int) else v for v in held)
+
+
+def _fewer(place: Place, held: frozenset[Held]) -> frozenset[Held]:
+    """Some values of a place, or those that are missing, whichever are fewer."""
+    missing = frozenset(place.values) - held
+    return held if len(held) <= len(missing) else missing
+
+
+def complexity(orbit: Orbit) -> tuple[int, int, int]:
+    """What makes an orbit hard to read."""
+    return len(orbit.first), len(orbit.images), sum(len(held) for _, held in orbit.first)
+
+
+def _order(values: Values) -> list[tuple[int, list[str]]]:
+    return [(k, sorted(map(str, held))) for k, held in values]
+
+
+class Primes:
+    """Looks for prime cubes outside of an invariant, and knows which states they leave."""
+
+    def __init__(
+        self,
+        table: Table,
+        question: Question,
+        cubes: Sequence[Cube],
+        deadline: Deadline,
+        unsaid: str = "",
+    ) -> None:
+        self.table = table
+        self.question = question
+        self.cubes = cubes
+        self.deadline = deadline
+        self.unsaid = unsaid  #: why some of its clauses are left out
+        self._of_latch: dict[int, list[int]] = {}
+        self._inside: Clauses  #: states of the invariant
+        self._outside: Clauses  #: states that no cube which was found leaves out
+
+    def orbits(self) -> list[Orbit]:
+        """Orbits that cover the cubes of an invariant. Raises UnsaidError if there are none."""
+        graph, latches = self.table.d.graph, self.question.latches
+        self._inside, self._outside = (Clauses(graph, QUICK, self.deadline) for _ in range(2))
+        for k, place in enumerate(self.table.places):
+            for node in graph.cone([place.inside, *place.latches]):
+                self._of_latch.setdefault(node, []).append(k)
+        for required in facts(self.table):
+            self._inside.require(required)
+            self._outside.require(required)
+        cubes = [[latches[abs(x) - 1].literal ^ (x < 0) for x in cube] for cube in self.cubes]
+        for cube in cubes:
+            self._inside.require(graph.all_of(cube) ^ 1)
+        found = []
+        for cube in sorted(cubes, key=len):
+            if any(x >> 1 not in self._of_latch for x in cube):
+                self.unsaid = "it speaks of more than the scalars of variables"
+                continue
+            while (point := self._uncovered(cube)) is not None:
+                if self.deadline.passed():
+                    raise UnsaidError("there was no time to say it in Koord")
+                if not self._is_out(dict(point)):
+                    # Where a value is not inside, its bits are: that says nothing of the program.
+                    self._outside.require(self.table.is_in(point) ^ 1)
+                    continue
+                orbit = self.table.orbit(self._prime(point))
+                self._outside.require(self.table.left_out(orbit))
+                found.append(orbit)
+        self._inside.close()
+        self._outside.close()
+        return self._independent(found)
+
+    def _independent(self, orbits: Sequence[Orbit]) -> list[Orbit]:
+        """Orbits none of which the others make superfluous; the simplest are kept."""
+        table, clauses = self.table, Clauses(self.table.d.graph, QUICK, self.deadline)
+        for fact in facts(table):
+            clauses.require(fact)
+        parts = {o: clauses.of(table.left_out(o), TRUE_SIDE) for o in orbits}
+        for orbit in sorted(orbits, key=complexity, reverse=True):
+            rest = [x for other, x in parts.items() if other != orbit]
+            if not clauses.solve([*rest, clauses.of(table.is_in(orbit.first))]):
+                del parts[orbit]
+        clauses.close()
+        return list(parts)
+
+    def _uncovered(self, cube: Sequence[int]) -> Values | None:
+        """Values that are in a cube of bits and in no cube that was found."""
+        clauses = self._outside
+        if not clauses.solve([clauses.of(x) for x in cube]):
+            return None
+        model = clauses.model()
+        found: dict[int, frozenset[Held]] = {}
+        for x in cube:
+            for k in self._of_latch[x >> 1]:
+                found[k] = frozenset([self._held(k, clauses, model)])
+        return tuple(sorted(found.items()))
+
+    def _held(self, k: int, clauses: Clauses, model: Sequence[int]) -> Held:
+        place, d = self.table.places[k], self.table.d
+        given = {}
+        for node in d.graph.cone([place.inside, *place.latches]):
+            number = clauses.known(node)
+            given[node] = number is not None and (model[abs(number)] > 0) == (number > 0)
+        for value in place.values:
+            if d.graph.values([place.is_value(d, value)], given)[0]:
+                return value
+        raise UnsaidError("a variable may be beyond its values in it")
+
+    def _prime(self, values: Values) -> Values:
+        """A prime cube that has all states of a cube: with as few places as is easily seen."""
+        cube = dict(values)
+        for k in list(cube):
+            rest = {other: held for other, held in cube.items() if other != k}
+            if self._is_out(rest):
+                cube = rest
+        for k in cube:
+            for value in self._others(k, cube[k]):
+                more = {**cube, k: cube[k] | {value}}
+                if self._is_out(more):
+                    cube = more
+        return tuple(sorted(cube.items()))
+
+    def _others(self, k: int, held: frozenset[Held]) -> Iterator[Held]:
+        """What else a place may hold: first what is hardest to say something about."""
+        place = self.table.places[k]
+        values = [v for v in place.values if v not in held]
+        yield from sorted(values, key=lambda v: v is not OUTSIDE)
+
+    def _is_out(self, cube: Mapping[int, frozenset[Held]]) -> bool:
+        """Whether no state of the invariant is in a cube."""
+        literals = [self.table.is_in((part,)) for part in cube.items()]
+        return not self._inside.solve([self._inside.of(x) for x in literals])
+
+
+def facts(table: Table) -> list[int]:
+    """What is so of every state: numbers are in their ranges, and the least of them astray."""
+    d, found = table.d, []
+    for place in table.places:
+        if isinstance(place.bits, Number):
+            found += d.in_range(place.bits)
+            if place.bits.loose > 1:
+                least = numbers.lifted(place.bits.low)
+                plain = place.bits._replace(loose=FALSE, scale=0)
+                found.append(
+                    d.graph.either(place.bits.loose ^ 1, numbers.equal(d.graph, plain, least))
+                )
+    return [fact for fact in found if fact != TRUE]

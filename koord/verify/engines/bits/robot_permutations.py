@@ -1,0 +1,150 @@
+"""Which other cubes of states are excluded when one is: those where robots changed places.
+[SYMMETRY]
+
+Bits are told apart by name. Nothing hangs on it that a name is read aright: a clause that does not
+hold would show when the invariant is checked.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from itertools import permutations
+from math import perm
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from koord.syntax import core
+from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
+from koord.syntax.system import System
+from koord.syntax.types import ArrayType, Robots
+from koord.verify.engines.bits.circuit import Latch
+from koord.verify.engines.bits.ic3 import Cube
+
+#: A cube with more images than that has none.
+MANY = 400
+
+
+def images(
+    system: System, properties: tuple[core.Property, ...] | None, latches: Sequence[Latch]
+) -> Callable[[Cube], list[Cube] | None]:
+    """What a cube becomes when robots that may do so change places; for None they may not."""
+    if properties is None:
+        return lambda cube: None
+    found = symmetry_of(speaking_last(system), properties)
+    if not isinstance(found, Symmetry):
+        return lambda cube: None
+    return _Renaming(system, found, latches).of
+
+
+def speaking_last(system: System) -> System:
+    """The system with functions that have summaries behind those that these speak of.
+
+    Functions that stand for list expressions come last in the program, and are spoken of before.
+    """
+    externals = tuple(sorted(system.program.externals, key=lambda e: bool(e.ensures)))
+    return replace(system, program=replace(system.program, externals=externals))
+
+
+class _Place(Struct, frozen=True):
+    """A bit's name with its robots left out, and those robots."""
+
+    name: str
+    robots: tuple[int, ...]
+
+
+class _Renaming(Struct):
+    system: System
+    symmetry: Symmetry
+    latches: Sequence[Latch]
+    _places: list[_Place | None] = field(default_factory=list)
+    _numbers: dict[_Place, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        program = self.system.program
+        arrays = [x.variable.name for x in program.allread]
+        arrays += [x.variable.name for x in program.allwrite if _is_by_robot(x)]
+        indexed = "|".join(re.escape(name) for name in arrays)
+        robots = r"@(\d+)" + (rf"|\b(?:{indexed})\.(\d+)" if indexed else "")
+        pattern = re.compile(robots)
+        held = self._holding_robots()
+        for number, latch in enumerate(self.latches, start=1):
+            # The condition is the variable's name, as the text has it, in front of the name.
+            if any(re.search(rf"\b{re.escape(name)}\b", latch.name) for name in held):
+                self._places.append(None)
+                continue
+            who = tuple(int(a or b or 0) for a, b in _groups(pattern, latch.name))
+            place = _Place(pattern.sub(_without_number, latch.name), who)
+            self._places.append(place)
+            self._numbers[place] = number
+
+    def of(self, cube: Cube) -> list[Cube] | None:
+        """The images of a cube, or None if they are not cubes, or too many."""
+        places = [self._places[abs(x) - 1] for x in cube]
+        if None in places:
+            return None
+        robots = sorted({r for place in places if place is not None for r in place.robots})
+        moving = [r for r in robots if any(r in group for group in self.symmetry.groups)]
+        groups = [group for group in self.symmetry.groups if set(group) & set(moving)]
+        if not groups:
+            return [] if not robots else None
+        if len(groups) > 1 or len(moving) < len(robots):
+            return None
+        if perm(len(groups[0]), len(robots)) > MANY:
+            return None
+        found: list[Cube] = []
+        for others in permutations(groups[0], len(robots)):
+            image = self._image(cube, places, dict(zip(robots, others, strict=True)))
+            if image is None:
+                return None
+            if image != cube:
+                found.append(image)
+        return found
+
+    def _image(
+        self, cube: Cube, places: Sequence[_Place | None], to: dict[int, int]
+    ) -> Cube | None:
+        found = []
+        for x, place in zip(cube, places, strict=True):
+            assert place is not None
+            moved = _Place(place.name, tuple(to[r] for r in place.robots))
+            number = self._numbers.get(moved)
+            if number is None:
+                return None
+            found.append(number if x > 0 else -number)
+        return tuple(sorted(found))
+
+    def _holding_robots(self) -> set[str]:
+        """Variables whose values change when robots are renamed, other than by index."""
+        program, symmetry = self.system.program, self.symmetry
+        held = {
+            x.variable.name
+            for x, shape in zip(program.allread, symmetry.entries, strict=True)
+            if shape is not None
+        }
+        held |= {
+            x.variable.name
+            for x, shape in zip(program.allwrite, symmetry.allwrite, strict=True)
+            if shape is not None and not _is_by_robot(x)
+        }
+        for agent, shapes in zip(program.agents, symmetry.locals, strict=True):
+            pairs = zip(agent.locals, shapes, strict=True)
+            held |= {x.variable.name for x, shape in pairs if shape is not None}
+        for agent, shapes in zip(program.agents, symmetry.ports, strict=True):
+            ports = zip(agent.ports, shapes, strict=True)
+            held |= {p.declaration.variable.name for p, shape in ports if shape is not None}
+        return held
+
+
+def _is_by_robot(entry: core.Declaration) -> bool:
+    type_ = entry.variable.type
+    return isinstance(type_, ArrayType) and type_.size is Robots.ALL
+
+
+def _groups(pattern: re.Pattern[str], name: str) -> list[tuple[str, str]]:
+    return [(*found.groups(), "")[:2] for found in pattern.finditer(name)]  # type: ignore[misc]
+
+
+def _without_number(found: re.Match[str]) -> str:
+    return re.sub(r"\d+$", "#", found.group())

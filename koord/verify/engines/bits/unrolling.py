@@ -1,0 +1,131 @@
+"""Rounds of a circuit one behind the other, on one incremental SAT solver."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from msgspec import Struct, field
+
+from koord.verify.claims import Claim, Phase
+from koord.verify.encoding.solver import Answer, Deadline
+from koord.verify.engines.bits.circuit import Circuit
+from koord.verify.engines.bits.clauses import OTHER, TRUE_SIDE, Clauses
+from koord.verify.engines.bits.graph import FALSE, TRUE, Graph
+
+
+class Copy(Struct):
+    """One copy of a circuit's nodes in another graph: of INIT, or of a round."""
+
+    source: Graph
+    target: Graph
+    label: str
+    meaning: dict[int, int] = field(default_factory=dict)  #: node of the source → literal
+
+    def of(self, literal: int) -> int:
+        """The copy of a literal."""
+        meaning, g, to = self.meaning, self.source, self.target
+        root = literal >> 1
+        if root not in meaning and root:
+            stack = [root]
+            while stack:
+                node = stack[-1]
+                if node in meaning or node == 0:
+                    stack.pop()
+                    continue
+                if g.is_input(node):
+                    meaning[node] = to.input(f"{g.names[node]}{self.label}")
+                    stack.pop()
+                    continue
+                a, b = g.left[node], g.right[node]
+                x, y = self._there(a), self._there(b)
+                if x is None or y is None:
+                    if x is None:
+                        stack.append(a >> 1)
+                    if y is None:
+                        stack.append(b >> 1)
+                    continue
+                meaning[node] = to.both(x, y)
+                stack.pop()
+        found = self._there(literal)
+        assert found is not None
+        return found
+
+    def _there(self, literal: int) -> int | None:
+        if literal < 2:
+            return literal
+        found = self.meaning.get(literal >> 1)
+        return None if found is None else found ^ (literal & 1)
+
+
+class Witnessed(Struct, frozen=True):
+    """A run of a circuit: what its inputs and latches are, in INIT and in each round.
+
+    A node that is not mentioned may be anything.
+    """
+
+    opening: dict[int, bool]
+    rounds: tuple[dict[int, bool], ...]
+
+
+class Unrolled:
+    """A circuit unrolled so far. ``completed`` rounds were looked at and found to break nothing."""
+
+    def __init__(self, circuit: Circuit) -> None:
+        self.circuit = circuit
+        self.graph = Graph()
+        self.clauses = Clauses(self.graph, OTHER)
+        self.opening = Copy(circuit.d.graph, self.graph, "#init")
+        self.rounds: list[Copy] = []
+        self.lost = FALSE
+
+    def begin(self) -> Copy:
+        """One more round, behind those that are there."""
+        circuit = self.circuit
+        before = self.rounds[-1] if self.rounds else self.opening
+        copy = Copy(circuit.d.graph, self.graph, f"#{len(self.rounds)}")
+        if self.rounds:
+            self.clauses.require(before.of(circuit.steps))
+            self.clauses.require(before.of(circuit.lost) ^ 1)
+            for latch in circuit.latches:
+                copy.meaning[latch.literal >> 1] = _signed(before.of(latch.next), latch.literal)
+        else:
+            self.clauses.require(before.of(circuit.opens))
+            for latch in circuit.latches:
+                copy.meaning[latch.literal >> 1] = _signed(before.of(latch.init), latch.literal)
+        self.rounds.append(copy)
+        return copy
+
+    def asked(self, literal: int, deadline: Deadline) -> Answer:
+        """Whether a literal can hold."""
+        if literal == FALSE:
+            return Answer.UNSAT
+        return self.clauses.solve_in_time([self.clauses.of(literal, TRUE_SIDE)], deadline)
+
+    def never(self, literal: int) -> None:
+        """Require that a literal does not hold, as was shown."""
+        if literal != FALSE:
+            self.clauses.require(literal ^ 1)
+
+    def witnessed(self) -> Witnessed:
+        """The run that the last answer, yes, is about."""
+        model = self.clauses.model()
+        inputs = {
+            node: model[number] > 0
+            for node in self.graph.names
+            if (number := self.clauses.known(node)) is not None and number < len(model)
+        }
+
+        def read(copy: Copy) -> dict[int, bool]:
+            nodes = [n for n in copy.meaning if copy.source.is_input(n)]
+            values = self.graph.values([copy.meaning[n] for n in nodes], inputs)
+            return dict(zip(nodes, values, strict=True))
+
+        return Witnessed(read(self.opening), tuple(read(copy) for copy in self.rounds))
+
+
+def _signed(value: int, latch: int) -> int:
+    assert not latch & 1
+    return value
+
+
+__all__ = ["TRUE", "Claim", "Copy", "Phase", "Sequence", "Unrolled", "Witnessed"]

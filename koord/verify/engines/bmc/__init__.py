@@ -1,0 +1,1 @@
+"""Bounded model checking: rounds unrolled on one incremental solver."""

@@ -1,0 +1,159 @@
+"""Bounded model checking: rounds unrolled one by one on one incremental solver.
+
+What was shown of a round is required of it from then on, so each round is asked about what is new.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from koord.semantics.domain import disjunction
+from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.core import UnaryOp
+from koord.syntax.system import System
+from koord.verify.claims import Claim, Phase
+from koord.verify.encoding.moments import Moment
+from koord.verify.encoding.solver import Answer, Deadline, Effort
+from koord.verify.encoding.unrolling import Unrolling, violations
+from koord.verify.ledger import Judge
+from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict, has_fewest
+from koord.verify.witness import NotReplayedError, Reader, recording_of
+
+
+class Bounded:
+    """The bounded check of one system, which goes on from where it stopped.
+
+    ``completed`` is the last round through which all claims that are still open hold (None: not
+    even INIT is known to satisfy them), and ``covered`` the last one through which they do for
+    lists and maps of any length. ``unreplayed`` are claims with a candidate violation that is no
+    run, each with the reason and with what was completed before it. ``tired``: the last check
+    ended because its effort was used up, and can be gone on with. ``beyond`` is what formulas
+    cannot say of the next round, if there is something: then that is the end.
+    """
+
+    def __init__(self, system: System, judge: Judge, seed: int = 0) -> None:
+        self._unrolling = Unrolling(system, seed)
+        self._judge = judge
+        self._started = time.monotonic()
+        self._moments = self._unrolling.moments()
+        self._moment: Moment | None = None
+        self.unreplayed: dict[Claim, tuple[str, int | None]] = {}
+        self.completed: int | None = None
+        self.covered: int | None = None
+        self.reason = ""
+        self.beyond = ""
+        self.tired = False
+
+    def check(
+        self,
+        claims: Sequence[Claim],
+        proved: Sequence[Claim],
+        rounds: int,
+        deadline: Deadline,
+        effort: Effort | None = None,
+    ) -> dict[Claim, Verdict]:
+        """The claims that are violated within ``rounds`` rounds, each in the first possible one.
+
+        ``proved`` are taken for granted. Claims that are not in the answer hold through round
+        ``completed``; that is less than ``rounds`` if the deadline passed or the solver gave up,
+        and then ``reason`` says so, or if it is ``tired``. Those in ``unreplayed`` are exceptions.
+        """
+        self.tired = False
+        pending = [claim for claim in claims if claim not in self.unreplayed]
+        verdicts: dict[Claim, Verdict] = {}
+        while pending and not self.reason and not self.tired:
+            if self.completed is not None and self.completed >= rounds:
+                break
+            try:
+                moment = self._moment = self._moment or next(self._moments)
+                self._take_for_granted(moment, proved)
+                found, unreplayed, self.reason = _look(
+                    self._unrolling, moment, pending, deadline, effort, self._started, self._judge
+                )
+            except OutOfPatienceError:
+                self.reason = "timeout"
+                break
+            for claim, (shown, seconds) in found.items():
+                verdicts[claim] = Verdict(
+                    claim,
+                    Outcome.VIOLATED,
+                    Engine.BMC,
+                    seconds,
+                    counterexample=shown,
+                    fewest=has_fewest(shown, self.covered),
+                )
+            self.unreplayed |= {c: (why, self.completed) for c, why in unreplayed.items()}
+            pending = [c for c in pending if c not in verdicts and c not in self.unreplayed]
+            self.tired = bool(self.reason) and effort is not None and effort.left <= 0
+            if self.tired:
+                self.reason = ""  # the moment is looked at again
+                break
+            self._moment = None
+            if not self.reason and moment.phase in (Phase.INIT, Phase.END):
+                self.completed = moment.configuration.round
+                if not self._unrolling.unknowns.limits:
+                    self.covered = self.completed
+        return verdicts
+
+    @property
+    def seconds(self) -> float:
+        """Since the check began."""
+        return time.monotonic() - self._started
+
+    @property
+    def limits(self) -> list[str]:
+        """What the unrolling does not cover."""
+        return sorted(set(self._unrolling.unknowns.limits))
+
+    def _take_for_granted(self, moment: Moment, proved: Sequence[Claim]) -> None:
+        d, solver = self._unrolling.encoder.d, self._unrolling.solver
+        state = [claim for claim in proved if claim.is_state_property]
+        for violated, needed in violations(self._unrolling.system, d, moment, state).values():
+            solver.add([*needed, d.unary(UnaryOp.NOT, violated)])
+
+
+def _look(
+    unrolling: Unrolling,
+    moment: Moment,
+    claims: Sequence[Claim],
+    deadline: Deadline,
+    effort: Effort | None,
+    started: float,
+    judge: Judge,
+) -> tuple[dict[Claim, tuple[Counterexample, float]], dict[Claim, str], str]:
+    """The claims that this configuration can break, each with a run and the seconds that it took to
+    find; those where only a candidate was found that did not replay, with the reason; and why the
+    look was cut short, if it was.
+    """
+    d, solver = unrolling.encoder.d, unrolling.solver
+    asked = violations(unrolling.system, d, moment, claims)
+    for _, needed in asked.values():
+        solver.add(needed)
+    found: dict[Claim, tuple[Counterexample, float]] = {}
+    unreplayed: dict[Claim, str] = {}
+    pending = {claim: violated for claim, (violated, _) in asked.items()}
+    while pending:
+        answer = solver.check([disjunction(d, list(pending.values()))], deadline, effort)
+        if answer is Answer.UNKNOWN:
+            why = "timeout" if deadline.is_near() else "the solver gave up"
+            return found, unreplayed, why
+        if answer is Answer.UNSAT:
+            break
+        model = solver.model()
+        broken_here = [claim for claim, violated in pending.items() if model.truth(violated)]
+        # A fault ends the run, so a run that breaks another claim is preferred to show it.
+        claim = broken_here[0]
+        reader = Reader(model, unrolling.system)
+        recording = recording_of(reader, unrolling.opening, unrolling.rounds, moment.phase)
+        try:
+            counterexample = judge(recording, claim, moment.phase)
+        except NotReplayedError as error:
+            unreplayed[claim] = f"a candidate violation did not replay: {error}"
+            del pending[claim]
+            continue
+        found[claim] = (counterexample, time.monotonic() - started)
+        del pending[claim]
+    never = [d.unary(UnaryOp.NOT, violated) for violated in pending.values()]
+    solver.add(never)
+    return found, unreplayed, ""

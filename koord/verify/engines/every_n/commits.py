@@ -1,0 +1,314 @@
+"""The store after a crowd's writes: by the one robot that counts for each location. [T-EVERY-N]"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
+
+from msgspec import Struct, field
+
+from koord.semantics.configurations import Store
+from koord.semantics.domain import conjunction, disjunction
+from koord.semantics.masks import Mask, joined, restricted
+from koord.semantics.storage import Many, Storage, Tree, many_of, merge_storage_known
+from koord.semantics.turns import Turned
+from koord.syntax import core
+from koord.syntax.analysis.footprint import Written
+from koord.syntax.core import BinaryOp
+from koord.syntax.types import INT, is_flat
+from koord.verify.encoding.races import racy_places
+from koord.verify.encoding.terms import Term, Terms
+from koord.verify.engines.every_n.all_robots import World
+
+#: Of variables with more locations than this it is not said who wrote which of them last.
+MOST_RACING = 4
+
+
+#: A location of a slot, and the robot that wrote it last.
+LastWrite: TypeAlias = "tuple[int, tuple[int, ...], Term]"
+
+
+class Move(Struct, frozen=True):
+    """A turn that a robot may take: of which kind it is then, which event, and whether it does."""
+
+    kind: int
+    position: int
+    chosen: Term
+    turned: Turned[Term]
+
+
+class Guards(Struct, frozen=True):
+    """Which locations only atomic blocks write: then one robot at most does so in a round.
+
+    ``classes`` are the lock classes of the blocks that write a slot; ``racy`` are the places that
+    events write outside of any block, as the way down: a position, or None for any index.
+    """
+
+    classes: Mapping[int, int]
+    racy: frozenset[tuple[int, tuple[int | None, ...]]]
+
+    @staticmethod
+    def of(program: core.Program) -> Guards:
+        """The guards of the events of a program. [ATOMIC]"""
+        slots = {entry.variable.name: entry.variable.slot for entry in program.allwrite}
+        classes = {slots[name]: c.index for c in program.lock_classes for name in c.variables}
+        return Guards(classes, frozenset(_way(place) for place in racy_places(program)))
+
+    def is_racy(self, slot: int, place: tuple[int, ...] = ()) -> bool:
+        """Whether robots may write (a part of, all of) a location at the same time."""
+        return any(
+            slot == its_slot and all(a is None or a == b for a, b in zip(way, place, strict=False))
+            for its_slot, way in self.racy
+        )
+
+
+NO_GUARDS = Guards({}, frozenset())
+
+
+def _way(place: core.Place) -> tuple[int, tuple[int | None, ...]]:
+    way = (step.position if isinstance(step, core.FieldStep) else None for step in place.steps)
+    return place.variable.slot, tuple(way)
+
+
+class Commits(Struct):
+    """The writes of all robots, put into a store.
+
+    ``moves`` are the turns that a robot may take; ``everybody`` takes one of them in INIT.
+    """
+
+    world: World
+    store: Store[Term]
+    moves: Callable[[Term], list[Move]]
+    guards: Guards
+    label: str
+    everybody: bool = False
+    winners: dict[int, Term] = field(default_factory=dict)
+    _laws: list[Callable[[Term], Term]] = field(default_factory=list)
+    _known: list[Term] = field(default_factory=list)
+    _last: list[LastWrite] = field(default_factory=list)
+
+    def know(self, robot: Term) -> None:
+        """Say of a robot, whose moves are worked out now, what holds of every robot."""
+        if not self.world.d.open:
+            self._known.append(robot)
+        for law in self._laws:
+            self.world.book.note(law(robot))
+
+    def _require(self, law: Callable[[Term], Term]) -> None:
+        """From now on say this of every robot whose moves are worked out."""
+        self._laws.append(law)
+        for robot in self._known:
+            self.world.book.note(law(robot))
+
+    def entries(self, slot: int) -> Storage[Term]:
+        """An allread variable: every robot's entry as it left it. [T-SNAPSHOT] [ALLREAD]"""
+        before = self.store.allread[slot]
+        assert isinstance(before, Many)
+        d = self.world.d
+
+        def at(robot: Term) -> Storage[Term]:
+            self.world.book.name(robot)
+            entry = before.at(robot)
+            for k, move in enumerate(self.moves(robot)):
+                own: Storage[Term] = entry
+                if slot in move.turned.allread:
+                    copy = move.turned.robot.copy.allread[slot]
+                    assert isinstance(copy, Many)
+                    own = copy.at(robot)
+                # What is no robot has no entry, so that nobody ever asks what is in it.
+                certain = self.everybody and k == 0
+                entry = own if certain else merge_storage_known(d, move.chosen, own, entry)
+            return entry
+
+        return many_of(before.crowd, at)
+
+    def everything(self, slot: int) -> Storage[Term]:
+        """An allwrite variable after the round. [T-ONE-WINNER] [T-COMMIT]"""
+        if not self._is_written(slot):
+            return self.store.allwrite[slot]
+        if slot in self.guards.classes and not self.guards.is_racy(slot):
+            return self._put(slot, self.winner(self.guards.classes[slot]), None)
+        return self._raced(slot)
+
+    def winner(self, lock_class: int) -> Term:
+        """The robot that enters a lock class in this round, if one does. [T-ONE-WINNER]"""
+        if lock_class not in self.winners:
+            with self.world.book.about(0):
+                self._choose(lock_class)
+        return self.winners[lock_class]
+
+    def _choose(self, lock_class: int) -> None:
+        winner = self.winners[lock_class] = self._somebody(f"winner {lock_class}")
+        d, book = self.world.d, self.world.book
+
+        def alone(robot: Term) -> Term:
+            same = d.binary(BinaryOp.EQ, robot, winner)
+            return book.implied(self.enters(lock_class, robot), same)
+
+        self._require(alone)
+
+    def enters(self, lock_class: int, robot: Term) -> Term:
+        """Whether a robot enters a lock class."""
+        d = self.world.d
+        return disjunction(
+            d,
+            [
+                d.binary(BinaryOp.AND, move.chosen, move.turned.entered[lock_class])
+                for move in self.moves(robot)
+                if lock_class in move.turned.entered
+            ],
+        )
+
+    def _somebody(self, name: str) -> Term:
+        """A robot that is there; everything about it is worth saying."""
+        world = self.world
+        robot = world.d.fresh(f"{name} {self.label}", INT)
+        world.book.note(world.book.between(0, robot, world.crowd.count))
+        world.book.name(robot)
+        return robot
+
+    def _is_written(self, slot: int) -> bool:
+        """Whether any robot may write a variable in this round, as a look at one of them tells."""
+        seen: list[bool] = []
+
+        def look(robot: Term) -> Term:
+            seen.extend(slot in move.turned.allwrite for move in self.moves(robot))
+            return True
+
+        self.world.book.glimpse(look)
+        return any(seen)
+
+    def _put(self, slot: int, robot: Term, only: Mask[Term] | None) -> Storage[Term]:
+        """The variable with what one robot wrote of it; of ``only`` some locations, if given."""
+        d, after = self.world.d, self.store.allwrite[slot]
+        for move in self.moves(robot):
+            mask = restricted(d, move.turned.allwrite.get(slot), move.chosen)
+            if mask is not None:
+                mask = mask if only is None else common(d, mask, only)
+                after = joined(d, after, move.turned.robot.copy.allwrite[slot], mask)
+        return after
+
+    # --- races ----------------------------------------------------------------------------------
+
+    def _raced(self, slot: int) -> Storage[Term]:
+        """A variable that several robots may write: each location as its last writer left it."""
+        before = self.store.allwrite[slot]
+        type_ = self.world.program.allwrite[slot].variable.type
+        places = list(locations(before)) if is_flat(type_) else []
+        lock_class = self.guards.classes.get(slot)
+        guarded = [
+            place
+            for place in places
+            if lock_class is not None and not self.guards.is_racy(slot, place)
+        ]
+        if not places or len(places) - len(guarded) > MOST_RACING:
+            with self.world.d.depending_on(None):
+                name = f"raced {self.world.program.allwrite[slot].variable.name} {self.label}"
+                return self.world.unknowns.storage(name, type_, before, Written.WHOLE)
+        after = before
+        for place in guarded:
+            assert lock_class is not None
+            patched = self._put(slot, self.winner(lock_class), mask_of(before, place))
+            after = taken(after, patched, place)
+        for place in places:
+            if place in guarded:
+                continue
+            writer = self._somebody(f"last {slot}")
+            patched = self._put(slot, writer, mask_of(before, place))
+            after = taken(after, patched, place)
+            self._require(self._nobody_else(slot, place, writer))
+            for other in self._last:
+                self._same((slot, place, writer), other)
+            self._last.append((slot, place, writer))
+        return after
+
+    def _nobody_else(
+        self, slot: int, place: tuple[int, ...], writer: Term
+    ) -> Callable[[Term], Term]:
+        """If anybody wrote a location, its last writer did."""
+
+        def law(robot: Term) -> Term:
+            theirs = self.writes(slot, place, robot)
+            return self.world.book.implied(theirs, self.writes(slot, place, writer))
+
+        return law
+
+    def _same(self, one: LastWrite, other: LastWrite) -> None:
+        """Robots that both wrote both of two locations last are one: there is one order."""
+        d, (slot, place, writer), (its_slot, its_place, its_writer) = self.world.d, one, other
+        both = d.binary(
+            BinaryOp.AND,
+            self.writes(its_slot, its_place, writer),
+            self.writes(slot, place, its_writer),
+        )
+        same = d.binary(BinaryOp.EQ, writer, its_writer)
+        self.world.book.note(self.world.book.implied(both, same))
+
+    def writes(self, slot: int, place: tuple[int, ...], robot: Term) -> Term:
+        """Whether a robot writes a location."""
+        d = self.world.d
+        found = []
+        for move in self.moves(robot):
+            mask = move.turned.allwrite.get(slot)
+            if mask is not None:
+                found.append(conjunction(d, [move.chosen, masked(d, mask, place)]))
+        return disjunction(d, found)
+
+
+# --- locations of flat variables: the positions of parts, from the outside in --------------------
+
+
+def locations(storage: Storage[Term], above: tuple[int, ...] = ()) -> list[tuple[int, ...]]:
+    """The atoms of a variable."""
+    if not isinstance(storage, Tree):
+        return [above]
+    return [
+        place
+        for position, part in enumerate(storage.parts)
+        for place in locations(part, (*above, position))
+    ]
+
+
+def masked(d: Terms, mask: Mask[Term] | None, place: tuple[int, ...]) -> Term:
+    """Whether a mask covers an atom."""
+    if mask is None:
+        return False
+    if not place or not mask.parts:
+        return mask.whole
+    return d.binary(BinaryOp.OR, mask.whole, masked(d, mask.parts[place[0]], place[1:]))
+
+
+def mask_of(storage: Storage[Term], place: tuple[int, ...]) -> Mask[Term]:
+    """The mask of one atom."""
+    if not isinstance(storage, Tree):
+        return Mask(True)
+    below: list[Mask[Term] | None] = [None] * len(storage.parts)
+    below[place[0]] = mask_of(storage.parts[place[0]], place[1:])
+    return Mask(False, tuple(below))
+
+
+def common(d: Terms, mask: Mask[Term], only: Mask[Term]) -> Mask[Term]:
+    """The locations that a mask has in common with that of one atom."""
+    nothing: Mask[Term] = Mask(False)
+    if not only.parts:
+        return mask
+    parts: list[Mask[Term] | None] = []
+    for position, part in enumerate(only.parts):
+        below = mask.parts[position] if position < len(mask.parts) else None
+        if part is None:
+            parts.append(None)
+            continue
+        own = common(d, below, part) if below is not None else nothing
+        parts.append(Mask(d.binary(BinaryOp.OR, mask.whole, own.whole), own.parts, own.keys))
+    return Mask(False, tuple(parts))
+
+
+def taken(storage: Storage[Term], source: Storage[Term], place: tuple[int, ...]) -> Storage[Term]:
+    """The storage with one atom taken from another."""
+    if not place:
+        return source
+    assert isinstance(storage, Tree)
+    assert isinstance(source, Tree)
+    position = place[0]
+    part = taken(storage.parts[position], source.parts[position], place[1:])
+    return Tree((*storage.parts[:position], part, *storage.parts[position + 1 :]))

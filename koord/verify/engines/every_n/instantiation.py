@@ -1,0 +1,296 @@
+"""What is known of robots whose numbers are terms, and of which numbers it is said. [T-EVERY-N]
+
+A statement about all robots is never given to the solver as such. It is worked out once, for a
+*blank* of which nothing is known, and said again of each *name*: each term that is used as the
+number of a robot. Any choice of names is sound; which are worth it is decided by *generations*:
+first come the names of the question, then those that what is said of them brings up, and so on.
+
+What is new while something is worked out for blanks is a function of them, so that it may differ
+from name to name: what makes a statement fail of a robot, say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import product
+
+from msgspec import Struct, field
+
+from koord.semantics.domain import conjunction
+from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.types import BOOL, INT
+from koord.verify.encoding.terms import Term
+from koord.verify.engines.every_n.functions import Functions
+
+Names = tuple[Term, ...]
+
+
+class Scheme(Struct):
+    """Facts about blanks: ``outer`` are given by where the scheme stands, ``own`` range over names.
+
+    ``contexts`` are what the outer blanks stand for, each with its generation. In each context the
+    ``doubt`` is noted, and the ``witness`` in it is a name.
+    """
+
+    outer: Names
+    own: Names
+    facts: list[Term] = field(default_factory=list)
+    brings_up: list[Term] = field(default_factory=list)
+    inner: list[Scheme] = field(default_factory=list)
+    atom: str = ""  #: the Boolean that the scheme is about, if it is about one
+    doubt: Term = True
+    witness: Term | None = None
+    active: bool = False
+    contexts: list[tuple[Names, int]] = field(default_factory=list)
+    doubted: int = 0
+    said: set[tuple[object, ...]] = field(default_factory=set)
+
+
+class Book(Struct):
+    """Facts, names, and the schemes by which the one gives the other. ``facts`` only grows.
+
+    So many things are said of names at ``most``: a proof that needs more is not found.
+    """
+
+    unknowns: Functions
+    most: int = 20_000
+    facts: list[Term] = field(default_factory=list)
+    instances: int = 0
+    _names: dict[object, tuple[Term, int]] = field(default_factory=dict)
+    _schemes: list[Scheme] = field(default_factory=list)
+    _frames: list[Scheme] = field(default_factory=list)
+    _glimpses: dict[tuple[object, ...], Scheme] = field(default_factory=dict)
+    _now: int = 0
+    _wanted: set[tuple[str, bool]] = field(default_factory=set)
+    _seen: set[tuple[int, int]] = field(default_factory=set)
+    _looked: int = 0
+    _kept: list[Term] = field(default_factory=list)
+
+    # --- writing --------------------------------------------------------------------------------
+
+    def note(self, fact: Term) -> None:
+        """Write down a fact."""
+        d = self.unknowns.terms
+        if d.known(fact) is True:
+            return
+        frame = self._frame_of(fact)
+        (self.facts if frame is None else frame.facts).append(fact)
+
+    def name(self, index: Term) -> None:
+        """Note that a term is used as the number of a robot."""
+        frame = self._frame_of(index)
+        if frame is None:
+            self._put(index, self._now)
+        elif not any(index is blank for blank in frame.own):
+            frame.brings_up.append(index)
+
+    def expect(self, *names: Term, generation: int = 0) -> None:
+        """Names that are worth something from some generation on."""
+        for name in names:
+            self._put(name, generation)
+
+    def state(self, arity: int, says: Callable[[Names], Term]) -> None:
+        """Write down what holds of all integers."""
+        frame, fact = self._worked_out(arity, says)
+        frame.facts.append(fact)
+        self._keep(frame)
+
+    def every(self, low: Term, high: Term, body: Callable[[Term], Term]) -> Term:
+        """A Boolean that holds exactly if ``body`` does of all integers of a range. [T-EVERY-N]"""
+        d = self.unknowns.terms
+        frame, holds_of = self._worked_out(1, lambda names: body(names[0]))
+        known = d.known(holds_of)
+        if known is not None:
+            return True if known else d.unary(UnaryOp.NOT, d.binary(BinaryOp.LT, low, high))
+        (blank,) = frame.own
+        inside = self.between(low, blank, high)
+        if d.is_valid(self.implied(inside, holds_of)):
+            # That an index lies in a range over which it runs, most often.
+            return True
+        with d.depending_on(None):
+            holds, witness = d.fresh("every", BOOL), d.fresh("witness", INT)
+        frame.facts.append(self.implied(d.binary(BinaryOp.AND, holds, inside), holds_of))
+        fails = d.binary(BinaryOp.AND, inside, d.unary(UnaryOp.NOT, holds_of))
+        frame.atom, frame.witness = d.symbol(holds), witness
+        frame.doubt = d.binary(BinaryOp.OR, holds, d.put(fails, [(blank, witness)]))
+        self._keep(frame)
+        return holds
+
+    def glimpse(self, body: Callable[[Term], Term]) -> Term:
+        """What a body gives of an integer of which nothing is known.
+
+        What it notes is thrown away, so that one blank does for all glimpses at a place.
+        """
+        d = self.unknowns.terms
+        place = tuple(d.key(blank) for blank in d.open)
+        frame = self._glimpses.get(place) or Scheme(d.open, (d.blank(),))
+        self._glimpses[place] = frame
+        return self._work_out(frame, lambda names: body(names[0]))
+
+    @contextmanager
+    def about(self, term: Term) -> Iterator[None]:
+        """Work something out that depends on the blanks in a term, and on no other that is open."""
+        frames = self._frames
+        used = [k for k, frame in enumerate(frames) if self._mentions(term, frame)]
+        self._reopen(frames[: used[-1] + 1] if used else [])
+        try:
+            yield
+        finally:
+            self._reopen(frames)
+
+    def _worked_out(self, arity: int, says: Callable[[Names], Term]) -> tuple[Scheme, Term]:
+        """What a statement says of blanks, with what is noted on the way."""
+        d = self.unknowns.terms
+        frame = Scheme(d.open, tuple(d.blank() for _ in range(arity)))
+        return frame, self._work_out(frame, says)
+
+    def _work_out(self, frame: Scheme, says: Callable[[Names], Term]) -> Term:
+        frames = self._frames
+        constraints = len(self.unknowns.constraints)
+        self._reopen([*frames, frame])
+        try:
+            with self.unknowns.terms.depending_on(None):
+                fact = says(frame.own)
+        finally:
+            self._reopen(frames)
+        new = self.unknowns.constraints[constraints:]
+        del self.unknowns.constraints[constraints:]
+        for constraint in new:
+            # Facts about blanks are facts about every name.
+            mine = self._mentions(constraint, frame)
+            (frame.facts if mine else self.unknowns.constraints).append(constraint)
+        return fact
+
+    def _reopen(self, frames: list[Scheme]) -> None:
+        self._frames = frames
+        self.unknowns.terms.open = tuple(blank for frame in frames for blank in frame.own)
+
+    def _keep(self, scheme: Scheme) -> None:
+        """Use a scheme wherever it stands from now on."""
+        if self._frames:
+            self._frames[-1].inner.append(scheme)
+        else:
+            self._schemes.append(scheme)
+            scheme.contexts.append(((), self._now))
+
+    def _frame_of(self, term: Term) -> Scheme | None:
+        """The innermost statement that is being worked out and whose blanks a term depends on."""
+        for frame in reversed(self._frames):
+            if self._mentions(term, frame):
+                return frame
+        return None
+
+    def _mentions(self, term: Term, frame: Scheme) -> bool:
+        return self.unknowns.terms.mentions(term, frame.own)
+
+    def _put(self, index: Term, generation: int) -> None:
+        key = self.unknowns.terms.key(index)
+        if key not in self._names or self._names[key][1] > generation:
+            self._names[key] = (index, generation)
+
+    # --- unfolding ------------------------------------------------------------------------------
+
+    def ask(self, goal: Sequence[Term]) -> None:
+        """Note that something is about to be asked."""
+        for term in goal:
+            self._want(term)
+
+    def _want(self, term: Term, without: str = "") -> None:
+        """Note which Booleans a formula may need to hold, or not to hold.
+
+        Where nothing needs a statement to hold, nothing need be said that follows from it; where
+        nothing needs it to fail, there need not be anything that it fails of.
+        """
+        self._kept.append(term)
+        for name, leaning in self.unknowns.terms.leanings(term, self._seen):
+            if name != without:
+                self._wanted.add((name, leaning))
+
+    def settle(self, limit: int) -> None:
+        """Say everything of every name, as far as both are of the first generations."""
+        seen = -1
+        while seen < self.instances < self.most:
+            seen = self.instances
+            for fact in self.facts[self._looked :]:
+                self._want(fact)
+            self._looked = len(self.facts)
+            for scheme in list(self._schemes):
+                self._unfold(scheme, limit)
+        self._now = 0
+
+    def _unfold(self, scheme: Scheme, limit: int) -> None:
+        names = [(term, born) for term, born in self._names.values() if born <= limit]
+        needed = not scheme.atom or (scheme.atom, True) in self._wanted
+        doubted = bool(scheme.atom) and (scheme.atom, False) in self._wanted
+        if (needed or doubted) and not scheme.active:
+            scheme.active = True
+            # One formula: names are put into it at once.
+            scheme.facts = [conjunction(self.unknowns.terms, scheme.facts)]
+            self._want(scheme.facts[0], scheme.atom)
+            self._want(scheme.doubt, scheme.atom)
+        for context, born in list(scheme.contexts):
+            if born > limit:
+                continue
+            if doubted:
+                self._raise_doubt(scheme, context, born)
+            if not needed:
+                continue
+            for chosen in product(names, repeat=len(scheme.own)):
+                here = (*context, *(term for term, _ in chosen))
+                key = tuple(self.unknowns.terms.key(term) for term in here)
+                if key not in scheme.said and self.instances < self.most:
+                    scheme.said.add(key)
+                    self._say(scheme, here, max([born, *(b for _, b in chosen)]))
+        for inner in scheme.inner:
+            self._unfold(inner, limit)
+
+    def _raise_doubt(self, scheme: Scheme, context: Names, born: int) -> None:
+        """If the statement does not hold in a context, it fails of a witness."""
+        key = ("doubt", *(self.unknowns.terms.key(term) for term in context))
+        if scheme.witness is None or key in scheme.said:
+            return
+        scheme.said.add(key)
+        pairs = list(zip(scheme.outer, context, strict=True))
+        witness = self.unknowns.terms.put(scheme.witness, pairs)
+        self.instances += 1
+        self._add(self.unknowns.terms.put(scheme.doubt, pairs))
+        self._put(witness, born + 1)
+        here = (*context, witness)
+        key = tuple(self.unknowns.terms.key(term) for term in here)
+        if key not in scheme.said:
+            scheme.said.add(key)
+            self._say(scheme, here, born + 1)
+
+    def _say(self, scheme: Scheme, names: Names, born: int) -> None:
+        """All that a scheme says of some names."""
+        d = self.unknowns.terms
+        pairs = list(zip((*scheme.outer, *scheme.own), names, strict=True))
+        self.instances += 1
+        for fact in scheme.facts:
+            self._add(d.put(fact, pairs))
+        for index in scheme.brings_up:
+            self._put(d.put(index, pairs), born + 1)
+        # What stands deeper is worth less: there is the more of it.
+        deeper = born + 1 if scheme.outer else born
+        for inner in scheme.inner:
+            inner.contexts.append((names, deeper))
+
+    def _add(self, fact: Term) -> None:
+        """One more fact, of which it is known already what it wants."""
+        assert self._looked == len(self.facts)
+        self.facts.append(fact)
+        self._looked += 1
+
+    # --- formulas -------------------------------------------------------------------------------
+
+    def between(self, low: Term, index: Term, high: Term) -> Term:
+        """Whether an integer lies from ``low`` up to and excluding ``high``."""
+        d = self.unknowns.terms
+        return conjunction(
+            d, [d.binary(BinaryOp.LE, low, index), d.binary(BinaryOp.LT, index, high)]
+        )
+
+    def implied(self, condition: Term, fact: Term) -> Term:
+        """The fact, where the condition holds."""
+        return self.unknowns.terms.binary(BinaryOp.IMPLIES, condition, fact)

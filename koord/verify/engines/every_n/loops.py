@@ -1,0 +1,504 @@
+"""What a loop over all robots amounts to. [T-LOOP]
+
+The body runs once, for a blank number, from a memory in which everything that it changes is some
+new term. How the new values come from the old ones tells what the whole loop does: a flag that is
+set in some trip, the least of some values, the sum of some. What is not understood may be anything
+afterwards, so that a proof never rests on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
+
+from msgspec import Struct
+
+from koord.semantics.configurations import FaultKind
+from koord.semantics.domain import conjunction, disjunction
+from koord.semantics.machine import Machine, Memory
+from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.storage import Cell, Many, Storage, Tree
+from koord.semantics.values import Family, Rec, Seq, Table, Value
+from koord.syntax.core import BinaryOp
+from koord.syntax.source import NOWHERE, Span
+from koord.syntax.types import FLOAT
+from koord.verify.encoding.terms import Term
+from koord.verify.engines.every_n.functions import FunctionTerms, TripOracle
+
+if TYPE_CHECKING:
+    from koord.verify.engines.every_n.all_robots import Everyone
+
+#: Where a scalar is in a memory: the list or field, the slot, then the way down.
+Path: TypeAlias = "tuple[str | int, ...]"
+
+LISTS = ("locals", "ports", "allread", "allwrite", "after", "bound")
+FLAGS = ("stop", "trystop", "broke", "returned")
+EXITS = (("broke",), ("returned",))
+
+#: How often the body is looked at again because it changes more than was thought.
+MOST_LOOKS = 5
+
+
+class Loop:
+    """A loop in a machine, to be run."""
+
+    def __init__(
+        self,
+        crowd: Everyone,
+        m: Machine[Term],
+        low: Term,
+        high: Term,
+        body: Callable[[Machine[Term], Term], None],
+        span: Span,
+    ) -> None:
+        self.crowd = crowd
+        self.m = m
+        self.low = low
+        self.high = high
+        self.body = body
+        self.span = span
+        self._old: dict[Path, Term] = {}  #: what the changed scalars held before
+        self._any: dict[Path, Term] = {}  #: the new terms in their place
+        self._trips: dict[tuple[object, ...], tuple[tuple[Term, ...], Machine[Term]]] = {}
+        self._kept: Memory[Term]
+
+    def run(self) -> None:
+        """Do to the machine what the loop does. [S-FOR] [S-BREAK]"""
+        start = self.m.memory
+        outer = start.broke
+        start.broke = start.returned = False
+        self._kept = start.copied()
+        self._find_changes()
+        exits = self._glimpse(lambda trip: self._leaves(trip.memory))
+        self._log_faults(exits)
+        if self.m.d.known(exits) is False:
+            self._put_all(lambda path: self._summary(path))
+        elif self._d.mentions(exits, list(self._any.values())):
+            self._poison()
+        else:
+            self._leave()
+        self.m.memory.broke = outer
+
+    @property
+    def _d(self) -> FunctionTerms:
+        return self.crowd.book.unknowns.terms
+
+    # --- trips ----------------------------------------------------------------------------------
+
+    def _trip(self, number: Term) -> Machine[Term]:
+        """A machine that has made one trip, from where anything may have changed before."""
+        d = self._d
+        # What is new in a trip depends on the blanks that are open.
+        key = tuple(d.key(term) for term in (number, *d.open))
+        if key not in self._trips:
+            self._trips[key] = (number, *d.open), self._trip_from(self._kept, number)
+        return self._trips[key][1]
+
+    def _trip_from(self, memory: Memory[Term], number: Term) -> Machine[Term]:
+        inner = self.m.apart()
+        inner.oracle = TripOracle(self.crowd.unknowns)
+        inner.memory = memory.copied()
+        self.body(inner, number)
+        if inner.entered or inner.allread_masks or inner.allwrite_masks:
+            what = "a loop over all robots writes shared variables"
+            raise NotFiniteError(self.span, what)
+        for needed in inner.legality:
+            self.crowd.assume(needed.condition)
+        return inner
+
+    def _glimpse(self, of: Callable[[Machine[Term]], Term]) -> Term:
+        return self.crowd.book.glimpse(lambda number: of(self._trip(number)))
+
+    def _find_changes(self) -> None:
+        """Which scalars the body changes, with a new term for each."""
+        for _ in range(MOST_LOOKS):
+            found: dict[Path, Term] = {}
+
+            def look(trip: Machine[Term], found: dict[Path, Term] = found) -> Term:
+                before = dict(scalars(self._kept))
+                after = dict(scalars(trip.memory))
+                for path in before.keys() | after.keys():
+                    if path in before and path in after and self._same(before[path], after[path]):
+                        continue
+                    if path not in EXITS and path[0] != "result":
+                        found[path] = before.get(path, after.get(path, False))
+                return True
+
+            self._glimpse(look)
+            new = {path: old for path, old in found.items() if path not in self._any}
+            if not new:
+                return
+            held_before = dict(scalars(self._kept))
+            for path, old in new.items():
+                if path in held_before:
+                    self._old[path] = old
+                self._any[path] = self._d.fresh_like("loop", old)
+            self._kept = with_scalars(self._kept, self._any)
+            self._trips.clear()
+        raise NotFiniteError(self.span, "a loop over all robots changes ever more")
+
+    def _same(self, left: Term, right: Term) -> bool:
+        d = self._d
+        return left is right or d.key(left) == d.key(right)
+
+    def _leaves(self, memory: Memory[Term]) -> Term:
+        return self.m.either(memory.broke, memory.returned)
+
+    def _log_faults(self, exits: Term) -> None:
+        """A trip that faults, if the loop comes to it. [FAULT]"""
+        m, inside = self.m, self.crowd.book.between
+
+        def quiet(number: Term) -> Term:
+            faults = [fault for fault, _ in self._trip(number).faults]
+            there = inside(self.low, number, self.high)
+            return m.negated(m.both(there, disjunction(m.d, faults)))
+
+        if self._d.is_valid(self.crowd.book.glimpse(quiet)):
+            return
+
+        def sound(number: Term) -> Term:
+            trip = self._trip(number)
+            faults = disjunction(m.d, [fault for fault, _ in trip.faults])
+            if m.d.known(faults) is False:
+                return True
+            if self._d.mentions(faults, list(self._any.values())):
+                raise NotFiniteError(self.span, "a loop over all robots may fault by and by")
+            return m.negated(m.both(faults, self._stays(exits, number)))
+
+        safe = self.crowd.every(self.low, self.high, sound)
+        m.fault_unless(safe, FaultKind.UNSET, self.span, "in a loop over all robots")
+
+    def _stays(self, exits: Term, number: Term) -> Term:
+        """Whether the loop is not left before a trip."""
+        if self.m.d.known(exits) is False:
+            return True
+
+        def goes_on(earlier: Term) -> Term:
+            return self.m.negated(self._leaves(self._trip(earlier).memory))
+
+        return self.crowd.every(self.low, number, goes_on)
+
+    # --- leaving --------------------------------------------------------------------------------
+
+    def _leave(self) -> None:
+        """A loop that changes nothing but in the trip in which it is left. [S-BREAK] [S-RETURN]"""
+        m, d, book = self.m, self._d, self.crowd.book
+        if not self._only_when_left():
+            self._poison()
+            return
+
+        def goes_on(number: Term) -> Term:
+            return m.negated(self._leaves(self._trip(number).memory))
+
+        through = self.crowd.every(self.low, self.high, goes_on)
+        last = d.fresh_like("witness", 0)
+        book.name(last)
+        before = self.crowd.every(self.low, last, goes_on)
+        at_last = [book.between(self.low, last, self.high), m.negated(goes_on(last)), before]
+        book.note(m.either(through, conjunction(d, at_last)))
+        start = m.memory
+        left = self._trip_from(start, last)
+        left.memory.broke = False
+        m.memory = (
+            start if d.known(through) is True else left.memory.merged(d, m.negated(through), start)
+        )
+
+    def _only_when_left(self) -> bool:
+        """Whether all trips but the one in which the loop is left change nothing that counts."""
+        counting = [path for path in self._any if path in self._old]
+
+        def check(trip: Machine[Term]) -> Term:
+            after = dict(scalars(trip.memory))
+            same = [
+                self.m.d.binary(BinaryOp.EQ, after[path], self._any[path])
+                for path in counting
+                if path in after
+            ]
+            kept = conjunction(self.m.d, same)
+            return self.m.either(self._leaves(trip.memory), kept)
+
+        d = self._d
+        return d.is_valid(self._glimpse(check))
+
+    # --- going through --------------------------------------------------------------------------
+
+    def _put_all(self, value: Callable[[Path], Term]) -> None:
+        after = {path: value(path) for path in self._any}
+        example: list[Memory[Term]] = []
+
+        def look(trip: Machine[Term]) -> Term:
+            example.append(trip.memory)
+            return True
+
+        self._glimpse(look)
+        self.m.memory = with_scalars(self._shaped(example[0]), after)
+
+    def _shaped(self, example: Memory[Term]) -> Memory[Term]:
+        """The memory before, with room for the variables that the loop introduces."""
+        memory = self.m.memory.copied()
+        for slot, storage in enumerate(memory.bound):
+            if storage is None:
+                memory.bound[slot] = example.bound[slot]
+        return memory
+
+    def _poison(self) -> None:
+        """Anything may be in what the loop changes, and it may have been left."""
+        self.crowd.overlooked.append(self.span)
+        self._put_all(self._anything)
+        if self._glimpse_returns():
+            raise NotFiniteError(self.span, "a loop over all robots returns in a way of its own")
+
+    def _glimpse_returns(self) -> bool:
+        return self.m.d.known(self._glimpse(lambda trip: trip.memory.returned)) is not False
+
+    def _anything(self, path: Path) -> Term:
+        return self._d.fresh_like("any", self._any[path])
+
+    def _summary(self, path: Path) -> Term:
+        """What a scalar holds after all trips. [T-LOOP]"""
+        if path not in self._old:
+            return self._anything(path)
+        change = Change(self, path)
+        flag = self._d.is_boolean(self._any[path])
+        found = change.as_flag() if flag else change.as_number()
+        if found is None:
+            self.crowd.overlooked.append(self.span)
+            return self._anything(path)
+        return found
+
+    def value_after(self, path: Path, number: Term) -> Term:
+        """What a scalar holds after one trip."""
+        return dict(scalars(self._trip(number).memory))[path]
+
+
+class Change(Struct):
+    """How a loop changes one scalar."""
+
+    loop: Loop
+    path: Path
+
+    def as_flag(self) -> Term | None:
+        """A Boolean that some trips set, or some trips clear."""
+        m, low, high = self.loop.m, self.loop.low, self.loop.high
+        if self._is(self._put(self._seen(), False), False):
+            stays = self._with(True)
+            if self._reads_changes(stays):
+                return None
+            return m.both(self._old, self.loop.crowd.every(low, high, stays))
+        if self._is(self._put(self._seen(), True), True):
+            comes = self._with(False)
+            if self._reads_changes(comes):
+                return None
+            never = self.loop.crowd.every(low, high, lambda k: m.negated(comes(k)))
+            return m.either(self._old, m.negated(never))
+        return None
+
+    def as_number(self) -> Term | None:
+        """A number that grows by something in each trip, or the least or greatest of some."""
+        d = self.loop.crowd.book.unknowns.terms
+        zero = 0 if d.is_integer(self._any) else d.const(0, FLOAT)
+        added = self._with(zero)
+        if not self._reads_changes(added):
+            grown = self._glimpse(
+                lambda k: d.binary(
+                    BinaryOp.EQ, self._after(k), d.binary(BinaryOp.ADD, self._any, added(k))
+                )
+            )
+            if d.is_valid(grown):
+                total = self.loop.crowd.summed(self.loop.low, self.loop.high, added)
+                return d.binary(BinaryOp.ADD, self._old, total)
+        for op in (BinaryOp.MIN, BinaryOp.MAX):
+            found = self._extreme(op)
+            if found is not None:
+                return found
+        return None
+
+    # --- extremes -------------------------------------------------------------------------------
+
+    def _extreme(self, op: BinaryOp) -> Term | None:
+        d, m, book = self._d, self.loop.m, self.loop.crowd.book
+        for position in range(_MOST_PARTS):
+            found = self._shape(op, position)
+            if found is None:
+                continue
+            best = d.fresh_like("extreme", self._any)
+            witness = d.fresh_like("witness", 0)
+            book.name(witness)
+
+            def bounded(k: Term, found: Found = found, best: Term = best) -> Term:
+                takes, value = found(k)
+                pair = (best, value) if op is BinaryOp.MIN else (value, best)
+                return d.binary(BinaryOp.IMPLIES, takes, d.binary(BinaryOp.LE, *pair))
+
+            book.note(self.loop.crowd.every(self.loop.low, self.loop.high, bounded))
+            first = (best, self._old) if op is BinaryOp.MIN else (self._old, best)
+            book.note(d.binary(BinaryOp.LE, *first))
+            takes, value = found(witness)
+            there = book.between(self.loop.low, witness, self.loop.high)
+            taken = conjunction(d, [there, takes, d.binary(BinaryOp.EQ, best, value)])
+            book.note(m.either(d.binary(BinaryOp.EQ, best, self._old), taken))
+            return best
+        return None
+
+    def _shape(self, op: BinaryOp, position: int) -> Found | None:
+        """If the scalar becomes the lesser (greater) of itself and some part of its new value."""
+        d = self._d
+
+        def found(k: Term) -> tuple[Term, Term]:
+            after = self._after(k)
+            parts = [p for p in d.parts_like(after) if not d.mentions(p, self._changed)]
+            if position >= len(parts):
+                return False, self._any
+            value = parts[position]
+            one = 1 if op is BinaryOp.MIN else -1
+            worse = d.binary(BinaryOp.ADD, value, one)
+            takes = d.binary(BinaryOp.EQ, d.with_values(after, [(self._any, worse)]), value)
+            return takes, value
+
+        def right(k: Term) -> Term:
+            takes, value = found(k)
+            if d.known(takes) is False or d.mentions(takes, self._changed):
+                return False
+            other = d.binary(op, self._any, value)
+            return d.binary(BinaryOp.EQ, self._after(k), d.ite(takes, other, self._any))
+
+        return found if d.is_valid(self._glimpse(right)) else None
+
+    # --- pieces ---------------------------------------------------------------------------------
+
+    @property
+    def _d(self) -> FunctionTerms:
+        return self.loop.crowd.book.unknowns.terms
+
+    @property
+    def _any(self) -> Term:
+        return self.loop._any[self.path]
+
+    @property
+    def _old(self) -> Term:
+        return self.loop._old[self.path]
+
+    @property
+    def _changed(self) -> list[Term]:
+        return list(self.loop._any.values())
+
+    def _after(self, number: Term) -> Term:
+        return self.loop.value_after(self.path, number)
+
+    def _seen(self) -> Term:
+        return self._glimpse(self._after)
+
+    def _glimpse(self, of: Callable[[Term], Term]) -> Term:
+        return self.loop.crowd.book.glimpse(of)
+
+    def _put(self, term: Term, value: Term) -> Term:
+        found: Term = self._d.with_values(term, [(self._any, value)])
+        return found
+
+    def _with(self, value: Term) -> Callable[[Term], Term]:
+        """What a trip makes of a value."""
+        return lambda number: self._put(self._after(number), value)
+
+    def _reads_changes(self, of: Callable[[Term], Term]) -> bool:
+        return bool(self._d.mentions(self._glimpse(of), self._changed))
+
+    def _is(self, term: Term, value: bool) -> bool:
+        return bool(self._d.known(term) is value)
+
+
+Found: TypeAlias = "Callable[[Term], tuple[Term, Term]]"
+
+#: So many parts of a new value are tried as the one that it is the least of.
+_MOST_PARTS = 6
+
+
+# --- memories as scalars ------------------------------------------------------------------------
+
+
+def scalars(memory: Memory[Term]) -> list[tuple[Path, Term]]:
+    """All scalars of a memory that can be listed."""
+    found: list[tuple[Path, Term]] = []
+    for name in LISTS:
+        for slot, storage in enumerate(getattr(memory, name)):
+            if storage is not None:
+                _of_storage((name, slot), storage, found)
+    for name in FLAGS:
+        found.append(((name,), getattr(memory, name)))
+    if memory.result is not None:
+        _of_storage(("result",), memory.result, found)
+    return found
+
+
+def _of_storage(path: Path, storage: Storage[Term], found: list[tuple[Path, Term]]) -> None:
+    if isinstance(storage, Many):
+        found.append(((*path, "many"), id(storage)))
+    elif isinstance(storage, Tree):
+        for k, part in enumerate(storage.parts):
+            _of_storage((*path, k), part, found)
+    else:
+        found.append(((*path, "set"), storage.is_set))
+        _of_value((*path, "value"), storage.value, found)
+
+
+def _of_value(path: Path, value: Value[Term], found: list[tuple[Path, Term]]) -> None:
+    if isinstance(value, Family):
+        found.append(((*path, "family"), id(value)))
+    elif isinstance(value, Rec):
+        for k, part in enumerate(value.fields):
+            _of_value((*path, k), part, found)
+    elif isinstance(value, Seq):
+        found.append(((*path, "length"), value.length))
+        for k, part in enumerate(value.items):
+            _of_value((*path, k), part, found)
+    elif isinstance(value, Table):
+        found.append(((*path, "table"), id(value)))
+    else:
+        found.append((path, value))
+
+
+def with_scalars(memory: Memory[Term], new: dict[Path, Term]) -> Memory[Term]:
+    """A memory with other scalars at some paths."""
+    made = memory.copied()
+    for name in LISTS:
+        storages = getattr(made, name)
+        for slot, storage in enumerate(storages):
+            if storage is not None and any(path[:2] == (name, slot) for path in new):
+                storages[slot] = _storage_with((name, slot), storage, new)
+    for name in FLAGS:
+        if (name,) in new:
+            setattr(made, name, new[name,])
+    return made
+
+
+def _storage_with(path: Path, storage: Storage[Term], new: dict[Path, Term]) -> Storage[Term]:
+    if isinstance(storage, Many):
+        if (*path, "many") in new:
+            raise NotFiniteError(NOWHERE, "a loop over all robots changes an array over all robots")
+        return storage
+    if isinstance(storage, Tree):
+        return Tree(
+            tuple(_storage_with((*path, k), part, new) for k, part in enumerate(storage.parts))
+        )
+    is_set = new.get((*path, "set"), storage.is_set)
+    return Cell(is_set, _value_with((*path, "value"), storage.value, new))
+
+
+def _value_with(path: Path, value: Value[Term], new: dict[Path, Term]) -> Value[Term]:
+    if isinstance(value, Family):
+        if (*path, "family") in new:
+            raise NotFiniteError(NOWHERE, "a loop over all robots changes an array over all robots")
+        return value
+    if isinstance(value, Rec):
+        return Rec(tuple(_value_with((*path, k), p, new) for k, p in enumerate(value.fields)))
+    if isinstance(value, Seq):
+        if (*path, "length") in new:
+            raise NotFiniteError(NOWHERE, "a loop over all robots makes a list longer or shorter")
+        return Seq(
+            value.length,
+            tuple(_value_with((*path, k), p, new) for k, p in enumerate(value.items)),
+        )
+    if isinstance(value, Table):
+        if (*path, "table") in new:
+            raise NotFiniteError(NOWHERE, "a loop over all robots changes a map")
+        return value
+    return new.get(path, value)

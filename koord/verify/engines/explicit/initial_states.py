@@ -1,0 +1,101 @@
+"""Every way in which INIT may go. [INIT] [PROP-ASSUME]"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+from msgspec import Struct
+
+from koord.semantics.configurations import Fault, Store
+from koord.semantics.domain import EXACT, Constant
+from koord.semantics.recording import Opening
+from koord.semantics.turns import declared, initial_turn
+from koord.syntax.system import System
+from koord.traces.enumeration import ExploringInputs, Given, explored
+from koord.verify.engines.explicit.commits import NOTHING, Commits
+from koord.verify.engines.explicit.finiteness import known_starts
+from koord.verify.engines.explicit.recipes import parts_written
+from koord.verify.engines.explicit.states import State, Vault
+
+
+class _Beginning(Struct, frozen=True):
+    """One way in which one robot's INIT may go."""
+
+    robot: int  #: the robot's number after it
+    write: int
+    fault: Fault | None
+    given: Given
+
+
+class Opened(Struct, frozen=True):
+    """One way in which INIT may go, whether or not the assumptions hold after it."""
+
+    state: State
+    is_faulted: bool
+    _order: tuple[int, ...]
+    _given: tuple[Given, ...]
+
+    def opening(self) -> Opening:
+        """What is recorded of it."""
+        robots = tuple(range(len(self._given) - 1))
+        order = (*self._order, *(i for i in robots if i not in self._order))
+        return Opening(
+            order,
+            tuple(start for given in self._given for start in given.starts),
+            tuple(answer for given in self._given for answer in given.answers),
+        )
+
+
+def openings(system: System, vault: Vault, commits: Commits) -> Iterator[Opened]:
+    """Every way, one by one."""
+    starting = known_starts(system)
+    stores = explored(
+        lambda chooser: ExploringInputs(system, chooser, starting),
+        lambda inputs: declared(EXACT, system, inputs),
+    )
+    for found in stores:
+        store, faults = found.outcome
+        is_faulted = any(condition is True for condition, _ in faults)
+        beginnings = [
+            list(_beginnings(system, vault, commits, robot, store))
+            for robot in range(system.robots)
+        ]
+        for chosen in product(*beginnings):
+            yield from _opened(vault, commits, store, found.given, chosen, is_faulted=is_faulted)
+
+
+def _opened(
+    vault: Vault,
+    commits: Commits,
+    store: Store[Constant],
+    given: Given,
+    chosen: tuple[_Beginning, ...],
+    *,
+    is_faulted: bool,
+) -> Iterator[Opened]:
+    writers = tuple(i for i, each in enumerate(chosen) if each.write != NOTHING)
+    robots = tuple(each.robot for each in chosen)
+    is_faulted = is_faulted or any(each.fault is not None for each in chosen)
+    all_given = (given, *(each.given for each in chosen))
+    writes = tuple(chosen[i].write for i in writers)
+    for end in commits.ends(vault.shared(store), writes):
+        order = tuple(writers[position] for position in end.order)
+        yield Opened((*robots, *end.shared), is_faulted, order, all_given)
+
+
+def _beginnings(
+    system: System, vault: Vault, commits: Commits, robot: int, store: Store[Constant]
+) -> Iterator[_Beginning]:
+    starting = known_starts(system)
+    turns = explored(
+        lambda chooser: ExploringInputs(system, chooser, starting),
+        lambda inputs: initial_turn(EXACT, system, robot, store, inputs),
+    )
+    for turn in turns:
+        turned = turn.outcome
+        if all(x.condition is True for x in turned.legality):
+            fault = next((fault for condition, fault in turned.faults if condition is True), None)
+            number = vault.robot(robot, turned.robot)
+            write = commits.number(parts_written(vault, store, turned))
+            yield _Beginning(number, write, fault, turn.given)

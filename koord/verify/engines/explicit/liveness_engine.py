@@ -1,0 +1,109 @@
+"""The search for fair cycles as an engine: for all rounds, or a lasso. [T-FAIR-CYCLE]"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from msgspec import Struct, field
+
+from koord.syntax.system import System
+from koord.verify.claims import Claim, Phase
+from koord.verify.engines.explicit.engine import in_the_way
+from koord.verify.engines.explicit.fair_search import Fairness, Lively, lively
+from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds
+from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.ledger import Ledger, Reach
+from koord.verify.obstacles import Obstacle, Unreplayed, gave_up
+from koord.verify.verdicts import Emptiness, Engine, Outcome, Vacuity, Verdict
+from koord.verify.witness import NotReplayedError
+
+#: So many ways to go on are looked at where other engines wait for their turn.
+FEW_EDGES = 100_000
+
+
+class LiveBySearch(Struct, frozen=True):
+    """All configurations one by one, where they are few."""
+
+    limits: Limits
+    most_edges: int | None = None
+    #: what was found out besides
+    empty: list[Vacuity] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        return Engine.SEARCH.value
+
+    def work(self, ledger: Ledger) -> None:
+        started = time.monotonic()
+        claims = ledger.open()
+        limits = self.limits
+        found = lively(
+            ledger.system,
+            [claim.stated for claim in claims if claim.stated is not None],
+            Limits(limits.states, limits.memory_mb, limits.rounds, ledger.deadline.at),
+            most_edges=self.most_edges,
+            progress=lambda states, rounds: ledger.progress(
+                f"search for lassos, round {rounds}, {states} states"
+            ),
+        )
+        seconds = time.monotonic() - started
+        unreplayed = _settled(ledger, claims, found, seconds)
+        reason = f"search: {_why(found)}"
+        for claim in ledger.open():
+            why = unreplayed.get(claim, reason)
+            obstacle: Obstacle = gave_up(Engine.SEARCH, ledger.deadline)
+            if claim in unreplayed:
+                obstacle = Unreplayed(Engine.SEARCH)
+            elif isinstance(found.end, NotFinite):
+                obstacle = in_the_way(found.end)
+            ledger.leave([claim], Reach(Engine.SEARCH, None, why, seconds, obstacle=obstacle))
+        if found.is_empty:
+            self.empty.append(no_fair_run(ledger.system))
+
+
+def no_fair_run(system: System) -> Vacuity:
+    """That no run is fair: what is claimed of whole runs holds for no reason."""
+    detail = "no run without end does all that is expected"
+    if not system.program.expectations:
+        detail = "no fair run goes on for ever: each ends in a fault, or where contracts contradict"
+    return Vacuity(Emptiness.ASSUMPTIONS, "", detail, certain=True)
+
+
+def _settled(
+    ledger: Ledger, claims: Sequence[Claim], found: Lively, seconds: float
+) -> dict[Claim, str]:
+    """Settle what was found; why lassos did not replay, if some did not."""
+    unreplayed: dict[Claim, str] = {}
+    for claim in claims:
+        lasso = found.violated.get(claim.name)
+        if lasso is not None:
+            try:
+                shown = ledger.subject.judge(lasso, claim, Phase.END)
+            except NotReplayedError as error:
+                unreplayed[claim] = f"search: a candidate violation did not replay: {error}"
+                continue
+            verdict = Verdict(claim, Outcome.VIOLATED, Engine.SEARCH, seconds, counterexample=shown)
+            ledger.settle({claim: verdict})
+        elif claim.name in found.needs:
+            under = named(found.needs[claim.name])
+            verdict = Verdict(claim, Outcome.HOLDS, Engine.SEARCH, seconds, fairness=under)
+            ledger.settle({claim: verdict})
+    return unreplayed
+
+
+def named(fairness: Fairness) -> tuple[str, ...]:
+    """Kinds of fairness, and expectations, by name."""
+    kinds = (("robots", fairness.robots), ("locks", fairness.locks))
+    return (*(name for name, needed in kinds if needed), *fairness.expectations)
+
+
+def _why(found: Lively) -> str:
+    match found.end:
+        case Exhausted():
+            return "not decided"
+        case OutOfBounds(reason=reason, depth=depth):
+            return f"{reason} through round {depth}"
+        case NotFinite(reason=reason, span=span):
+            return f"{reason} ({span})"

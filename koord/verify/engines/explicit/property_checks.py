@@ -1,0 +1,228 @@
+"""Properties of states: each is evaluated once for all that it looks at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from msgspec import Struct, field
+
+from koord.semantics.configurations import Configuration, Robot, Store
+from koord.semantics.domain import Constant
+from koord.semantics.oracle import Inputs, NoOracle, Oracle, Phase
+from koord.semantics.recording import Concrete
+from koord.semantics.storage import Storage, Tree
+from koord.semantics.turns import holds_in
+from koord.syntax import core
+from koord.syntax.analysis.reads import Reads, reads_of
+from koord.syntax.core import Direction, Home
+from koord.syntax.system import System
+from koord.syntax.walk import nodes
+from koord.verify.engines.explicit.cells import CACHE_LIMIT, Cells, Codes, Interner
+from koord.verify.engines.explicit.lazy import Decisions, Lazy, Looking, PlaceOf
+from koord.verify.engines.explicit.snapshots import nothing, template
+from koord.verify.engines.explicit.states import State, Vault
+
+
+class NoInputs:
+    """Inputs for what leaves nothing open."""
+
+    def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
+        raise AssertionError(declaration.variable.name)
+
+    def sensor(self, robot: int, port: core.Port) -> Concrete:
+        raise AssertionError(port.declaration.variable.name)
+
+    def oracle(self, phase: Phase, robot: int) -> Oracle[Constant]:
+        return NoOracle()
+
+
+Closed = core.Property | core.Assumption
+
+
+class View(NamedTuple):
+    """What a statement can see of a robot: the forms of variables, status and ``ran``; codes."""
+
+    kind: int
+    status: int
+    ran: int
+    forms: tuple[int, ...]
+    codes: tuple[Codes, ...]
+
+
+class Check(Struct):
+    """A closed statement with what it reads, and its value for whatever it was asked about."""
+
+    statement: Closed
+    kinds: tuple[Reads, ...]
+    shared: tuple[int, ...]
+    _system: System
+    _vault: Vault
+    _views: Interner[View] = field(default_factory=Interner)
+    _view_of: dict[int, int] = field(default_factory=dict)
+    _views_of: dict[tuple[int, ...], tuple[int, ...]] = field(default_factory=dict)
+    _values: dict[tuple[int, ...], bool] = field(default_factory=dict)
+    _decisions: Decisions[bool] = field(default_factory=Decisions)
+    _templates: dict[tuple[object, ...], Configuration[Lazy]] = field(default_factory=dict)
+
+    def view(self, robot: int) -> int:
+        """The number of what the statement can see of a robot with a number."""
+        known = self._view_of.get(robot)
+        if known is None:
+            own = self._vault.robots.values[robot]
+            reads = self.kinds[own.kind]
+            held = list(zip(self._cells(own.kind), self._held(own, reads), strict=True))
+            view = View(
+                own.kind,
+                own.status if reads.status else 0,
+                own.ran if reads.ran else 0,
+                tuple(cells.forms[number] for cells, number in held),
+                tuple(cells.codes[number] for cells, number in held),
+            )
+            known = self._view_of[robot] = self._views.number(view)
+        return known
+
+    def views(self, robots: tuple[int, ...]) -> tuple[int, ...]:
+        """The views of robots with some numbers, each once."""
+        known = self._views_of.get(robots)
+        if known is None:
+            known = self._views_of[robots] = tuple(dict.fromkeys(map(self.view, robots)))
+        return known
+
+    def _held(self, own: Any, reads: Reads) -> list[int]:
+        return [
+            *(own.locals[slot] for slot in reads.locals),
+            *(own.ports[slot] for slot in reads.ports),
+            *(own.entries[slot] for slot in reads.arrays),
+        ]
+
+    def _cells(self, kind: int) -> list[Cells]:
+        reads, vault = self.kinds[kind], self._vault
+        return [
+            *(vault.locals[kind][slot] for slot in reads.locals),
+            *(vault.ports[kind][slot] for slot in reads.ports),
+            *(vault.entries[slot] for slot in reads.arrays),
+        ]
+
+    def holds(self, state: State) -> bool:
+        """Whether the statement holds in a state."""
+        count = self._system.robots
+        return self.holds_for(list(map(self.view, state[:count])), state[count:])
+
+    def holds_for(self, views: Sequence[int], shared: Sequence[int]) -> bool:
+        """The same, given what it can see of each robot, and what allwrite variables hold."""
+        key = (*views, *[shared[slot] for slot in self.shared])
+        known = self._values.get(key)
+        if known is None:
+            if len(self._values) > CACHE_LIMIT:
+                self._values.clear()
+            known = self._values[key] = self._decided(
+                [self._views.values[v] for v in views], shared
+            )
+        return known
+
+    def _decided(self, views: list[View], shared: Sequence[int]) -> bool:
+        forms: list[object] = []
+        codes: list[Codes] = []
+        for view in views:
+            forms += view[:4]
+            codes += view.codes
+        for slot in self.shared:
+            cells, number = self._vault.allwrite[slot], shared[slot]
+            forms.append(cells.forms[number])
+            codes.append(cells.codes[number])
+        root = tuple(forms)
+        known = self._decisions.find(root, codes)
+        return known if known is not None else self._evaluated(views, root, codes, shared)
+
+    def _evaluated(
+        self, views: list[View], root: tuple[object, ...], codes: list[Codes], shared: Sequence[int]
+    ) -> bool:
+        scalars = self._vault.scalars
+
+        def look(place: PlaceOf) -> Constant:
+            return scalars.value(codes[place.variable][place.position], place.type)
+
+        d = Looking(look)
+        configuration = self._templates.get(root)
+        if configuration is None:
+            configuration = self._templates[root] = self._configuration(views, shared)
+        e, bound = self.statement.condition, self.statement.bound
+        inputs: Inputs[Any] = NoInputs()
+        value, _ = holds_in(d, self._system, configuration, e, bound, inputs)
+        known = d.known(value) is True
+        self._decisions.keep(root, codes, d.seen, known)
+        return known
+
+    # --- configurations to evaluate on ----------------------------------------------------------
+
+    def _configuration(self, views: list[View], shared: Sequence[int]) -> Configuration[Lazy]:
+        """The configuration with places in its variables; what is not read holds nothing."""
+        vault, count = self._vault, self._system.robots
+        variable = 0
+        robots: list[Robot[Lazy]] = []
+        rows: list[list[Storage[Lazy]]] = [[nothing(cells)] * count for cells in vault.entries]
+        none: Store[Lazy] = Store((), ())
+        for i, view in enumerate(views):
+            reads = self.kinds[view.kind]
+            made = []
+            for cells, form in zip(self._cells(view.kind), view.forms, strict=True):
+                made.append(template(cells, form, variable))
+                variable += 1
+            held = iter(made)
+            locals_ = _placed(vault.locals[view.kind], reads.locals, held)
+            ports = _placed(vault.ports[view.kind], reads.ports, held)
+            for slot in reads.arrays:
+                rows[slot][i] = next(held)
+            robots.append(Robot(view.kind, locals_, ports, none, view.status, view.ran))
+        allwrite = [nothing(cells) for cells in vault.allwrite]
+        for slot in self.shared:
+            cells = vault.allwrite[slot]
+            allwrite[slot] = template(cells, cells.forms[shared[slot]], variable)
+            variable += 1
+        store: Store[Lazy] = Store(tuple(Tree(tuple(row)) for row in rows), tuple(allwrite))
+        return Configuration(tuple(robots), store, 0)
+
+
+def _placed(cells: Sequence[Cells], slots: Sequence[int], made: Any) -> tuple[Storage[Lazy], ...]:
+    storages = [nothing(c) for c in cells]
+    for slot in slots:
+        storages[slot] = next(made)
+    return tuple(storages)
+
+
+def check(system: System, vault: Vault, statement: Closed) -> Check:
+    """The check of one statement."""
+    program = system.program
+    kinds = tuple(reads_of(program, statement.condition, agent=a) for a in program.agents)
+    shared = tuple(sorted({slot for reads in kinds for slot in reads.allwrite}))
+    return Check(statement, kinds, shared, system, vault)
+
+
+def asks_who_ran(statements: Sequence[Closed]) -> bool:
+    """Whether one of some statements mentions what robots ran."""
+    return any(isinstance(node, core.Ran) for s in statements for node in nodes(s.condition))
+
+
+def sees_the_environment(system: System, statement: Closed) -> bool:
+    """Whether a statement reads a port that the environment's turn may change."""
+    agents = [system.program.agents[kind] for kind in set(system.kinds)]
+    changing = {name for agent in agents for name in _changing_ports(agent)}
+    return any(
+        isinstance(node, core.Place)
+        and node.variable.home is Home.PORT
+        and node.variable.name in changing
+        for node in nodes(statement.condition)
+    )
+
+
+def _changing_ports(agent: core.Agent) -> set[str]:
+    names = set()
+    for module in agent.modules:
+        if module.environment is None:
+            ports = [agent.ports[position] for position in module.ports]
+            names |= {p.declaration.variable.name for p in ports if p.direction is Direction.SENSOR}
+        else:
+            places = [n for n in nodes(module.environment) if isinstance(n, core.Place)]
+            names |= {p.variable.name for p in places if p.variable.home is Home.PORT}
+    return names

@@ -1,0 +1,407 @@
+"""Explicit search: every configuration that a system can reach, if they are finitely many.
+
+States are configurations at the starts of rounds (:mod:`canonical`). A round is not taken apart
+into turns: what each robot can do is worked out for itself (:mod:`menus`), and combined without
+regard to order, except for who wins which race (:mod:`joint`, :mod:`commits`). Robots that may
+change places are told apart by what they are only (:mod:`symmetry`, :mod:`orbits`). The search goes
+by rounds, so what it finds violated is shown by a run with the fewest rounds.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import product
+
+from msgspec import Struct
+
+from koord.semantics.recording import Recording, Round
+from koord.syntax import core
+from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
+from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.core import PropertyKind
+from koord.syntax.source import NOWHERE
+from koord.syntax.system import System
+from koord.traces.enumeration import UnboundedError
+from koord.verify.engines.explicit.cells import MOST_SCALARS, TooLargeError
+from koord.verify.engines.explicit.commits import Commits
+from koord.verify.engines.explicit.findings import (
+    Claim,
+    Exhausted,
+    Outcome,
+    OutOfBounds,
+    Subject,
+    Survey,
+    Violated,
+)
+from koord.verify.engines.explicit.finiteness import NotFinite, not_finite
+from koord.verify.engines.explicit.found_runs import Tracer
+from koord.verify.engines.explicit.initial_states import openings
+from koord.verify.engines.explicit.joint_transitions import Joint, Joints, needs_relaxed
+from koord.verify.engines.explicit.limits import OUT_OF_TIME, Limits, Meter
+from koord.verify.engines.explicit.orbits import Orbits
+from koord.verify.engines.explicit.property_checks import (
+    Check,
+    asks_who_ran,
+    check,
+    sees_the_environment,
+)
+from koord.verify.engines.explicit.robot_transitions import Course, Menu, Menus
+from koord.verify.engines.explicit.states import State, Vault
+
+#: So many ways to start, most of them assumed away, are tried for each state that is allowed.
+_STARTS_PER_STATE = 20
+
+#: Told now and then: states seen, rounds finished, states waiting in this round.
+Progress = Callable[[int, int, int], None]
+
+#: What is looked for without being asked.
+ALWAYS = frozenset({Subject.FAULT, Subject.CONTRACT})
+
+
+def search(
+    system: System,
+    properties: Sequence[core.Property],
+    limits: Limits | None = None,
+    *,
+    subjects: frozenset[Subject] = ALWAYS,
+    symmetry: bool = True,
+    order_reduction: bool = True,
+    progress: Progress | None = None,
+    clock: Callable[[], float] = time.monotonic,
+) -> Outcome:
+    """Look for a violation, and stop at the first.
+
+    ``properties`` are invariants, at all times or at rounds. ``symmetry`` and ``order_reduction``
+    can be switched off; that changes how long it takes, and no verdict.
+    """
+    made = begun(
+        system,
+        properties,
+        limits,
+        subjects=subjects,
+        symmetry=symmetry,
+        order_reduction=order_reduction,
+        progress=progress,
+        clock=clock,
+    )
+    if isinstance(made, NotFinite):
+        return made
+    violated = next(made.violations(), None)
+    return violated if violated is not None else made.end
+
+
+def survey(
+    system: System,
+    properties: Sequence[core.Property],
+    limits: Limits | None = None,
+    *,
+    subjects: frozenset[Subject] = ALWAYS,
+    symmetry: bool = True,
+    order_reduction: bool = True,
+    progress: Progress | None = None,
+    clock: Callable[[], float] = time.monotonic,
+) -> Survey:
+    """Look for all violations: of each claim one with the fewest rounds."""
+    made = begun(
+        system,
+        properties,
+        limits,
+        subjects=subjects,
+        symmetry=symmetry,
+        order_reduction=order_reduction,
+        progress=progress,
+        clock=clock,
+    )
+    if isinstance(made, NotFinite):
+        return Survey((), made)
+    return Survey(tuple(made.violations()), made.end)
+
+
+def begun(
+    system: System,
+    properties: Sequence[core.Property],
+    limits: Limits | None = None,
+    *,
+    subjects: frozenset[Subject] = ALWAYS,
+    symmetry: bool = True,
+    order_reduction: bool = True,
+    progress: Progress | None = None,
+    clock: Callable[[], float] = time.monotonic,
+) -> Search | NotFinite:
+    """A search for all violations that tells of each as it comes, if the system allows one."""
+    reason = not_finite(system, properties)
+    if reason is not None:
+        return reason
+    meter = Meter(limits if limits is not None else Limits(), clock)
+    return Search(system, tuple(properties), meter, subjects, symmetry, order_reduction, progress)
+
+
+class _Found(Struct, frozen=True):
+    """A violation as the search sees it: by the representatives on the way to it.
+
+    ``last`` is the check that fails inside the round behind the path; None if the path's last state
+    shows the violation itself or the claim says what to look for.
+    """
+
+    claim: Claim
+    state: State
+    is_behind: bool = False
+    check: Check | None = None
+
+
+#: Why a search ends that found everything it was asked about.
+NOTHING_LEFT = "all claims are violated"
+
+
+class _LimitError(Exception):
+    """A limit is reached."""
+
+
+class Search:
+    """One search. ``violations`` drives it; ``end`` says how it ended, or how far it is."""
+
+    def __init__(
+        self,
+        system: System,
+        properties: tuple[core.Property, ...],
+        meter: Meter,
+        subjects: frozenset[Subject],
+        symmetry: bool,
+        order_reduction: bool,
+        progress: Progress | None,
+    ) -> None:
+        relaxed = not order_reduction or needs_relaxed(system, properties)
+        vault = Vault(system, tracks_ran=asks_who_ran(properties))
+        self._system = system
+        self._vault = vault
+        self._meter = meter
+        self._progress = progress
+        self._subjects = subjects
+        self._commits = Commits(vault, every_order=not order_reduction)
+        menus = Menus(system, vault, self._commits, relaxed=relaxed)
+        self._joints = Joints(system, vault, menus, self._commits, relaxed=relaxed)
+        found = symmetry_of(system, properties) if symmetry else None
+        orbits = Orbits(vault, found) if isinstance(found, Symmetry) else None
+        self._representative = orbits.representative if orbits is not None else _as_it_is
+        self._checks = {
+            Claim(Subject.PROPERTY, p.name): check(system, vault, p) for p in properties
+        }
+        self._inside = {
+            claim: each
+            for (claim, each), p in zip(self._checks.items(), properties, strict=True)
+            if p.kind is PropertyKind.INVARIANT
+        }
+        self._on_ports = {
+            claim for claim, c in self._inside.items() if sees_the_environment(system, c.statement)
+        }
+        self._assumptions = [check(system, vault, a) for a in system.program.assumptions]
+        self._seen: dict[State, State | None] = {}
+        self._settled: set[Claim] = set()
+        self._depth = 0
+        self._through: int | None = None  #: the last round that was looked at whole
+        self._end: Exhausted | OutOfBounds | NotFinite | None = None
+
+    @property
+    def end(self) -> Exhausted | OutOfBounds | NotFinite:
+        """How it ended."""
+        return self._end or OutOfBounds("interrupted", len(self._seen), self._through)
+
+    def violations(self) -> Iterator[Violated]:
+        """Every violation, each claim once, by rounds."""
+        try:
+            for found in self._found():
+                if found.claim not in self._settled:
+                    self._settled.add(found.claim)
+                    yield Violated(found.claim, self._recording(found), len(self._seen))
+                    if self._has_all():
+                        raise _LimitError(NOTHING_LEFT)
+        except _LimitError as limit:
+            self._end = OutOfBounds(str(limit), len(self._seen), self._through)
+        except OutOfPatienceError:
+            self._end = OutOfBounds(OUT_OF_TIME, len(self._seen), self._through)
+        except TooLargeError:
+            reached = f"more than {MOST_SCALARS} values in one variable"
+            self._end = OutOfBounds(reached, len(self._seen), self._through)
+        except UnboundedError as reason:
+            self._end = NotFinite(str(reason), NOWHERE)
+        else:
+            self._end = Exhausted(len(self._seen), self._depth)
+
+    def _has_all(self) -> bool:
+        """Whether nothing is left to be found: all that was asked about is violated."""
+        asked = set(self._checks)
+        if self._subjects & {Subject.LOST_UPDATE, Subject.CONTRACT}:
+            return False  # nobody knows how many of these there are
+        if Subject.FAULT in self._subjects:
+            asked.add(Claim(Subject.FAULT))
+        return asked <= self._settled
+
+    # --- the search -----------------------------------------------------------------------------
+
+    def _found(self) -> Iterator[_Found]:
+        frontier: list[State] = []
+        yield from self._begin(frontier)
+        self._through = 0
+        while frontier:
+            if self._depth == self._meter.limits.rounds:
+                raise _LimitError(f"more than {self._depth} rounds")
+            waiting: list[State] = []
+            for position, state in enumerate(frontier):
+                self._tick(len(frontier) - position)
+                yield from self._expanded(state, waiting)
+            frontier = waiting
+            if frontier:
+                self._depth = self._through = self._depth + 1
+
+    def _begin(self, frontier: list[State]) -> Iterator[_Found]:
+        count = self._system.robots
+        most = _STARTS_PER_STATE * self._meter.limits.states
+        for tried, opened in enumerate(openings(self._system, self._vault, self._commits)):
+            self._system.patience.spend()
+            self._tick(0)
+            if tried > most:
+                raise _LimitError(f"more than {most} ways to start")
+            if not all(each.holds(opened.state) for each in self._assumptions):
+                continue
+            state = self._representative(opened.state[:count], opened.state[count:])
+            if opened.is_faulted:
+                if Subject.FAULT in self._subjects:
+                    yield _Found(Claim(Subject.FAULT), state)
+            elif state not in self._seen:
+                yield from self._entered(state, None, frontier)
+
+    def _entered(
+        self, state: State, before: State | None, waiting: list[State]
+    ) -> Iterator[_Found]:
+        """A state that has not been seen. [PROP-INVARIANT] [PROP-ROUND]"""
+        self._seen[state] = before
+        waiting.append(state)
+        for claim, each in self._checks.items():
+            if not each.holds(state) and claim not in self._settled:
+                yield _Found(claim, state)
+
+    def _expanded(self, state: State, waiting: list[State]) -> Iterator[_Found]:
+        menus = self._joints.menus(state)
+        yield from self._failures(state, menus)
+        seen, representative = self._seen, self._representative
+        for joint in self._joints.joints(state, menus):
+            self._system.patience.spend()
+            yield from self._looked_inside(state, joint)
+            if not joint.is_whole:
+                continue
+            yield from self._evolved(state, joint)
+            for robots, shared in joint.successors():
+                self._system.patience.spend()
+                after = representative(robots, shared)
+                if after not in seen:
+                    yield from self._entered(after, state, waiting)
+
+    def _tick(self, waiting: int) -> None:
+        reached = self._meter.reached(len(self._seen))
+        if reached:
+            raise _LimitError(reached)
+        if self._progress is not None and self._meter.is_time_to_tell():
+            self._progress(len(self._seen), self._depth, waiting)
+
+    # --- what is looked at ----------------------------------------------------------------------
+
+    def _failures(self, state: State, menus: list[Menu]) -> Iterator[_Found]:
+        if Subject.FAULT in self._subjects and any(menu.failures for menu in menus):
+            yield _Found(Claim(Subject.FAULT), state, is_behind=True)
+
+    def _looked_inside(self, state: State, joint: Joint) -> Iterator[_Found]:
+        """Between the program turns, and between them and the environment's. [T-PREFIX]"""
+        for claim, each in self._inside.items():
+            if claim in self._settled:
+                continue
+            if joint.is_inside and not _holds(each, joint, _robots):
+                yield _Found(claim, state, is_behind=True, check=each)
+            elif joint.is_whole and (claim in self._on_ports or _is_last(joint)):
+                numbers = _stopped_robots if joint.all_stop else _robots
+                if not _holds(each, joint, numbers):
+                    yield _Found(claim, state, is_behind=True, check=each)
+        if Subject.LOST_UPDATE in self._subjects and len(joint.writers) > 1:
+            for slot in sorted(self._joints.lost(joint)):
+                name = self._system.program.allwrite[slot].variable.name
+                yield _Found(Claim(Subject.LOST_UPDATE, name), state, is_behind=True)
+
+    def _evolved(self, state: State, joint: Joint) -> Iterator[_Found]:
+        """Faults of models, and promises that they break."""
+        courses = joint.courses
+        all_stop = joint.all_stop
+        if not any(course.has_news(all_stop=all_stop) for course in courses):
+            return
+        outcomes = [course.all_outcomes(all_stop=all_stop) for course in courses]
+        if not all(outcomes):
+            return
+        if Subject.FAULT in self._subjects and any(o.fault for each in outcomes for o in each):
+            yield _Found(Claim(Subject.FAULT), state, is_behind=True)
+        if Subject.CONTRACT in self._subjects:
+            sound = [[o for o in each if o.fault is None] for each in outcomes]
+            if all(sound):
+                for name in dict.fromkeys(c.name for each in sound for o in each for c in o.broken):
+                    yield _Found(Claim(Subject.CONTRACT, name), state, is_behind=True)
+
+    # --- recordings -----------------------------------------------------------------------------
+
+    def _recording(self, found: _Found) -> Recording:
+        tracer = Tracer(
+            self._system, self._vault, self._commits, self._joints, self._representative
+        )
+        claim = found.claim
+        if claim.subject is Subject.FAULT and not found.is_behind:
+            return tracer.at_init(found.state, is_faulted=True)
+        path = self._path(found.state)
+        if not found.is_behind:
+            return tracer.run(path)
+        return tracer.run(path, self._last_round(tracer, found))
+
+    def _last_round(self, tracer: Tracer, found: _Found) -> Callable[[State], Iterator[Round]]:
+        claim = found.claim
+        if found.check is not None:
+            return tracer.breaking(found.check)
+        match claim.subject:
+            case Subject.LOST_UPDATE:
+                return tracer.losing(claim.name)
+            case Subject.CONTRACT:
+                return tracer.evolving(claim)
+            case _:
+                return lambda state: _either(tracer.failing(state), tracer.evolving(claim)(state))
+
+    def _path(self, state: State) -> list[State]:
+        path = [state]
+        while (before := self._seen[path[-1]]) is not None:
+            path.append(before)
+        return path[::-1]
+
+
+def _as_it_is(robots: tuple[int, ...], shared: tuple[int, ...]) -> State:
+    return (*robots, *shared)
+
+
+def _either(first: Iterable[Round], second: Iterable[Round]) -> Iterator[Round]:
+    yield from first
+    yield from second
+
+
+def _robots(course: Course) -> tuple[int, ...]:
+    return course.robots
+
+
+def _stopped_robots(course: Course) -> tuple[int, ...]:
+    return course.stopped_robots
+
+
+def _is_last(joint: Joint) -> bool:
+    """Whether the environment may have no turn: what is so before it is not looked at after it."""
+    return any(course.may_be_last(all_stop=joint.all_stop) for course in joint.courses)
+
+
+def _holds(each: Check, joint: Joint, numbers: Callable[[Course], tuple[int, ...]]) -> bool:
+    """Whether a statement holds wherever the robots have one of those numbers each."""
+    # What looks the same to the statement need be tried once only.
+    views = [each.views(numbers(course)) for course in joint.courses]
+    return all(
+        each.holds_for(chosen, end.shared) for chosen in product(*views) for end in joint.ends
+    )

@@ -1,0 +1,330 @@
+"""Spacer as a worker on a ledger: all rounds of a fixed number of robots. [T-PREFIX]
+
+The state is what a configuration at the end of a round consists of. INIT and a round, as bounded
+model checking and induction have them, give the clauses; claims that were proved are added to what
+is known of a state. Nothing is taken on trust: an invariant is asked of another solver, and a run
+is made concrete, state by state, and replayed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+
+from msgspec import Struct, field
+
+from koord.semantics.configurations import Configuration
+from koord.semantics.parameterised import NotFiniteError
+from koord.syntax.core import UnaryOp
+from koord.syntax.source import NOWHERE
+from koord.syntax.system import System
+from koord.verify.claims import Claim, Findings, Phase
+from koord.verify.encoding.moments import Moment
+from koord.verify.encoding.solver import Answer, Deadline, Effort
+from koord.verify.encoding.symbols import SymbolicInputs
+from koord.verify.encoding.terms import Term, Terms
+from koord.verify.encoding.unrolling import Unrolling, assumed, violations
+from koord.verify.engines.bmc.engine import Bounded
+from koord.verify.engines.horn.clauses import Clauses, Reached, Safe, constants
+from koord.verify.engines.horn.states import scalars
+from koord.verify.ledger import Ledger, Reach
+from koord.verify.obstacles import Beyond, Obstacle, Unreplayed, gave_up
+from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict, has_fewest
+from koord.verify.witness import NotReplayedError, Reader, recording_of
+
+#: What proofs may cost, about so many seconds: before others are asked, and after them.
+HASTY_S = 3.0
+SPARING_S = 7.0
+
+#: The same where all that was asked is answered, and only a proof for all rounds is left to find:
+#: in units of which Spacer does a fifth as many in a second as other solvers.
+ANSWERED_S = 0.8
+
+#: The same where nobody else is asked.
+GENEROUS_S = 600.0
+
+#: What each question about an invariant that was found may cost.
+CHECKING_S = 20.0
+
+#: What it may cost to see whether a violation can be had in fewer rounds, and in how many.
+SOONER_S, SOONER_ROUNDS = 5.0, 40
+
+
+class BySpacer(Struct):
+    """Invariants of reals and integers that nobody gave, and runs that break claims late.
+
+    With ``waits`` proofs are kept back, for others to say more than that: see :class:`KeptBack`.
+    """
+
+    seconds: float = GENEROUS_S
+    waits: bool = False
+    proved: dict[Claim, Verdict] = field(default_factory=dict)
+    unreplayed: set[Claim] = field(default_factory=set)
+
+    @property
+    def name(self) -> str:
+        return Engine.SPACER.value
+
+    def work(self, ledger: Ledger) -> None:
+        if self.waits and ledger.is_violated and not ledger.wanting():
+            return  # of the rest, the rounds that were looked at are enough
+        started = time.monotonic()
+        is_answered = self.waits and not ledger.wanting()
+        if is_answered and self.seconds > HASTY_S:
+            return
+        effort = Effort.of_seconds(ANSWERED_S if is_answered else self.seconds)
+        reason = ""
+        obstacle: Obstacle = Unreplayed(Engine.SPACER)
+        while not reason and (claims := self._pending(ledger)):
+            ledger.progress("Spacer looks for a proof for all rounds")
+            try:
+                question = Question.of(ledger.system, claims, ledger.proved(), ledger.seed)
+                found = question.clauses.solved(ledger.deadline, effort, ledger.seed)
+            except NotFiniteError as error:
+                reason = f"Spacer: {error}"
+                obstacle = Beyond(Engine.SPACER, str(error))
+                break
+            match found:
+                case Safe() if question.is_kept(found, ledger.deadline):
+                    seconds = time.monotonic() - started
+                    self.proved = {
+                        c: Verdict(c, Outcome.HOLDS, Engine.SPACER, seconds) for c in claims
+                    }
+                    if self.waits:
+                        return
+                    ledger.settle(self.proved)
+                case Reached():
+                    self._show(ledger, claims, found, question, started)
+                case _:
+                    reason = "timeout" if ledger.deadline.is_near() else "Spacer gave up"
+                    obstacle = gave_up(Engine.SPACER, ledger.deadline)
+        seconds = time.monotonic() - started
+        reason = reason or "Spacer: a candidate violation did not replay"
+        reach = Reach(Engine.SPACER, None, reason, seconds, obstacle=obstacle)
+        ledger.leave(ledger.open(), reach)
+
+    def _pending(self, ledger: Ledger) -> list[Claim]:
+        return [claim for claim in ledger.open() if claim not in self.unreplayed]
+
+    def _show(
+        self,
+        ledger: Ledger,
+        claims: Sequence[Claim],
+        found: Reached,
+        question: Question,
+        started: float,
+    ) -> None:
+        """Settle the claims that a run breaks; what cannot be replayed is not asked again."""
+        settled = False
+        for claim, moment, unrolling in _followed(ledger, claims, found, question):
+            reader = Reader(unrolling.solver.model(), ledger.system)
+            recording = recording_of(reader, unrolling.opening, unrolling.rounds, moment.phase)
+            try:
+                shown = ledger.subject.judge(recording, claim, moment.phase)
+            except NotReplayedError:
+                continue
+            seconds = time.monotonic() - started
+            first = _first(ledger, claim, shown)
+            verdict = Verdict(
+                claim,
+                Outcome.VIOLATED,
+                Engine.SPACER,
+                seconds,
+                counterexample=first.counterexample,
+                fewest=first.fewest,
+            )
+            ledger.settle({claim: verdict})
+            settled = True
+            break
+        if not settled:
+            self.unreplayed.update(claims)
+
+
+class KeptBack(Struct, frozen=True):
+    """What Spacer proved, of claims of which nobody could say more in the meantime."""
+
+    spacer: BySpacer
+
+    @property
+    def name(self) -> str:
+        return Engine.SPACER.value
+
+    def work(self, ledger: Ledger) -> None:
+        still = {c: v for c, v in self.spacer.proved.items() if c not in ledger.verdicts}
+        ledger.settle(still)
+
+
+class Question(Struct, frozen=True):
+    """Whether some claims hold in all rounds.
+
+    ``opens`` holds of INIT, one of ``false_starts`` of one that breaks a claim; ``goes`` holds of a
+    state and a round from it, one of ``spoils`` of a state and a round that breaks a claim.
+    ``first`` and ``then`` are the state's unknowns after each.
+    """
+
+    unrolling: Unrolling
+    clauses: Clauses
+    opens: list[Term]
+    false_starts: list[list[Term]]
+    goes: list[Term]
+    spoils: list[list[Term]]
+    first: list[Term]
+    then: list[Term]
+    moving: list[
+        int
+    ]  #: where the unknowns stand among the scalars of a configuration, the first ones
+
+    @staticmethod
+    def of(system: System, claims: Sequence[Claim], given: Sequence[Claim], seed: int) -> Question:
+        """The question. Raises NotFiniteError if the system is beyond what Spacer knows."""
+        unrolling = Unrolling(system, seed)
+        unknowns, d = unrolling.unknowns, unrolling.encoder.d
+        opening = unrolling.opening.moment
+        begins = [*opening.constraints, *assumed(system, d, opening)]
+        broken = violations(system, d, opening, claims).values()
+        begins += unknowns.constraints
+        begun = len(unknowns.constraints)
+        opens = [*begins, d.unary(UnaryOp.NOT, opening.findings.fault)]
+        false_starts = [[*begins, *needed, violated] for violated, needed in broken]
+        start = unrolling.encoder.arbitrary(opening.configuration, "#")
+        taken = unrolling.encoder.round(start, "round")
+        known, turns = _held(system, unrolling, start, given), taken.middle.constraints
+        breaks = [
+            [*turns, *taken.until(d, moment), *needed, violated]
+            for moment in taken.moments
+            for violated, needed in violations(system, d, moment, claims).values()
+        ]
+        if unknowns.limits:
+            raise NotFiniteError(NOWHERE, "; ".join(sorted(set(unknowns.limits))))
+        always = [*known, *unknowns.constraints[begun:]]
+        calm = d.unary(UnaryOp.NOT, taken.end.findings.fault)
+        goes = [*always, *turns, *taken.until(d, taken.end), calm]
+        spoils = [[*always, *body] for body in breaks]
+        before, first, then = (
+            scalars(c) for c in (start, opening.configuration, taken.end.configuration)
+        )
+        if not len(before) == len(first) == len(then):
+            raise NotFiniteError(NOWHERE, "a list may have any length")
+        ours = {x.get_id() for x in constants([*opens, *first])}
+        rigid = {
+            x.get_id(): x
+            for x in constants([*before, *goes, *then, *(t for body in spoils for t in body)])
+            if x.get_id() in ours or _is_symbol(x)
+        }
+        moving = [k for k, x in enumerate(before) if _is_free(d, x, rigid)]
+        if (
+            {x.get_id() for x in constants(before)}
+            - rigid.keys()
+            - {d.key(before[k]) for k in moving}
+        ):
+            raise NotFiniteError(NOWHERE, "a variable starts in a way of its own")
+        fixed = list(rigid.values())
+        clauses = Clauses(d, [*(before[k] for k in moving), *fixed])
+        made = Question(
+            unrolling,
+            clauses,
+            opens,
+            false_starts,
+            goes,
+            spoils,
+            [*(first[k] for k in moving), *fixed],
+            [*(then[k] for k in moving), *fixed],
+            moving,
+        )
+        clauses.reach(opens, made.first)
+        clauses.reach([clauses.here, *goes], made.then)
+        for body in false_starts:
+            clauses.spoil(body)
+        for body in spoils:
+            clauses.spoil([clauses.here, *body])
+        return made
+
+    def is_kept(self, found: Safe, deadline: Deadline) -> bool:
+        """Whether what was found is an invariant that keeps the claims."""
+        d, effort = self.clauses.d, Effort.of_seconds(CHECKING_S)
+
+        def left_by(values: Sequence[Term]) -> Term:
+            pairs = list(zip(self.clauses.unknowns, values, strict=True))
+            return d.unary(UnaryOp.NOT, d.with_values(found.kept, pairs))
+
+        bodies = [
+            [*self.opens, left_by(self.first)],
+            [found.kept, *self.goes, left_by(self.then)],
+            *self.false_starts,
+            *([found.kept, *body] for body in self.spoils),
+        ]
+        return all(self.clauses.impossible(body, deadline, effort) for body in bodies)
+
+
+class _First(Struct, frozen=True):
+    """A violation, and whether it is known that none has fewer rounds."""
+
+    counterexample: Counterexample
+    fewest: bool
+
+
+def _first(ledger: Ledger, claim: Claim, shown: Counterexample) -> _First:
+    """The same violation with the fewest rounds, as far as looking for that costs little.
+
+    Rounds through which the claim was seen to hold by others are not looked at again.
+    """
+    before, seen = shown.round - 1, ledger.verdict(claim).rounds
+    fewest = has_fewest(shown, seen)
+    if fewest or before > SOONER_ROUNDS:
+        return _First(shown, fewest)
+    bounded = Bounded(ledger.system, ledger.subject.judge, ledger.seed)
+    effort = Effort.of_seconds(SOONER_S)
+    found = bounded.check([claim], ledger.proved(), before, ledger.deadline, effort).get(claim)
+    if found is None or found.counterexample is None:
+        is_whole = claim not in bounded.unreplayed
+        return _First(shown, is_whole and has_fewest(shown, bounded.covered))
+    return _First(found.counterexample, found.fewest)
+
+
+def _held(
+    system: System, unrolling: Unrolling, start: Configuration[Term], given: Sequence[Claim]
+) -> list[Term]:
+    """That claims which were proved hold of the state at which a round starts."""
+    d = unrolling.encoder.d
+    checks = SymbolicInputs(unrolling.unknowns, "start")
+    moment = Moment(Phase.INIT, start, [], Findings(False), checks)
+    state = [claim for claim in given if claim.is_state_property]
+    found = []
+    for violated, needed in violations(system, d, moment, state).values():
+        found += [*needed, d.unary(UnaryOp.NOT, violated)]
+    return found
+
+
+def _is_free(d: Terms, scalar: Term, rigid: Mapping[int, Term]) -> bool:
+    """Whether a scalar of any state is an unknown of its own."""
+    return d.known(scalar) is None and d.is_constant(scalar) and d.key(scalar) not in rigid
+
+
+def _is_symbol(constant: Term) -> bool:
+    """Whether a constant is the same in all rounds: fresh ones have a number behind their name."""
+    return "!" not in str(constant)
+
+
+def _followed(
+    ledger: Ledger, claims: Sequence[Claim], found: Reached, question: Question
+) -> Iterator[tuple[Claim, Moment, Unrolling]]:
+    """The claims that some run by way of the states breaks, and where.
+
+    The solver of the unrolling has just answered with such a run.
+    """
+    unrolling, last = question.unrolling, len(found.states)
+    for moment in unrolling.moments():
+        configuration = moment.configuration
+        if moment.phase in (Phase.INIT, Phase.END) and configuration.round < last:
+            values = scalars(configuration)
+            moving = [values[k] for k in question.moving]
+            state = found.states[configuration.round]
+            unrolling.solver.add(question.clauses.equations(moving, state))
+        if len(unrolling.rounds) == last:
+            asked = violations(ledger.system, unrolling.encoder.d, moment, claims)
+            for claim, (violated, needed) in asked.items():
+                unrolling.solver.add(needed)
+                if unrolling.solver.check([violated], ledger.deadline) is Answer.SAT:
+                    yield claim, moment, unrolling
+        if moment.phase is Phase.END and configuration.round >= last:
+            return

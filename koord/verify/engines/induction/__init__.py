@@ -1,0 +1,1 @@
+"""Inductive proofs for a fixed number of robots."""

@@ -1,0 +1,1 @@
+"""Verification problems in the forms of other tools: AIGER, VMT, SMT-LIB, TLA+."""

@@ -1,0 +1,169 @@
+"""What a program could expect of its environment so that a lasso is no run of it. [FAIR-ASSUME]
+
+Each suggestion is a line of Koord that is read together with the program; then the judge of lassos
+is asked whether the run still is fair, and the search whether any run is.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from functools import reduce
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.semantics.configurations import Configuration
+from koord.semantics.domain import Constant
+from koord.semantics.recording import Recording
+from koord.syntax import ast, core
+from koord.syntax.elaborate import Settings
+from koord.syntax.load import load
+from koord.syntax.parser import parse
+from koord.syntax.printer import print_program
+from koord.syntax.printer_conditions import conjuncts
+from koord.syntax.printer_exprs import print_expr
+from koord.syntax.source import Source
+from koord.syntax.system import System
+from koord.syntax.walk import reached
+from koord.traces.fairness import Excuses, OfEvent, Standing
+from koord.traces.lassos import flaw_of
+from koord.verify.engines.explicit.fair_search import lively
+from koord.verify.engines.explicit.limits import HANDFUL, Limits
+from koord.verify.engines.explicit.liveness_engine import FEW_EDGES
+
+#: So many suggestions are made at most, and so many tried.
+MOST, TRIED = 2, 24
+
+#: For how long it is looked, for each, whether any run meets it.
+CHECKING_S = 1.0
+
+
+class Text(Struct, frozen=True):
+    """What a program is read from."""
+
+    source: Source
+    settings: Settings
+    properties: tuple[Source, ...]
+
+
+class Lassoed(Struct, frozen=True):
+    """A lasso that breaks a property, with its configurations and with why it is fair."""
+
+    system: System
+    recording: Recording
+    ends: Sequence[Configuration[Constant]]
+    why: Excuses
+    stated: core.Property
+
+
+def excluding(text: Text, lasso: Lassoed, until: float | None = None) -> tuple[str, ...]:
+    """Expectations under which the lasso is not fair, and that some run meets, as Koord.
+
+    Looked for up to a moment of :func:`time.monotonic`, if one is given.
+    """
+    found: list[str] = []
+    for line in list(_candidates(text, lasso))[:TRIED]:
+        if len(found) >= MOST or (until is not None and time.monotonic() >= until):
+            break
+        system = _under(text, lasso, line)
+        if system is not None and _is_met(system, lasso.stated, until):
+            found.append(line)
+    return tuple(found)
+
+
+def _under(text: Text, lasso: Lassoed, line: str) -> System | None:
+    """The system with the expectation, if that is one, and excludes the lasso by saying more."""
+    more = Source("expected.krd", line + "\n")
+    program = load(text.source, text.settings, (*text.properties, more)).program
+    if program is None:
+        return None
+    new = program.expectations[-1]
+    stated = lasso.stated
+    if (new.trigger, new.condition, new.each) == (stated.trigger, stated.condition, stated.each):
+        return None
+    if not _is_of_others(program, new):
+        return None
+    system = replace(lasso.system, program=program)
+    flaw = flaw_of(system, lasso.recording, lasso.ends, None)
+    if flaw is None or flaw.rule != "FAIR-ASSUME" or "external function" in flaw.reason:
+        return None
+    return system
+
+
+def _is_of_others(program: core.Program, stated: core.Property) -> bool:
+    """Whether it is about what happens, and not about what the program makes of it."""
+    return any(
+        isinstance(node, core.Ran)
+        or (isinstance(node, core.Variable) and node.home is core.Home.PORT)
+        for node in reached(program, (stated.condition,))
+    )
+
+
+def _is_met(system: System, stated: core.Property, until: float | None) -> bool:
+    """Whether some fair run meets all that is expected, as far as a short search can tell."""
+    ends = time.monotonic() + CHECKING_S
+    limits = Limits(states=HANDFUL, deadline_s=ends if until is None else min(ends, until))
+    return not lively(system, (stated,), limits, most_edges=FEW_EDGES).is_empty
+
+
+def _candidates(text: Text, lasso: Lassoed) -> Iterator[str]:
+    """Lines to try, the likeliest first: what is enabled is run, then what is waited for comes."""
+    events = _events(text)
+    program = lasso.system.program
+    taken = {p.name for p in (*program.properties, *program.expectations)}
+    idle = list(_idle(lasso))
+    for event in idle:
+        if event.standing is not Standing.NEVER:
+            for pre in events.get(event.event, ()):
+                name = _unused(f"Runs{event.event}", taken)
+                yield _line(name, pre, f"ran({event.event})")
+    for event in idle:
+        for pre in events.get(event.event, ()):
+            for k, part in enumerate(pre):
+                name = _unused(f"Enables{event.event}", taken)
+                yield _line(name, [*pre[:k], *pre[k + 1 :]], print_expr(part))
+
+
+def _idle(lasso: Lassoed) -> Iterator[OfEvent]:
+    """What some robot never runs in the loop, each event once: what is enabled at times first."""
+    found: dict[str, OfEvent] = {}
+    for of in lasso.why.robots:
+        for event in of.events:
+            known = found.get(event.event)
+            if event.standing is not Standing.RUNS and (
+                known is None or known.standing is Standing.NEVER
+            ):
+                found[event.event] = event
+    yield from found.values()
+
+
+def _events(text: Text) -> dict[str, list[list[ast.Expr]]]:
+    """What the guards of events of each name are made of."""
+    found: dict[str, list[list[ast.Expr]]] = {}
+    sections = list(parse(text.source).program.sections)
+    for section in sections:
+        if isinstance(section, ast.Agent):
+            sections += section.sections
+        elif isinstance(section, ast.Event):
+            parts = [] if section.pre is None else conjuncts(section.pre)
+            found.setdefault(section.name.name, []).append(parts)
+    return found
+
+
+def _line(name: str, given: Sequence[ast.Expr], goal: str) -> str:
+    """What is given leads to a goal: as it is laid out in programs."""
+    (made,) = parse(Source(name, f"assume {name}: true leadsto {goal}\n")).program.sections
+    assert isinstance(made, ast.LeadsTo)
+    if given:
+        together = reduce(lambda a, b: ast.Binary(ast.BinaryOp.AND, a, b, span=a.span), given)
+        made = replace(made, trigger=together)
+    return print_program(ast.Program((made,), (), span=made.span)).strip()
+
+
+def _unused(name: str, taken: set[str]) -> str:
+    number, made = 1, name
+    while made in taken:
+        number += 1
+        made = f"{name}{number}"
+    return made

@@ -1,1 +1,0 @@
-"""Liveness: fair cycles by search, and on circuits by counting and by loops of bounded length."""

@@ -1,0 +1,265 @@
+"""Who is asked about whole runs, cheapest first; what is said of them in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from enum import Enum
+from functools import partial
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from koord.syntax.system import System
+from koord.verify.claims import Claim, claims_of, liveness_of
+from koord.verify.encoding.solver import Deadline
+from koord.verify.engines.bits.liveness_engine import LiveByBits
+from koord.verify.engines.explicit.limits import FEW_STATES, Limits
+from koord.verify.engines.explicit.liveness_engine import FEW_EDGES, LiveBySearch
+from koord.verify.failures import VACUITY
+from koord.verify.ledger import Ledger, Reach, Said
+from koord.verify.obstacles import Unreplayed, WholeRuns, what
+from koord.verify.processes import Pool, Progress
+from koord.verify.reduction.influence import Cone, Part
+from koord.verify.reduction.problems import abstract_subject, identity, plain_subject
+from koord.verify.reduction.sliced_problems import Doubts
+from koord.verify.reduction.slices import Slices
+from koord.verify.resumption import Steps
+from koord.verify.vacuity.vacuous_goals import hollow
+from koord.verify.verdicts import (
+    Bounds,
+    Engine,
+    Failure,
+    Outcome,
+    Vacuity,
+    Verdict,
+)
+
+
+class Ways(Enum):
+    """Which engines may answer."""
+
+    ALL = "all"
+    SEARCH = "search"
+    BITS = "bits"
+    NONE = "none"
+
+
+class Settled(Struct, frozen=True):
+    """Verdicts on all liveness claims, in order, and what makes them say less."""
+
+    verdicts: tuple[Verdict, ...]
+    vacuities: tuple[Vacuity, ...] = ()
+    interrupted: bool = False
+    failures: tuple[Failure, ...] = ()
+
+
+def settled(
+    system: System,
+    bounds: Bounds,
+    ways: Ways,
+    deadline: Deadline,
+    *,
+    names: Sequence[str] = (),
+    proved: Sequence[Claim] = (),
+    seed: int = 0,
+    pool: Pool | None = None,
+    before: Mapping[str, float] | None = None,
+    steps: Steps | None = None,
+    slices: Slices | None = None,
+) -> Settled:
+    """Ask about everything that a program claims of whole runs, or what is named.
+
+    ``proved`` are claims that hold in every round: proofs may rely on them. ``before`` is what was
+    spent on claims already, by their names; ``steps`` are told of what is known by and by.
+    ``slices`` are those of the system.
+    """
+    claims = tuple(c for c in liveness_of(system) if not names or c.name in names)
+    if not claims:
+        return Settled(())
+    pool = pool or Pool()
+    ledger = Ledger(plain_subject(system), bounds, deadline, claims, seed, pool.progress)
+    steps = steps or Steps()
+    steps.follow(ledger)
+    ledger.before = {c: before.get(c.name, 0.0) for c in claims} if before else {}
+    if ways is Ways.NONE:
+        ledger.in_the_way = (WholeRuns(),)
+        ledger.stopped = what(WholeRuns())
+    asking = _Asking(ledger, ways, proved, pool, steps)
+    slices = slices or Slices(system)
+    parts = _parts(slices, {claim: slices.cone([claim]) for claim in claims})
+    with ledger.stopping():
+        asking.about(parts)
+        # What is a lasso of a slice may be none of the program: more of it is asked then, first
+        # all that such a lasso has to come back to.
+        for cone in (slices.returning, slices.whole):
+            if doubted := asking.doubted():
+                asking.about(_parts(slices, {claim: cone([claim]) for claim in doubted}))
+    verdicts = tuple(ledger.verdict(claim) for claim in claims)
+    empty = asking.empty
+    if not empty and steps.begin("whole runs", 2, VACUITY):
+        with ledger.stopping(), ledger.enduring(VACUITY):
+            for part in parts:
+                of = [verdict for verdict in verdicts if verdict.claim in part.claims]
+                empty += hollow(part.system, of, deadline, seed)
+    unique = tuple(dict.fromkeys(empty))
+    return Settled(verdicts, unique, ledger.interrupted, tuple(ledger.failures))
+
+
+class _Part(Struct, frozen=True):
+    """A slice, and the claims that have just this cone of influence. [T-CONE]"""
+
+    system: System
+    claims: tuple[Claim, ...]
+    stage: str
+
+
+def _parts(slices: Slices, cones: Mapping[Claim, Cone]) -> list[_Part]:
+    """The slices of some claims by their cones, smaller ones first."""
+    found: dict[Cone, list[Claim]] = {}
+    for claim, cone in cones.items():
+        found.setdefault(slices.extent(cone), []).append(claim)
+    parts = []
+    for extent, of in sorted(found.items(), key=lambda each: len(each[0])):
+        part = slices.slice_of(frozenset[Part]().union(*(cones[claim] for claim in of)))
+        names = " ".join(sorted(map(slices.name, extent)))
+        stage = "whole runs" if part is slices.system else f"whole runs of {names}"
+        parts.append(_Part(part, tuple(of), stage))
+    return parts
+
+
+class _Asking(Struct):
+    """Engines that are asked about slices; what they find counts as a run of the whole system."""
+
+    ledger: Ledger
+    ways: Ways
+    proved: Sequence[Claim]
+    pool: Pool
+    steps: Steps
+    doubts: Doubts = field(default_factory=Doubts)
+    empty: list[Vacuity] = field(default_factory=list)  #: what was found out besides
+
+    def doubted(self) -> list[Claim]:
+        """The open claims that a lasso of a slice breaks which is none of the whole system.
+
+        What another process ran into is told by what stood in its way.
+        """
+        return [
+            claim
+            for claim in self.ledger.open()
+            if identity(claim) in self.doubts.rounds
+            or any(isinstance(x, Unreplayed) for x in self.ledger.verdict(claim).obstacles)
+        ]
+
+    def about(self, parts: Sequence[_Part]) -> None:
+        """Each engine is asked of all of the slices before the next one."""
+        self.doubts = Doubts()
+        limits, edges = Limits(), None
+        if self.ways is Ways.ALL:
+            limits, edges = Limits(states=FEW_STATES), FEW_EDGES
+        search = LiveBySearch(limits, edges, self.empty)
+        bits = LiveByBits(self.pool, sparing=self.ways is Ways.ALL, empty=self.empty)
+        for part in parts:
+            if self.ways in (Ways.ALL, Ways.SEARCH):
+                self._ask(part, 0, search.name, search.work)
+        for part in parts:
+            if self.ways in (Ways.ALL, Ways.BITS):
+                self._ask(part, 1, bits.name, partial(self._by_bits, part, bits))
+
+    def _ask(self, part: _Part, turn: int, name: str, work: Callable[[Ledger], None]) -> None:
+        is_whole = part.system is self.ledger.system
+        asked = [claim for claim in self.ledger.open() if claim in part.claims]
+        if not is_whole:
+            asked = [claim for claim in asked if identity(claim) not in self.doubts.rounds]
+        if not asked:
+            return
+        inner = self.ledger
+        if len(asked) < len(inner.claims) or not is_whole:
+            inner = inner.of(asked, inner.report)
+        if not is_whole:
+            subject = plain_subject(self.ledger.system, part.system)
+            inner.subject = self.doubts.watching(subject)
+        is_last = turn == 1 or self.ways is not Ways.ALL
+        if inner is self.ledger:
+            self.steps.take(part.stage, turn, name, work, inner, is_last=is_last)
+            return
+        try:
+            with self.ledger.waiting():
+                self.steps.take(part.stage, turn, name, work, inner, is_last=is_last)
+        finally:
+            self.ledger.take(inner.said(asked))
+
+    def _by_bits(self, part: _Part, bits: LiveByBits, ledger: Ledger) -> None:
+        """Ask the circuit of a slice, with opaque values where there are any."""
+        whole = self.ledger.system
+        subject = abstract_subject(whole, part.system)
+        if subject is None:
+            subject = ledger.subject
+        elif part.system is not whole:
+            subject = self.doubts.watching(subject)
+        outer = {identity(claim): claim for claim in ledger.open()}
+        originals = {
+            claim: outer[identity(claim)]
+            for claim in liveness_of(subject.system)
+            if identity(claim) in outer
+        }
+        known = {identity(claim) for claim in self.proved if claim.is_state_property}
+        bits.lemmas = tuple(c for c in claims_of(subject.system) if identity(c) in known)
+        inner = replace(ledger.about(subject, tuple(originals)), report=ledger.progress)
+        inner.noted = lambda verdict: _put_down(ledger, verdict, originals[verdict.claim], inner)
+        with ledger.waiting():
+            try:
+                _without_lemmas_first(inner, bits)
+            finally:
+                for claim in inner.open():
+                    inner.noted(inner.verdict(claim))
+                for failure in inner.failures:
+                    ledger.fail(failure)
+
+
+def _put_down(ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger) -> None:
+    """What became known of a claim on a ledger of its own."""
+    said = inner.said([verdict.claim])
+    first = next(iter(verdict.obstacles), None)
+    reach = Reach(Engine.BITS, None, verdict.reason, verdict.seconds, obstacle=first)
+    settled = verdict.outcome is not Outcome.UNKNOWN
+    ledger.take(
+        replace(
+            said,
+            failures={},
+            verdicts={claim: verdict} if settled else {},
+            reaches={} if settled else {claim: [reach]},
+            spans={claim: said.spans[verdict.claim]},
+        )
+    )
+
+
+def _without_lemmas_first(ledger: Ledger, bits: LiveByBits) -> None:
+    """Lemmas make the circuit larger, and may not be needed: ask without, and then with them.
+
+    About a single claim that can be done at the same time: what is found without counts first.
+    """
+    quickly = LiveByBits(bits.pool, quick=True, empty=bits.empty)
+    (_, *others), ahead = ledger.open(), None
+    if bits.lemmas and not others and bits.pool.jobs > 1:
+        ahead = bits.pool.hand_in("", partial(_asked, ledger, bits))
+    if bits.lemmas:
+        quickly.work(ledger)
+    if ahead is None:
+        if ledger.open():
+            bits.work(ledger)
+    elif not ledger.open():
+        bits.pool.drop(ahead)
+    elif (found := bits.pool.answer(ahead)) is not None:
+        said, empty = found
+        ledger.take(said)
+        bits.empty += empty
+    else:
+        ledger.fail(Failure(bits.name, ahead.end))
+
+
+def _asked(ledger: Ledger, bits: LiveByBits, tell: Progress) -> tuple[Said, list[Vacuity]]:
+    """What is found in a process of its own."""
+    own, alone = ledger.of(ledger.open(), tell), replace(bits, pool=Pool(1), empty=[])
+    with own.stopping(), own.enduring(bits.name):
+        alone.work(own)
+    return own.said(ledger.open()), alone.empty

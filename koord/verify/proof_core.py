@@ -1,0 +1,110 @@
+"""What proofs rest on: the least that has to be assumed for them to go through.
+
+Each premise is left out in turn, and what was proved is asked again by the engines that proved it;
+if it still holds, the premise was not needed. So what stays is a least set, though there may be
+others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.syntax.analysis.premises import Premise, premises, without
+from koord.syntax.system import System
+from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
+from koord.verify.encoding.solver import Deadline
+from koord.verify.engines.bits.engine import ByBits
+from koord.verify.engines.every_n.engine import ByEveryN, ByInference
+from koord.verify.engines.every_n.proving import SPARING
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.workers import ByInduction, BySearch, ByUnrolling
+from koord.verify.ledger import Ledger, Subject, Works
+from koord.verify.reduction.abstraction import abstracted
+from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Verdict
+from koord.verify.witness import NotReplayedError
+
+
+class Resting(Struct, frozen=True):
+    """What the proofs of ``claims`` need, what they do not, and what was not tried in time."""
+
+    claims: tuple[str, ...]
+    needed: tuple[Premise, ...]
+    spare: tuple[Premise, ...]
+    untried: tuple[Premise, ...] = ()
+
+
+def resting(
+    system: System,
+    verdicts: Sequence[Verdict],
+    bounds: Bounds,
+    *,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Resting:
+    """What the verdicts that hold in every round rest on. The time of ``bounds`` counts anew.
+
+    Verdicts on liveness name the fairness they need themselves.
+    """
+    proved = [v for v in verdicts if v.outcome is Outcome.HOLDS and v.rounds is None]
+    proved = [v for v in proved if v.claim.kind is not ClaimKind.LIVENESS]
+    names = tuple(v.claim.name for v in proved)
+    asked = premises(system.program)
+    if not names:
+        return Resting((), (), (), asked)
+    deadline = Deadline.after(bounds.timeout_s)
+    engines = {v.engine for v in proved}
+    found = any(v.lemmas and v.engine is Engine.EVERY_N for v in proved)
+    workers = partial(_workers, engines, found)
+    spare: list[Premise] = []
+    for number, premise in enumerate(asked):
+        progress(f"without {premise.kind.value} {premise.name}")
+        trial = replace(system, program=without(system.program, [*spare, premise]))
+        if deadline.passed():
+            needed = tuple(p for p in asked[:number] if p not in spare)
+            return Resting(names, needed, tuple(spare), asked[number:])
+        if _still_proved(trial, names, workers(), bounds, deadline, seed):
+            spare.append(premise)
+    needed = tuple(p for p in asked if p not in spare)
+    return Resting(names, needed, tuple(spare))
+
+
+def _still_proved(
+    system: System,
+    names: Sequence[str],
+    workers: Iterable[Works],
+    bounds: Bounds,
+    deadline: Deadline,
+    seed: int,
+) -> bool:
+    abstraction = abstracted(system.program)
+    program = system.program if abstraction is None else abstraction.program
+    subject = Subject(replace(system, program=program), _unasked, system)
+    claims = tuple(c for c in claims_of(subject.system) if c.name in names)
+    ledger = Ledger(subject, bounds, deadline, claims, seed)
+    for engine in workers:
+        if ledger.open() and not ledger.is_violated:
+            engine.work(ledger)
+    return len(ledger.proved()) == len(names)
+
+
+def _workers(engines: set[Engine], found: bool) -> Iterator[Works]:
+    """The engines that gave proofs; ``found`` says whether with invariants that nobody gave."""
+    if Engine.EVERY_N in engines:
+        yield ByEveryN(SPARING)
+    if Engine.INDUCTION in engines:
+        yield ByInduction(ByUnrolling())
+    if Engine.SEARCH in engines:
+        yield BySearch(Limits())
+    if Engine.BITS in engines:
+        yield ByBits()
+    if found:
+        yield ByInference(SPARING)
+
+
+def _unasked(recording: object, claim: Claim, phase: Phase) -> Counterexample:
+    """Whatever breaks a claim here is no run of the program, which has all its premises."""
+    raise NotReplayedError("a premise was left out")

@@ -1,0 +1,128 @@
+"""What engines work on: a program or a slice of it, with values that merely flow made opaque."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from random import Random
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.sampling.run_extension import Plain, extended
+from koord.sampling.values import Sampler
+from koord.semantics.recording import Recording
+from koord.semantics.rounds import IllegalStepError
+from koord.syntax.diagnostics import KoordError
+from koord.syntax.system import System
+from koord.traces.trace import Numbers
+from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
+from koord.verify.ledger import Subject
+from koord.verify.reduction.abstraction import abstracted
+from koord.verify.reduction.concretion import Concretion
+from koord.verify.verdicts import Counterexample
+from koord.verify.witness import NotReplayedError, OnlyOfSliceError, replayed, simplified
+
+#: So often what a slice left out is made up at random, after it was tried with the plainest values.
+TRIES = 3
+
+Identity = tuple[ClaimKind, str, str]
+
+
+def identity(claim: Claim) -> Identity:
+    """What a claim has in common with that of a slice or an abstraction of its program."""
+    return claim.kind, claim.name, claim.subject
+
+
+def plain_subject(system: System, part: System | None = None) -> Subject:
+    """A system, or a slice of it; what is found of that is judged on the whole system."""
+    return _subject(system, part or system, lambda recording: recording)
+
+
+def abstract_subject(system: System, part: System | None = None) -> Subject | None:
+    """The same with values that merely flow made opaque, if there are any."""
+    part = part or system
+    abstraction = abstracted(part.program)
+    if abstraction is None:
+        return None
+    subject = _subject(system, part, lambda found: Concretion(abstraction, part).recording(found))
+    return replace(subject, system=replace(part, program=abstraction.program))
+
+
+def subject_of(system: System, part: System | None = None) -> Subject:
+    """The same with opaque values where there are any, and plain where not."""
+    return abstract_subject(system, part) or plain_subject(system, part)
+
+
+def _subject(system: System, part: System, concrete: Callable[[Recording], Recording]) -> Subject:
+    claims = {identity(c): c for c in (*claims_of(system), *liveness_of(system))}
+    completing = _Completing(system)
+
+    def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+        real, meant = concrete(recording), claims[identity(claim)]
+        if part is system:
+            return _judged(system, real, meant, phase)
+        try:
+            return completing.judged(real, meant, phase)
+        except NotReplayedError as error:
+            if meant.kind is not ClaimKind.LIVENESS:
+                raise
+            _lasso(part, real, meant)
+            raise OnlyOfSliceError(str(error)) from error
+
+    return Subject(part, judge, part)
+
+
+def _judged(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    """The counterexample of a recording that breaks a claim, as simple as can be."""
+    if claim.kind is ClaimKind.LIVENESS:
+        return _lasso(system, recording, claim)
+    replayed(system, recording, claim, phase)
+    return replayed(system, simplified(system, recording, claim), claim, phase)
+
+
+def _lasso(system: System, recording: Recording, claim: Claim) -> Counterexample:
+    # Of runs without end few programs claim something, and it takes a while to load.
+    from koord.verify.lasso_witness import replayed_lasso
+
+    return replayed_lasso(system, recording, claim)
+
+
+class _Completing(Struct):
+    """Makes runs of a whole system of those of a slice, and judges them. [T-CONE]"""
+
+    system: System
+    never_starts: bool = False  #: as far as that was tried
+
+    def judged(self, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+        """The counterexample of a recording of a slice, with what that left out made up.
+
+        Where no start was found once, none is looked for again: nearly always assumptions
+        contradict each other, and otherwise the whole system is asked all the same.
+        """
+        why = NotReplayedError("no start was found that meets the assumptions")
+        starts = False
+        for sampler in () if self.never_starts else _samplers(self.system):
+            try:
+                return _judged(self.system, extended(recording, sampler), claim, phase)
+            except NotReplayedError as error:
+                why, starts = error, True
+            except (KoordError, IllegalStepError) as error:
+                starts = starts or not _is_no_start(error)
+                why = NotReplayedError(f"what a slice does is not made a run: {error}")
+        self.never_starts = not starts
+        raise why
+
+
+def _is_no_start(error: KoordError | IllegalStepError) -> bool:
+    return isinstance(error, KoordError) and any(d.code == "K920" for d in error.diagnostics)
+
+
+def _samplers(system: System) -> Iterator[Sampler]:
+    yield Plain(system, Numbers.EXACT, Random(0))
+    yield from (_Hasty(system, Numbers.EXACT, Random(seed)) for seed in range(TRIES))
+
+
+class _Hasty(Sampler):
+    """Tries few starts: where assumptions contradict each other, none of any number will do."""
+
+    start_tries = 100

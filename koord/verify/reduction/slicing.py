@@ -1,0 +1,200 @@
+"""A program without what is outside of a cone of influence. [T-CONE]
+
+Nothing is numbered anew: a variable that is left out leaves a constant in its slot, an event one
+that is never enabled. So slots, sites and events mean the same in slice and program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.syntax import core
+from koord.syntax.analysis.auxiliary import Var
+from koord.syntax.core import Direction, Home, PropertyKind
+from koord.syntax.types import BOOL, ArrayType, Robots, Type
+from koord.syntax.walk import reached, statements
+from koord.verify.reduction.influence import Answers, Cone, Happens, Influence, Matter
+
+_FALSE = core.Const(False, BOOL)
+
+_OF_WHOLE_RUNS = (PropertyKind.EVENTUALLY, PropertyKind.LEADS_TO)
+
+
+def sliced(influence: Influence, cone: Cone) -> core.Program:
+    """The slice of a program by a cone."""
+    return _Slicer(influence, cone).program()
+
+
+class _Slicer(Struct, frozen=True, dict=True):
+    influence: Influence
+    cone: Cone
+
+    def program(self) -> core.Program:
+        whole = self.influence.program
+        agents = tuple(self._agent(kind, agent) for kind, agent in enumerate(whole.agents))
+        kept = replace(
+            whole,
+            agents=agents,
+            allread=tuple(self._shared(declaration) for declaration in whole.allread),
+            allwrite=tuple(self._shared(declaration) for declaration in whole.allwrite),
+            assumptions=tuple(a for a in whole.assumptions if self._meets(a.condition)),
+            properties=tuple(p for p in whole.properties if self._is_inside(p)),
+            expectations=whole.expectations if Matter.WHOLE_RUNS in self.cone else (),
+            functions=(),
+            externals=(),
+        )
+        asked = {part.function for part in self.cone if isinstance(part, Answers)}
+        return _with_functions(whole, kept, asked)
+
+    # --- statements of the program --------------------------------------------------------------
+
+    def _meets(self, stated: core.Expr) -> bool:
+        """Whether a statement restricts what is in the cone, or nothing that could be left out."""
+        reads = self.influence.reads(stated, None)
+        return not reads or bool(reads & self.cone)
+
+    def _is_inside(self, stated: core.Property) -> bool:
+        if stated.kind in _OF_WHOLE_RUNS and Matter.WHOLE_RUNS not in self.cone:
+            return False
+        return self.influence.reads((stated.condition, stated.trigger), None) <= self.cone
+
+    # --- robots ---------------------------------------------------------------------------------
+
+    def _agent(self, kind: int, agent: core.Agent) -> core.Agent:
+        return replace(
+            agent,
+            locals=tuple(self._declaration(x, kind) for x in agent.locals),
+            ports=tuple(self._port(port, kind) for port in agent.ports),
+            modules=tuple(self._module(module, kind) for module in agent.modules),
+            init=self._block(agent.init, runs=self._starts_matter),
+            events=tuple(
+                self._event(event) if Happens(kind, position) in self.cone else _never(event)
+                for position, event in enumerate(agent.events)
+            ),
+        )
+
+    @cached_property
+    def _starts_matter(self) -> bool:
+        """Whether it matters who stops in INIT."""
+        return Matter.STATUS in self.cone or any(isinstance(part, Happens) for part in self.cone)
+
+    def _has(self, variable: core.Variable, kind: int | None) -> bool:
+        return Var(variable.home, kind, variable.slot) in self.cone
+
+    def _declaration(self, declaration: core.Declaration, kind: int | None) -> core.Declaration:
+        if self._has(declaration.variable, kind):
+            return declaration
+        return _constant(declaration)
+
+    def _shared(self, declaration: core.Declaration) -> core.Declaration:
+        return self._declaration(declaration, None)
+
+    def _port(self, port: core.Port, kind: int) -> core.Port:
+        if self._has(port.declaration.variable, kind):
+            return port
+        # An actuator that nobody writes: the environment reads nothing into it.
+        constant = _constant(port.declaration)
+        return replace(port, direction=Direction.ACTUATOR, declaration=constant)
+
+    def _module(self, module: core.Module, kind: int) -> core.Module:
+        if module.environment is not None:
+            return replace(
+                module,
+                environment=self._block(module.environment, runs=False),
+                contracts=tuple(
+                    c
+                    for c in module.contracts
+                    if self.influence.reads((c.requires, c.ensures), kind) <= self.cone
+                ),
+            )
+        contracts = (self._contract(contract, kind) for contract in module.contracts)
+        return replace(module, contracts=tuple(c for c in contracts if c is not None))
+
+    def _contract(self, contract: core.Contract, kind: int) -> core.Contract | None:
+        """The promises of a contract that restrict something in the cone, if there are any."""
+        restricted = (
+            (promise, self.influence.restricted(contract, promise, kind))
+            for promise in contract.ensures
+        )
+        kept = tuple(promise for promise, parts in restricted if not parts or parts & self.cone)
+        return replace(contract, ensures=kept) if kept else None
+
+    def _event(self, event: core.Event) -> core.Event:
+        return replace(event, effect=self._block(event.effect, runs=True))
+
+    # --- bodies ---------------------------------------------------------------------------------
+
+    def _block(self, block: core.Block, *, runs: bool) -> core.Block:
+        """What is left of a block; ``runs``: whether it matters that it takes locks and stops."""
+        return tuple(kept for s in block for kept in self._statement(s, runs=runs))
+
+    def _statement(self, s: core.Stmt, *, runs: bool) -> Iterator[core.Stmt]:
+        is_risk = self._is_risk(s)
+        match s:
+            case core.If(then=then, otherwise=otherwise):
+                then = self._block(then, runs=runs)
+                otherwise = self._block(otherwise, runs=runs)
+                if then or otherwise or is_risk:
+                    yield replace(s, then=then, otherwise=otherwise)
+            case core.ForRange(body=body) | core.ForEach(body=body):
+                # A loop that does nothing but end is none.
+                if is_risk or any(self._matters(inner, runs=runs) for inner in statements(body)):
+                    yield replace(s, body=self._block(body, runs=runs))
+            case core.Atomic(body=body):
+                body = self._block(body, runs=runs)
+                if body or runs:
+                    yield replace(s, body=body)
+            case core.Break() | core.Return():
+                yield s
+            case _ if self._matters(s, runs=runs):
+                yield s
+            case _:
+                pass
+
+    def _matters(self, s: core.Stmt, *, runs: bool) -> bool:
+        """Whether a statement itself is in the cone, apart from those in it."""
+        if isinstance(s, core.Atomic | core.Stop | core.TryStop):
+            return runs
+        return self._is_risk(s) or bool(self.influence.targets[id(s)] & self.cone)
+
+    def _is_risk(self, s: core.Stmt) -> bool:
+        return Matter.FAULT in self.cone and id(s) in self.influence.risky
+
+
+def _constant(declaration: core.Declaration) -> core.Declaration:
+    """What is left of a variable: something that costs nothing and never changes."""
+    variable = declaration.variable
+    one_each = variable.home is Home.ALLREAD
+    type_: Type = ArrayType(BOOL, Robots.ALL) if one_each else BOOL
+    return replace(declaration, variable=replace(variable, type=type_), initial=_FALSE, length=None)
+
+
+def _never(event: core.Event) -> core.Event:
+    """What is left of an event: nothing that could run."""
+    return replace(event, urgent=False, guard=_FALSE, effect=(), lock_classes=frozenset())
+
+
+def _with_functions(whole: core.Program, kept: core.Program, asked: set[str]) -> core.Program:
+    """A slice with the functions that it still calls, and the external ones that are ``asked``."""
+    defined: set[str] = set()
+    external = set(asked)
+    waiting: list[object] = [kept, *(whole.external(name) for name in asked)]
+    while waiting:
+        for node in reached(whole, waiting.pop()):
+            match node:
+                case core.Call(function=name):
+                    defined.add(name)
+                case core.ExternalCall(function=name) if name not in external:
+                    external.add(name)
+                    waiting.append(whole.external(name))
+                case _:
+                    pass
+    return replace(
+        kept,
+        functions=tuple(f for f in whole.functions if f.name in defined),
+        externals=tuple(f for f in whole.externals if f.name in external),
+    )

@@ -1,0 +1,134 @@
+"""A verification outlives its processes: the next one goes on behind the step that ended one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from koord.syntax.budget import OutOfPatienceError
+from koord.verify.ledger import Ledger, Reach, reach_of
+from koord.verify.obstacles import TimeUp
+from koord.verify.verdicts import Failure, Outcome, Verdict, engine_named
+
+
+class Step(Struct, frozen=True):
+    """What somebody is asked to do; no two steps of a verification are the same."""
+
+    stage: str
+    turn: int
+    who: str
+
+
+class Past(Struct, frozen=True):
+    """What is known of a verification whose process died: the next one goes on behind it.
+
+    ``begun`` are the steps that are not taken again, be they done or not.
+    """
+
+    verdicts: tuple[Verdict, ...] = ()
+    begun: tuple[Step, ...] = ()
+    failures: tuple[Failure, ...] = ()
+
+    def told(self, noted: Iterable[object]) -> Past:
+        """The same with what a further process told of before it ended."""
+        verdicts = {v.claim: v for v in self.verdicts}
+        begun, failures = list(self.begun), list(self.failures)
+        for value in noted:
+            match value:
+                case Verdict():
+                    before = verdicts.get(value.claim)
+                    if before is None or before.outcome is Outcome.UNKNOWN:
+                        verdicts[value.claim] = value
+                case Step():
+                    begun.append(value)
+                case Failure():
+                    failures.append(value)
+                case _:
+                    raise AssertionError(value)
+        return Past(tuple(verdicts.values()), tuple(begun), tuple(dict.fromkeys(failures)))
+
+    def ended(self, what: str) -> Past:
+        """The same where the last step was the end of its process."""
+        return replace(self, failures=(*self.failures, Failure(self.who, what)))
+
+    @property
+    def who(self) -> str:
+        """Whose turn it was at last."""
+        return self.begun[-1].who if self.begun else "koord"
+
+    def verdict(self, name: str) -> Verdict | None:
+        """What was known of a claim."""
+        return next((v for v in self.verdicts if v.claim.name == name), None)
+
+
+#: Who is asked while others wait behind it has this part of the time that is left.
+SHARE = 0.5
+
+
+class Steps(Struct):
+    """The steps of a verification, each taken once, whatever its process does not survive.
+
+    Whoever looks on is told with ``lasting`` when a step is over, be it that it does not end.
+    """
+
+    past: Past = field(default_factory=Past)
+    noted: Callable[[object], None] = lambda value: None
+    lasting: Callable[[float | None], None] = lambda until: None
+
+    def begin(self, stage: str, turn: int, who: str) -> bool:
+        """Whether a step is to be taken; if so, whoever looks on knows of it."""
+        step = Step(stage, turn, who)
+        if step in self.past.begun:
+            return False
+        self.noted(step)
+        return True
+
+    def take(
+        self,
+        stage: str,
+        turn: int,
+        who: str,
+        work: Callable[[Ledger], None],
+        ledger: Ledger,
+        *,
+        is_last: bool = False,
+    ) -> None:
+        """Ask an engine, if it was not asked, which has its share of the time if others wait."""
+        if not self.begin(stage, turn, who):
+            return
+        late = False
+        with ledger.deadline.sharing(1.0 if is_last else SHARE) as ended:
+            self.lasting(None if is_last else ended)
+            try:
+                with ledger.enduring(who):
+                    work(ledger)
+            except OutOfPatienceError:
+                late = True
+        self.lasting(None)
+        if late and ledger.deadline.passed():
+            raise OutOfPatienceError
+        if late:
+            engine = engine_named(who)
+            over = Reach(engine, None, "timeout", 0.0, obstacle=TimeUp(engine))
+            ledger.leave(ledger.open(), over)
+
+    def follow(self, ledger: Ledger, original: Callable[[Verdict], Verdict] | None = None) -> None:
+        """Put down what is known, and be told of what becomes known.
+
+        ``original`` is for verdicts on a subject with opaque values.
+        """
+        for claim in ledger.open():
+            verdict = self.past.verdict(claim.name)
+            if verdict is None:
+                continue
+            ledger.before = {**ledger.before, claim: verdict.seconds}
+            if verdict.outcome is Outcome.UNKNOWN:
+                ledger.leave([claim], reach_of(verdict))
+            else:
+                ledger.settle({claim: replace(verdict, claim=claim)})
+        for failure in self.past.failures:
+            ledger.fail(failure)
+        ledger.noted = self.noted if original is None else lambda v: self.noted(original(v))
+        ledger.failed = self.noted

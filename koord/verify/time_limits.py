@@ -1,0 +1,231 @@
+"""Verifications that end when they have to, and a time limit for each claim.
+
+Engines work best on all claims together: a round is encoded once, and one claim helps to prove
+another. So all are asked together first, for half of the time that one may take. What is open then
+is asked claim by claim, each for what is left of its time and with what is proved as lemmas; claims
+that know nothing of each other can be asked in several processes, and the answers are those of one.
+
+Engines look at the clock now and then, and solvers have limits, but not every solver keeps to them
+in every step. So each verification is in a process of its own, which is ended where it does not end
+in time; what it had told of by then counts.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.syntax.system import System
+from koord.verify.claims import claims_of, liveness_of
+from koord.verify.encoding.solver import GRACE, GRACE_S, Deadline
+from koord.verify.obstacles import Interrupted, Obstacle, TimeUp, failed_at
+from koord.verify.processes import Pool, Teller
+from koord.verify.resumption import Past
+from koord.verify.strategy import Choice, verify
+from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+
+
+def verify_apart(
+    system: System,
+    bounds: Bounds,
+    choice: Choice = Choice.AUTO,
+    *,
+    names: Sequence[str] = (),
+    seed: int = 0,
+    jobs: int = 1,
+    progress: Callable[[str], None] = lambda text: None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> Report:
+    """As :func:`koord.verify.strategy.verify`, with ``bounds.claim_s`` seconds for each claim."""
+    asking = _Asking(system, bounds, choice, seed, jobs, progress, interrupted)
+    claim_s = bounds.claim_s
+    if claim_s is None:
+        return asking.together(bounds.timeout_s, jobs, names)
+    started = time.monotonic()
+    deadline = Deadline.after(bounds.timeout_s)
+    count = len(claims_of(system)) + len(liveness_of(system))
+    shared_s = claim_s / 2 if count > 1 else claim_s
+    report = asking.together(_least(shared_s, bounds.timeout_s), jobs)
+    found = {verdict.claim.name: verdict for verdict in report.verdicts}
+    wanted = [name for name in found if not names or name in names]
+    left = [name for name in wanted if found[name].outcome is Outcome.UNKNOWN]
+    cut = report.interrupted
+    if left and count > 1 and not cut:
+        own_s = max(0.0, claim_s - (time.monotonic() - started))
+        cut = asking.each(left, own_s, deadline, report.verdicts, found)
+    verdicts = tuple(found[name] for name in wanted)
+    return replace(report, verdicts=verdicts, interrupted=cut, seconds=time.monotonic() - started)
+
+
+class _Asking(Struct, frozen=True):
+    """Verifications of one system, each in a process of its own."""
+
+    system: System
+    bounds: Bounds
+    choice: Choice
+    seed: int
+    jobs: int
+    progress: Callable[[str], None]
+    interrupted: Callable[[], bool]
+
+    def together(self, seconds: float | None, jobs: int, names: Sequence[str] = ()) -> Report:
+        """All claims, or the named ones."""
+        started = time.monotonic()
+        deadline = Deadline.after(seconds)
+
+        def work(past: Past, tell: Teller) -> Report:
+            bounds = replace(self.bounds, timeout_s=deadline.left_s())
+            return self._asked(tell, bounds, names=names, jobs=jobs, past=past)
+
+        report, cut, past = None, False, Past()
+        with Pool(1, self.progress, self.interrupted) as pool:
+            while report is None:
+                lasts_s = _with_grace(deadline.left_s())
+                job = pool.hand_in("", partial(work, past), lasts_s=lasts_s)
+                try:
+                    report = pool.answer(job)
+                except KeyboardInterrupt:
+                    cut = True
+                if report is None:
+                    before, past = past, past.told(job.noted)
+                    if cut or job.is_late:
+                        break
+                    past = past.ended(job.end)
+                    if past.begun == before.begun:
+                        break  # it gets no further
+        if report is None:
+            spent = time.monotonic() - started
+            why = "interrupted" if cut else _late(past) if job.is_late else ""
+            every_n = self.choice is Choice.EVERY_N
+            verdicts = self._known(past, why, spent, names, late=job.is_late)
+            report = Report(verdicts, (), spent, cut, past.failures, every_n)
+        return report
+
+    def each(
+        self,
+        names: Sequence[str],
+        seconds: float,
+        deadline: Deadline,
+        known: Sequence[Verdict],
+        found: dict[str, Verdict],
+    ) -> bool:
+        """Some claims by themselves: what is better than what was found is put there.
+
+        Whether Ctrl-C ended it. A claim whose process died goes on for what is left of its time.
+        """
+
+        def alone(name: str, past: Past, own_s: float, tell: Teller) -> Report:
+            limited = replace(self.bounds, timeout_s=_least(own_s, deadline.left_s()))
+            return self._asked(tell, limited, names=[name], known=known, past=past)
+
+        cut = False
+        until = None if deadline.at is None else deadline.at + GRACE_S
+        shared_s = {name: found[name].seconds for name in names}
+        pasts, left_s = dict.fromkeys(names, Past()), dict.fromkeys(names, seconds)
+        with Pool(self.jobs, self.progress, self.interrupted) as pool:
+            try:
+                while pasts:
+                    work = {
+                        name: pool.hand_in(
+                            name,
+                            partial(alone, name, past, left_s[name]),
+                            lasts_s=_with_grace(left_s[name]),
+                            until=until,
+                        )
+                        for name, past in pasts.items()
+                    }
+                    again = {}
+                    for name, answer in pool.answers(work):
+                        job = work[name]
+                        left_s[name] = max(0.0, left_s[name] - job.lasted_s)
+                        if answer is not None:
+                            (verdict,), cut = answer.verdicts, cut or answer.interrupted
+                        else:
+                            past = pasts[name].told(job.noted)
+                            if not job.is_late:
+                                is_further = past.begun != pasts[name].begun
+                                past = past.ended(job.end)
+                                if is_further and left_s[name] > 0:
+                                    again[name] = past
+                            is_late = job.is_late or left_s[name] <= 0
+                            why = _late(past) if is_late else ""
+                            spent = shared_s[name] + seconds - left_s[name]
+                            (verdict,) = self._known(past, why, spent, [name], late=is_late)
+                        if _is_better(verdict, found[name]):
+                            found[name] = replace(verdict, claim=found[name].claim)
+                    pasts = again
+            except KeyboardInterrupt:
+                cut = True
+        return cut
+
+    def _asked(
+        self,
+        tell: Teller,
+        bounds: Bounds,
+        *,
+        names: Sequence[str],
+        past: Past,
+        known: Sequence[Verdict] = (),
+        jobs: int = 1,
+    ) -> Report:
+        return verify(
+            self.system,
+            bounds,
+            self.choice,
+            names=names,
+            known=known,
+            seed=self.seed,
+            jobs=jobs,
+            progress=tell,
+            interrupted=self.interrupted,
+            noted=tell.note,
+            lasting=tell.lasting,
+            past=past,
+        )
+
+    def _known(
+        self, past: Past, why: str, spent: float, names: Sequence[str], *, late: bool
+    ) -> tuple[Verdict, ...]:
+        """What processes had told of before they were ended, or died, and why there is no more."""
+        reason = "; ".join(filter(None, [why, *map(str, past.failures)]))
+        found = []
+        for claim in (*claims_of(self.system), *liveness_of(self.system)):
+            if names and claim.name not in names:
+                continue
+            verdict = past.verdict(claim.name)
+            if verdict is None:
+                verdict = Verdict(claim, Outcome.UNKNOWN, Engine.NONE, spent)
+            if verdict.outcome is Outcome.UNKNOWN:
+                more: list[Obstacle] = [failed_at(failure) for failure in past.failures]
+                if late:
+                    more.append(TimeUp(Engine.NONE))
+                elif not more:
+                    more.append(Interrupted())
+                obstacles = tuple(dict.fromkeys((*verdict.obstacles, *more)))
+                verdict = replace(verdict, seconds=spent, reason=reason, obstacles=obstacles)
+            found.append(verdict)
+        return tuple(found)
+
+
+def _late(past: Past) -> str:
+    """Why a process was ended: whose turn it was when its time was up."""
+    return f"timeout; {past.who} was being asked" if past.begun else "timeout"
+
+
+def _with_grace(seconds: float | None) -> float | None:
+    return None if seconds is None else seconds + max(GRACE_S, GRACE * seconds)
+
+
+def _least(first: float, second: float | None) -> float:
+    return first if second is None else min(first, second)
+
+
+def _is_better(new: Verdict, old: Verdict) -> bool:
+    """Whether an answer to a claim that is open says at least as much as what was known."""
+    if new.outcome is not Outcome.UNKNOWN:
+        return True
+    return (-1 if new.rounds is None else new.rounds) >= (-1 if old.rounds is None else old.rounds)

@@ -1,0 +1,311 @@
+"""What makes verdicts say less than they seem to: nothing can start, or nothing ever happens."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Iterator, Sequence
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.syntax import core
+from koord.syntax.analysis.footprint import footprint
+from koord.syntax.budget import OutOfPatienceError, Patience
+from koord.syntax.core import Home
+from koord.syntax.system import System
+from koord.syntax.walk import reached
+from koord.verify.claims import NO_FAULT, Claim, Findings, Phase
+from koord.verify.encoding.moments import Moment
+from koord.verify.encoding.solver import Answer, Deadline, Effort
+from koord.verify.encoding.symbols import SymbolicInputs
+from koord.verify.encoding.unrolling import Unrolling, violations
+from koord.verify.engines.induction.representatives import representatives
+from koord.verify.ledger import Ledger
+from koord.verify.vacuity import any_number
+from koord.verify.vacuity.contradictory_summaries import unanswerable
+from koord.verify.vacuity.dead_ends import dead_end
+from koord.verify.vacuity.reachability import Unbroken, unbroken
+from koord.verify.vacuity.reachability_goals import Aim, Wish, Wishes, supposes, wishes_of
+from koord.verify.vacuity.unreachable import unmet
+from koord.verify.verdicts import Emptiness, Outcome, Unlooked, Vacuity
+
+#: For how long it is looked at all whether verdicts say something: so many seconds of work, or so
+#: many times as long as the verdicts took.
+WORTH_S, WORTH = 8.0, 2.0
+
+#: What the search for what can happen may cost.
+WISHES_S = 10.0
+
+#: How long runs at random are that show what happens later, in turns of robots; and what they may
+#: cost, where turns take long.
+TURNS = 600
+RUNS_S = 3.0
+
+#: What it may cost to see that invariants hold of anything whatever, all of them and each.
+REGARDLESS_S = 2.0
+_AT_MOST = Effort.of_seconds(0.1).left
+
+
+class Looked(Struct, frozen=True):
+    """What was found out about what can happen, whatever the verdicts are.
+
+    ``never`` are the wishes that no run fulfils; None if no run can start, as ``empty`` says.
+    ``effort`` is what is left of it, and ``spent_s`` the work that was done.
+    """
+
+    empty: tuple[Vacuity, ...]
+    never: Unbroken | None
+    effort: Effort
+    spent_s: float = 0.0
+
+
+class Hollow(Struct, frozen=True):
+    """What makes verdicts say less than they seem to, and what was not looked at to the end."""
+
+    vacuities: tuple[Vacuity, ...] = ()
+    unlooked: tuple[Unlooked, ...] = ()
+
+
+def look(ledger: Ledger) -> Looked:
+    """Find out what hangs on no verdict: it can be done beside other work."""
+    started = time.process_time()
+    effort = Effort.of_seconds(WISHES_S)
+    wished = wishes_of(ledger.system)
+    tell(ledger, wished.all)
+    own = _limited(ledger, _worth(ledger))
+    try:
+        looked = _look(own, wishes_of(own.system), effort)
+    except OutOfPatienceError:
+        nevers = frozenset(wish.never for wish in wished.all)
+        looked = Looked((), Unbroken(nevers, known=False), effort)
+    return replace(looked, spent_s=time.process_time() - started)
+
+
+def _worth(ledger: Ledger) -> float:
+    """How many seconds of work it is worth to know that the verdicts say something."""
+    return max(WORTH_S, WORTH * max((ledger.verdict(c).seconds for c in ledger.claims), default=0))
+
+
+def _limited(ledger: Ledger, seconds: float) -> Ledger:
+    """The ledger for at most so many seconds of work. Past them, evaluation ends as well."""
+    deadline, whole = ledger.deadline.of_work(seconds), ledger.system.patience
+    patience = Patience(lambda: deadline.passed() or whole.is_over())
+    subject = replace(
+        ledger.subject,
+        system=replace(ledger.system, patience=patience),
+        original=replace(ledger.subject.original, patience=patience),
+    )
+    if not ledger.subject.is_abstract:
+        subject = replace(subject, original=subject.system)
+    return replace(ledger, subject=subject, deadline=deadline)
+
+
+def tell(ledger: Ledger, wishes: Sequence[Wish]) -> None:
+    """Say what is looked for."""
+    asked = list(dict.fromkeys(words(_aim(wish), wish.subject) for wish in wishes))
+    more = f" and {len(asked) - 2} more" if len(asked) > 2 else ""
+    ledger.say(f"looking for what never happens: {', '.join(asked[:2])}{more}")
+
+
+def words(what: Emptiness, subject: str) -> str:
+    """What may never happen, in words."""
+    supposed = what is Emptiness.SUPPOSITION
+    return f"what {subject} supposes" if supposed else f"{what.value} {subject}"
+
+
+def _aim(wish: Wish) -> Emptiness:
+    return Emptiness.EVENT if wish.aim is Aim.EVENT else Emptiness.SUPPOSITION
+
+
+def unlooked(system: System, nevers: Collection[Claim] | None = None) -> tuple[Unlooked, ...]:
+    """What is not known to happen: all that should, or what denies it."""
+    wishes = (w for w in wishes_of(system).all if nevers is None or w.never in nevers)
+    return tuple(dict.fromkeys(Unlooked(_aim(wish), wish.subject) for wish in wishes))
+
+
+def _look(ledger: Ledger, wished: Wishes, effort: Effort) -> Looked:
+    system, deadline, seed = ledger.system, ledger.deadline, ledger.seed
+    start = _start(system, seed, deadline, effort)
+    if start is not None:
+        return Looked((start,), None, effort)
+    silent = tuple(_silent(ledger, deadline, effort))
+    nevers = [wish.never for wish in wished.all]
+    rounds = ledger.bounds.rounds
+    # Making up positions and paths that meet assumptions can cost more than it spares.
+    runs = 0 if ledger.subject.is_abstract else max(rounds, TURNS // system.robots)
+    never = unbroken(
+        wished.system, nevers, rounds, deadline, effort, seed=seed, runs=runs, runs_s=RUNS_S
+    )
+    ended = None if never.stuck is not None else dead_end(ledger.subject.original, deadline, seed)
+    return Looked(silent if ended is None else (*silent, ended), never, effort)
+
+
+def of_any_number(ledger: Ledger, *, of_all_rounds: bool) -> Hollow:
+    """All that makes verdicts for every number of robots say less than they seem to."""
+    for system in any_number.examples(ledger.system):
+        some = any_number.with_robots_of(system, ledger)
+        looked = look(some)
+        if looked.never is not None:
+            return vacuities(some, looked, of_all_rounds=of_all_rounds, of_any_number=True)
+    if any_number.never_starts(ledger):
+        return Hollow(looked.empty)
+    return Hollow(tuple(any_number.among(ledger, empty) for empty in looked.empty))
+
+
+def vacuities(
+    ledger: Ledger, looked: Looked, *, of_all_rounds: bool, of_any_number: bool = False
+) -> Hollow:
+    """All that makes the verdicts of a ledger say less than they seem to.
+
+    Verdicts ``of_all_rounds`` say something if things happen late, too; those ``of_any_number`` of
+    robots if more can do them.
+    """
+    if looked.never is None:
+        return Hollow(looked.empty)
+    later = looked.never.later if of_all_rounds else frozenset()
+    left = replace(looked.never, claims=looked.never.claims - later)
+    tell(ledger, [wish for wish in wishes_of(ledger.system).all if wish.never in left.claims])
+    own = _limited(ledger, max(0.0, _worth(ledger) - looked.spent_s))
+    missing: list[Vacuity] = []
+    given_up: tuple[Unlooked, ...] = ()
+    try:
+        missing += _missing(own, left, looked.effort, of_any_number)
+    except OutOfPatienceError:
+        given_up = unlooked(ledger.system, left.claims)
+    if not left.known:
+        given_up = unlooked(ledger.system, left.claims)
+    own = _limited(ledger, REGARDLESS_S)
+    untouched: list[Vacuity] = []
+    unbreakable: list[Vacuity] = []
+    try:
+        untouched += _untouched(own)
+        unbreakable += _unbreakable(own, [*untouched, *missing], of_any_number)
+    except OutOfPatienceError:
+        pass  # it is seldom so, and each verdict says how far it holds in any case
+    return Hollow((*looked.empty, *missing, *untouched, *unbreakable), given_up)
+
+
+def _unbreakable(
+    ledger: Ledger, known: Sequence[Vacuity], of_any_number: bool
+) -> Iterator[Vacuity]:
+    """Invariants that any configuration keeps, but for those of which something is known."""
+    sure = [vacuity for vacuity in known if vacuity.certain]
+    told = {vacuity.subject for vacuity in sure if vacuity.what is not Emptiness.EVENT}
+    regardless = list(_regardless(ledger, told))
+    if of_any_number:
+        regardless = any_number.true_of_anything(ledger, regardless)
+    detail = "it is true whatever the events do"
+    for claim in regardless:
+        if claim.stated is not None:
+            span = claim.stated.span
+            yield Vacuity(Emptiness.UNTOUCHED, claim.name, detail, certain=True, span=span)
+
+
+def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:
+    """External functions whose summaries contradict themselves."""
+    original = ledger.subject.original
+    for external, detail in unanswerable(original, ledger.seed, deadline, effort):
+        yield Vacuity(Emptiness.SUMMARIES, "", detail, certain=True, span=external.span)
+
+
+def _start(system: System, seed: int, deadline: Deadline, effort: Effort) -> Vacuity | None:
+    """Why no run can even start, if so."""
+    whole = Unrolling(system, seed)
+    if whole.solver.check([], deadline, effort) is not Answer.UNSAT or whole.unknowns.limits:
+        # Where lists may be longer than is looked at, a longer one may do.
+        return None
+    free = replace(system, program=replace(system.program, assumptions=()))
+    if Unrolling(free, seed).solver.check([], deadline, effort) is not Answer.UNSAT:
+        detail = "no initial configuration satisfies them all"
+        return Vacuity(Emptiness.ASSUMPTIONS, "", detail, certain=True)
+    detail = "no external functions satisfy them all"
+    return Vacuity(Emptiness.SUMMARIES, "", detail, certain=True)
+
+
+def _missing(
+    ledger: Ledger, left: Unbroken, effort: Effort, of_any_number: bool
+) -> Iterator[Vacuity]:
+    """Events that never run, and suppositions that are never true."""
+    if left.stuck is not None:
+        detail = f"no run gets through round {left.stuck}"
+        found = _within(Vacuity(Emptiness.CONTRACTS, "", detail, certain=True), left.limits)
+        everyone = not of_any_number or any_number.never_ends(ledger)
+        yield found if everyone else any_number.among(ledger, found)
+        return
+    if not left.known or not left.claims:
+        return
+    verdict = ledger.verdicts.get(NO_FAULT)
+    faults = verdict is not None and verdict.outcome is Outcome.VIOLATED
+    search = any_number.unmet_by_any if of_any_number else unmet
+    for told in search(ledger, left.claims, effort):
+        # An event that faults ends the run, and so was not seen to run.
+        full = replace(told, detail=f"{told.detail} without a fault") if faults else told
+        yield full if told.certain else _within(full, left.limits)
+
+
+def _within(vacuity: Vacuity, limits: Sequence[str]) -> Vacuity:
+    """The same, of the runs that were looked at."""
+    if not limits:
+        return vacuity
+    detail = f"{vacuity.detail}; not covered: {'; '.join(limits)}"
+    return replace(vacuity, detail=detail, certain=False)
+
+
+def _held(ledger: Ledger) -> Iterator[tuple[Claim, core.Property]]:
+    """The properties that hold as far as is known, be it for some rounds only."""
+    for claim in ledger.claims:
+        verdict = ledger.verdict(claim)
+        is_seen = verdict.outcome is Outcome.HOLDS or verdict.rounds is not None
+        if claim.stated is not None and is_seen and verdict.outcome is not Outcome.VIOLATED:
+            yield claim, claim.stated
+
+
+def _untouched(ledger: Ledger) -> Iterator[Vacuity]:
+    """Invariants that hold for a reason that no event touches."""
+    for _, stated in _held(ledger):
+        if never_changes(ledger.system.program, stated.condition):
+            detail = "nothing that it reads changes after the start"
+            yield Vacuity(Emptiness.UNTOUCHED, stated.name, detail, True, stated.span)
+
+
+def never_changes(program: core.Program, condition: core.Expr) -> bool:
+    """Whether a statement reads nothing that changes after INIT."""
+    written = {(home, slot) for home, _, slot in footprint(program)}
+    below = list(reached(program, condition))
+    if any(isinstance(n, core.Ran | core.Stopped) for n in below):
+        return False
+    return not any(
+        (n.home, n.slot) in written
+        for n in below
+        if isinstance(n, core.Variable) and n.home is not Home.BOUND
+    )
+
+
+def _regardless(ledger: Ledger, told: Collection[str]) -> Iterator[Claim]:
+    """Invariants that are true of any configuration, but for those that were told of already.
+
+    What nothing writes is as it was at the start; all else has any value of its type. Statements
+    that suppose something may be about mathematics: what they suppose is asked by itself.
+    """
+    program = ledger.system.program
+    claims = [
+        claim
+        for claim, stated in _held(ledger)
+        if claim.name not in told and not supposes(program, stated.condition)
+    ]
+    if not claims:
+        return
+    unrolling = Unrolling(ledger.system, ledger.seed)
+    d, solver, represented = unrolling.encoder.d, unrolling.solver, representatives(ledger.system)
+    start = unrolling.encoder.arbitrary(unrolling.opening.moment.configuration, "#")
+    checks = SymbolicInputs(unrolling.unknowns, "start")
+    moment = Moment(Phase.INIT, start, [], Findings(False), checks)
+    effort = Effort.of_seconds(REGARDLESS_S)
+    for claim in claims:
+        asked = violations(ledger.system, d, moment, [represented(claim)])
+        question = [term for violated, needed in asked.values() for term in (*needed, violated)]
+        answer = Answer.UNSAT  # what is seen to hold without a solver is not asked at all
+        if asked:
+            answer = solver.check(question, ledger.deadline, effort, at_most=_AT_MOST)
+        if answer is Answer.UNSAT and not unrolling.unknowns.limits:
+            yield claim

@@ -1,0 +1,332 @@
+"""Whether something can happen: random runs, then the solver, then proofs that it never does."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
+from random import Random
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.sampling.monitors import Watch
+from koord.sampling.policies import AtRandom, First, Play, Policy
+from koord.sampling.running import Run, new_run
+from koord.semantics.domain import disjunction
+from koord.semantics.execution import Step
+from koord.semantics.recording import Recording
+from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.core import PropertyKind
+from koord.syntax.diagnostics import KoordError
+from koord.syntax.system import System
+from koord.traces.trace import Numbers
+from koord.verify.claims import Claim, Phase
+from koord.verify.encoding.moments import Moment
+from koord.verify.encoding.solver import Answer, Deadline, Effort
+from koord.verify.encoding.terms import Term
+from koord.verify.encoding.unrolling import Unrolling, violations
+from koord.verify.engines.explicit.limits import FEW_STATES, Limits
+from koord.verify.engines.induction.engine import prove
+from koord.verify.ledger import Ledger
+from koord.verify.verdicts import Counterexample, Outcome
+from koord.verify.witness import NotReplayedError
+
+#: How often robots skip though they need not, in runs by chance. (Besides them there is the run
+#: that the runtime would make.) Deadlines are met only where robots seldom act of themselves.
+SKIPS_PERCENT = (15, 15, 95)
+
+
+class _Onlooker(Watch):
+    """Looks at runs, and lets them go on whatever they break."""
+
+    def after(self, step: Step) -> None:
+        return None
+
+
+def runs_of(system: System, rounds: int, seed: int) -> Iterator[tuple[Run, Play]]:
+    """A few runs, still to be made whatever they break: the runtime's, and others by chance."""
+    for number, skips in enumerate((None, *SKIPS_PERCENT)):
+        rng = Random(seed + number)
+        policy: Policy = First() if skips is None else AtRandom(rng, skips)
+        run = new_run(system, Numbers.EXACT, rng)
+        yield run, Play(run, policy, rounds, _Onlooker(run.d, system, run.inputs))
+
+
+def seen(
+    system: System, nevers: Iterable[Claim], rounds: int, deadline: Deadline, seed: int
+) -> dict[Claim, int]:
+    """Those that a few runs of so many rounds break, each with the round in which one does.
+
+    No solver need be asked about them. Where the inputs of a run cannot be made up, or a run
+    faults, it ends there.
+    """
+    pending = set(nevers)
+    broken: dict[Claim, int] = {}
+    for _, play in runs_of(system, rounds, seed):
+        try:
+            for taken in play.steps():
+                configuration = taken.step.configuration
+                if taken.step.rule not in ("INIT", "ENV-TRANS") or configuration.fault is not None:
+                    continue
+                unkept = {contract.name for _, contract in taken.step.stepped.promises}
+                hit = {c for c in pending if c.subject in unkept}
+                hit |= {
+                    c for c in pending if c.stated and not play.watch.holds(c.stated, configuration)
+                }
+                broken |= dict.fromkeys(hit, configuration.round)
+                pending -= hit
+                if not pending or deadline.passed():
+                    return broken
+        except KoordError:
+            continue
+    return broken
+
+
+class Unbroken(Struct, frozen=True):
+    """Claims that no run breaks within some rounds; ``stuck`` is a round that no run gets through.
+
+    ``known`` is False if the solver did not get so far. ``limits`` are runs that were left out.
+    ``later`` are those of the claims that are known to be broken in rounds after those.
+    """
+
+    claims: frozenset[Claim]
+    stuck: int | None = None
+    known: bool = True
+    limits: tuple[str, ...] = ()
+    later: frozenset[Claim] = frozenset()
+
+
+def unbroken(
+    system: System,
+    nevers: Collection[Claim],
+    rounds: int,
+    deadline: Deadline,
+    effort: Effort,
+    *,
+    seed: int = 0,
+    runs: int = 0,
+    runs_s: float = 0,
+) -> Unbroken:
+    """The claims that hold in all runs of so many rounds, asked round by round.
+
+    One round is looked at even if there is nothing to ask, to see whether it can end. With ``runs``
+    a few runs at random are made first, for at most ``runs_s`` seconds: they break most claims.
+    Longer ones, of so many rounds, show which of the others are broken later; and break some where
+    the solver takes long.
+    """
+    hasty = effort if runs == 0 else Effort(effort.left // 8)
+    few = _of_few(system, nevers, rounds, deadline, hasty, seed)
+    if few.known and not few.claims and few.stuck is None:
+        return few
+    pending = [claim for claim in nevers if claim in few.claims]
+    if runs == 0:
+        return _unbroken(system, seed, pending, rounds, deadline, effort)
+    met = seen(system, pending, min(rounds, runs), deadline.sooner(runs_s), seed)
+    pending = [claim for claim in pending if claim not in met]
+    if not pending and any(round_ > 0 for round_ in met.values()):
+        return Unbroken(frozenset())
+    left = _unbroken(system, seed, pending, rounds, deadline, hasty)
+    if deadline.passed() or not left.claims:
+        return left
+    met = seen(system, left.claims, runs, deadline.sooner(runs_s), seed)
+    if not left.known:
+        pending = [claim for claim in pending if claim in left.claims and claim not in met]
+        few = _of_few(system, pending, rounds, deadline, effort, seed)
+        pending = [claim for claim in pending if claim in few.claims]
+        if few.known and few.claims:
+            # What two of a kind cannot do all together seldom can, and that takes long to tell.
+            effort = Effort(effort.left // 4)
+        left = _unbroken(system, seed, pending, rounds, deadline, effort)
+    return replace(left, later=left.claims & met.keys())
+
+
+def _of_few(
+    system: System,
+    nevers: Collection[Claim],
+    rounds: int,
+    deadline: Deadline,
+    effort: Effort,
+    seed: int,
+) -> Unbroken:
+    """What runs in which most robots only skip leave unbroken, for half the effort.
+
+    Where robots are few there are no such runs, and nothing is known.
+    """
+    movers = _some_of_each_kind(system)
+    if len(movers) == system.robots:
+        return Unbroken(frozenset(nevers), known=False)
+    half = Effort(effort.left // 2)
+    effort.left -= half.left
+    left = _unbroken(system, seed, list(nevers), rounds, deadline, half, movers=movers)
+    effort.left += half.left
+    return left
+
+
+def _some_of_each_kind(system: System) -> frozenset[int]:
+    """Two robots of each kind, or one where it is alone."""
+    found: list[int] = []
+    for kind in set(system.kinds):
+        found += [robot for robot, other in enumerate(system.kinds) if other == kind][:2]
+    return frozenset(found)
+
+
+def _unbroken(
+    system: System,
+    seed: int,
+    claims: Sequence[Claim],
+    rounds: int,
+    deadline: Deadline,
+    effort: Effort,
+    *,
+    movers: frozenset[int] | None = None,
+    ending: bool = False,
+) -> Unbroken:
+    """With ``ending`` what is broken after program turns counts only if the round can end."""
+    pending = list(claims)
+    with suppress(OutOfPatienceError):
+        unrolling = Unrolling(system, seed, movers)
+        return _round_by_round(unrolling, pending, rounds, deadline, effort, ending=ending)
+    return Unbroken(frozenset(pending), known=False)
+
+
+def _round_by_round(
+    unrolling: Unrolling,
+    pending: list[Claim],
+    rounds: int,
+    deadline: Deadline,
+    effort: Effort,
+    *,
+    ending: bool,
+) -> Unbroken:
+    """What is broken is taken off the list as it is found."""
+    for moment in unrolling.moments():
+        after = []
+        if ending and moment.phase is Phase.MIDDLE:
+            after = unrolling.rounds[-1].end.constraints
+        answer = _strike(unrolling, moment, pending, deadline, effort, after)
+        if (
+            answer is not Answer.UNKNOWN
+            and moment.phase is Phase.END
+            and (unrolling.movers is None or not pending)
+        ):
+            # Nothing is broken any more if no run comes here. (Of some runs it is no news.)
+            answer = unrolling.solver.check([], deadline, effort)
+            if answer is Answer.UNSAT:
+                if unrolling.movers is not None:
+                    break  # others may get further
+                stuck = _stuck(unrolling, moment.configuration.round, deadline)
+                return Unbroken(frozenset(pending), stuck, limits=_limits(unrolling))
+        if answer is Answer.UNKNOWN:
+            return Unbroken(frozenset(pending), known=False)
+        if moment.phase is Phase.END and (not pending or moment.configuration.round >= rounds):
+            return Unbroken(frozenset(pending), limits=_limits(unrolling))
+    return Unbroken(frozenset(pending), known=False)
+
+
+def _limits(unrolling: Unrolling) -> tuple[str, ...]:
+    return tuple(sorted(set(unrolling.unknowns.limits)))
+
+
+def _strike(
+    unrolling: Unrolling,
+    moment: Moment,
+    pending: list[Claim],
+    deadline: Deadline,
+    effort: Effort,
+    after: Sequence[Term] = (),
+) -> Answer:
+    """Take the claims that this configuration can break off the list. SAT: all that were asked.
+
+    It counts only if what has to hold ``after`` it can hold.
+    """
+    d, solver = unrolling.encoder.d, unrolling.solver
+    asked = violations(unrolling.system, d, moment, pending)
+    for _, needed in asked.values():
+        solver.add(needed)
+    while asked:
+        question = disjunction(d, [violated for violated, _ in asked.values()])
+        answer = solver.check([*after, question], deadline, effort)
+        if answer is not Answer.SAT:
+            return answer
+        model = solver.model()
+        for claim in [c for c, (violated, _) in asked.items() if model.truth(violated)]:
+            del asked[claim]
+            pending.remove(claim)
+    return Answer.SAT
+
+
+def _stuck(unrolling: Unrolling, round_: int, deadline: Deadline) -> int | None:
+    """The first round whose environment's turn no run can take; None if they fault instead."""
+    alone = Unrolling(unrolling.system, unrolling.seed)
+    for moment in alone.moments():
+        if alone.solver.check([], deadline) is not Answer.SAT:
+            return moment.configuration.round if moment.phase is Phase.END else None
+        if moment.configuration.round >= round_:
+            break
+    return None
+
+
+def inside_rounds(never: Claim) -> Claim:
+    """The same claim about every observed configuration, not about the ends of rounds alone."""
+    assert never.stated is not None
+    return replace(never, stated=replace(never.stated, kind=PropertyKind.INVARIANT))
+
+
+def broken_between(
+    system: System,
+    nevers: Collection[Claim],
+    rounds: int,
+    deadline: Deadline,
+    effort: Effort,
+    *,
+    seed: int,
+    ending: bool,
+) -> tuple[set[Claim], bool]:
+    """Those of some claims about ends of rounds that break in between; and whether that is all.
+
+    With ``ending`` they break only in rounds that can end.
+    """
+    asked = {inside_rounds(never): never for never in nevers}
+    if not asked:
+        return set(), True
+    left = _unbroken(system, seed, list(asked), rounds, deadline, effort, ending=ending)
+    return {never for claim, never in asked.items() if claim not in left.claims}, left.known
+
+
+def never_broken(
+    ledger: Ledger, system: System, nevers: Iterable[Claim], deadline: Deadline, effort: Effort
+) -> set[Claim]:
+    """Those of the claims that hold in all rounds, as far as a short attempt can tell.
+
+    They must be known to hold through the first round. ``system`` is that of the ledger, but for
+    what the claims are stated with.
+    """
+    pending = list(nevers)
+    found: set[Claim] = set()
+    for depth in (1, 2):
+        if pending:
+            result = prove(
+                system,
+                pending,
+                ledger.proved(),
+                deadline,
+                effort,
+                depth=depth,
+                seed=ledger.seed,
+            )
+            found |= set(result.proved)
+            pending = [claim for claim in pending if claim not in found]
+    if pending and not ledger.subject.is_abstract:
+        from koord.verify.engines.explicit.engine import (
+            exhaust,  # seldom needed, and takes a while to load
+        )
+
+        few = Limits(states=FEW_STATES)
+        searched = exhaust(system, pending, few, deadline, _unshown, lambda text: None)
+        found |= {c for c, v in searched.verdicts.items() if v.outcome is Outcome.HOLDS}
+    return found
+
+
+def _unshown(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
+    """Nobody wants to see the run on which something comes true."""
+    raise NotReplayedError("it is not shown")

@@ -1,0 +1,235 @@
+"""What should be possible if verdicts are to say something: events run, suppositions come true.
+
+A wish is written as the claim that it *never* comes true, so that engines can be asked about it: a
+violation is a run on which it does, and a proof means that it never will. They are claims of a
+program that has the same runs, and besides whatever they are stated with: copies of functions
+(``suppositions.py``), and contracts of modules that have no ports and models that do nothing.
+Such a contract is a claim of the environment's turns [PROP-CONTRACT]: that what another contract
+supposes never holds as they begin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from enum import Enum
+from functools import reduce
+from itertools import chain, count
+from typing import Any, TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.syntax import core
+from koord.syntax.analysis.premises import Premise, promises_of
+from koord.syntax.analysis.suppositions import Denial, Reading
+from koord.syntax.core import BinaryOp, Home, PropertyKind, QuantifierKind, UnaryOp
+from koord.syntax.source import Span
+from koord.syntax.system import System
+from koord.syntax.types import BOOL, INT
+from koord.syntax.walk import nodes, rebuilt
+from koord.verify.claims import Claim, ClaimKind, reads_ports
+
+
+class Aim(Enum):
+    """What is wished for."""
+
+    EVENT = "event"  #: that it runs, in a round that ends
+    SUPPOSITION = "supposition"  #: that what a property supposes is true of some configuration
+    CONTRACT = "contract"  #: that what a contract supposes is, as the environment's turn begins
+
+
+class Wish(Struct, frozen=True):
+    """One wish. ``subject`` is the event, or the property or contract that supposes something.
+
+    Where it is ``observed``, it may come true between the ends of rounds, too. If it never does,
+    ``promises`` that rest on it may be the reason. ``still`` says of configurations what ``never``
+    says of turns: where it holds it helps to prove that.
+    """
+
+    aim: Aim
+    subject: str
+    never: Claim
+    span: Span
+    observed: bool = False
+    promises: tuple[Premise, ...] = ()
+    still: Claim | None = None
+
+
+#: Aim, subject, the condition that denies it, how many bound slots that needs, its place, and
+#: whether it may come true between the ends of rounds.
+_Stated: TypeAlias = "tuple[Aim, str, core.Expr, int, Span, bool]"
+
+
+class Wishes(Struct, frozen=True):
+    """All that should be possible, and the system in which it is asked for."""
+
+    system: System
+    all: tuple[Wish, ...]
+
+
+def wishes_of(system: System) -> Wishes:
+    """All that should be possible in a system."""
+    reading = Reading(system.program)
+    wishes = [
+        Wish(aim, subject, _never(system.program, f"never {n}", condition, bound), span, observed)
+        for n, (aim, subject, condition, bound, span, observed) in enumerate(
+            [*_events(system), *_suppositions(reading)]
+        )
+    ]
+    modules: dict[int, list[core.Contract]] = {}
+    for key, denials in _of_contracts(system, reading).items():
+        name = f"never {len(wishes)}"
+        never = Claim(f"contract {name}", ClaimKind.CONTRACT, None, name)
+        subject = f"contract {key.contract}"
+        still = _still(system.program, name, denials)
+        wish = Wish(Aim.CONTRACT, subject, never, key.span, promises=key.promises, still=still)
+        wishes.append(wish)
+        for kind, denial in denials.items():
+            modules.setdefault(kind, []).append(replace(denial, name=name))
+    return Wishes(_with(system, wishes, reading.copies, modules), tuple(wishes))
+
+
+def supposes(program: core.Program, condition: core.Expr) -> bool:
+    """Whether a statement says what follows from something that is to come true."""
+    return any(Reading(program).denials(condition, disjunctions=False))
+
+
+def _with(
+    system: System,
+    wishes: Sequence[Wish],
+    copies: Sequence[core.Function],
+    modules: Mapping[int, Sequence[core.Contract]],
+) -> System:
+    """The system with all that wishes are stated with. It has the same runs."""
+    program = system.program
+    agents = tuple(
+        replace(agent, modules=(*agent.modules, idle(modules[kind]))) if kind in modules else agent
+        for kind, agent in enumerate(program.agents)
+    )
+    # Which robots may change places hangs on what is asked about them, so that is in it, too.
+    claims = [claim for wish in wishes for claim in (wish.never, wish.still) if claim is not None]
+    stated = [claim.stated for claim in claims if claim.stated is not None]
+    program = replace(
+        program,
+        agents=agents,
+        functions=(*program.functions, *copies),
+        properties=(*program.properties, *stated),
+    )
+    return replace(system, program=program)
+
+
+def idle(contracts: Sequence[core.Contract]) -> core.Module:
+    """A module whose model does nothing."""
+    return core.Module("wishes", (), (), 0, tuple(contracts))
+
+
+def _never(program: core.Program, name: str, condition: core.Expr, bound: int) -> Claim:
+    stated = core.Property(name, PropertyKind.AT_ROUND, condition, bound)
+    reads = reads_ports(program, condition)
+    return Claim(name, ClaimKind.PROPERTY, stated, reads_ports=reads)
+
+
+def _events(system: System) -> Iterator[_Stated]:
+    agents = system.program.agents
+    for kind in sorted(set(system.kinds)):
+        for position, event in enumerate(agents[kind].events):
+            robot = core.Variable(Home.BOUND, 0, "i", INT)
+            ran = core.Ran(((kind, position),), core.Read(core.Place(robot)))
+            denied = core.Unary(UnaryOp.NOT, ran, BOOL)
+            domain = core.RobotRange(kind)
+            body = core.Quantified(QuantifierKind.FORALL, robot, domain, denied)
+            yield Aim.EVENT, event.name, body, 1, event.span, False
+
+
+def _suppositions(reading: Reading) -> Iterator[_Stated]:
+    for stated in reading.program.properties:
+        for denial, span in _denials(reading, stated):
+            each = stated.each
+            if each is not None:
+                robots, every = core.RobotRange(each.agent), QuantifierKind.FORALL
+                denial = core.Quantified(every, each.variable, robots, denial)
+            observed = stated.kind is PropertyKind.INVARIANT
+            yield Aim.SUPPOSITION, stated.name, denial, stated.bound, span, observed
+
+
+def _denials(reading: Reading, stated: core.Property) -> Iterator[Denial]:
+    if stated.trigger is not None:
+        yield core.Unary(UnaryOp.NOT, stated.trigger, BOOL), stated.trigger.span
+        return
+    # What is the case sooner or later may as well be one thing or not another.
+    is_goal = stated.kind is PropertyKind.EVENTUALLY
+    yield from reading.denials(stated.condition, disjunctions=not is_goal)
+
+
+# --- contracts ------------------------------------------------------------------------------------
+
+
+class _Supposed(Struct, frozen=True):
+    """Something that a contract supposes, wherever its module is in use.
+
+    ``place`` counts what the contract supposes; 0 is what it requires.
+    """
+
+    module: str
+    contract: str
+    place: int
+    span: Span
+    promises: tuple[Premise, ...]
+
+
+def _of_contracts(system: System, reading: Reading) -> dict[_Supposed, dict[int, core.Contract]]:
+    """What contracts suppose, and by kind of robot a contract that denies it."""
+    found: dict[_Supposed, dict[int, core.Contract]] = {}
+    for kind in sorted(set(system.kinds)):
+        for module in system.program.agents[kind].modules:
+            for contract in module.contracts:
+                for supposed, denial in _supposed(module, contract, reading):
+                    found.setdefault(supposed, {})[kind] = denial
+    return found
+
+
+def _supposed(
+    module: core.Module, contract: core.Contract, reading: Reading
+) -> Iterator[tuple[_Supposed, core.Contract]]:
+    promises, names = promises_of(module, contract), (module.name, contract.name)
+    if not all(isinstance(e, core.Const) for e in contract.requires):
+        required = _Supposed(*names, 0, contract.requires[0].span, promises)
+        yield required, replace(contract, ensures=(core.Const(False, BOOL),))
+    places = count(1)
+    for number, ensured in enumerate(contract.ensures):
+        for denial, span in reading.denials(ensured, _is_before):
+            supposed = _Supposed(*names, next(places), span, promises[number : number + 1])
+            yield supposed, replace(contract, ensures=(denial,))
+
+
+def _is_before(e: core.Expr) -> bool:
+    """Whether a part of a contract reads nothing but ports as they were before the turn."""
+    return not any(isinstance(node, core.Place) and node.primed for node in nodes(e))
+
+
+def _still(program: core.Program, name: str, denials: Mapping[int, core.Contract]) -> Claim | None:
+    """That a denial holds of all ports as they are, if it can be said of configurations."""
+    parts = (nodes((denial.requires, denial.ensures)) for denial in denials.values())
+    if any(isinstance(node, core.Call) for node in chain.from_iterable(parts)):
+        return None  # functions may read the robot that runs
+    said = [_said_of_all(kind, denial) for kind, denial in denials.items()]
+    condition = reduce(lambda a, b: core.Binary(BinaryOp.AND, a, b, BOOL), said)
+    bound = 1 + max(denial.bound for denial in denials.values())
+    return _never(program, f"{name} at all", condition, bound)
+
+
+def _said_of_all(kind: int, denial: core.Contract) -> core.Expr:
+    robot = core.Variable(Home.BOUND, denial.bound, "robot", INT)
+    read = core.Read(core.Place(robot))
+
+    def part(node: Any) -> Any:
+        if isinstance(node, core.Pid):
+            return read
+        if isinstance(node, core.Place) and node.variable.home is Home.PORT:
+            node = replace(node, robot=read)
+        return rebuilt(node, part)
+
+    (said,) = denial.ensures
+    for required in reversed(denial.requires):
+        said = core.Binary(BinaryOp.IMPLIES, required, said, BOOL)
+    return core.Quantified(QuantifierKind.FORALL, robot, core.RobotRange(kind), part(said))

@@ -1,0 +1,134 @@
+"""What should be possible and never happens: events, and what statements suppose. [PROP-VACUOUS]
+
+Most of it can be proved in no time, by steps that do not ask whether rounds can end. What is left
+is looked for in runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.syntax.analysis.premises import without
+from koord.syntax.system import System
+from koord.verify.claims import Claim
+from koord.verify.encoding.solver import Effort
+from koord.verify.ledger import Ledger
+from koord.verify.vacuity.reachability import (
+    Unbroken,
+    broken_between,
+    inside_rounds,
+    never_broken,
+    unbroken,
+)
+from koord.verify.vacuity.reachability_goals import Aim, Wish, wishes_of
+from koord.verify.verdicts import Emptiness, Vacuity
+
+#: Proofs are of one round or two, and rest on what is so in the first ones.
+_FIRST = 2
+
+
+def unmet(ledger: Ledger, unbroken_: Collection[Claim], effort: Effort) -> Iterator[Vacuity]:
+    """Of the wishes that no run fulfils at the end of a round: those in vain, and why."""
+    wished = wishes_of(ledger.system)
+    asking = _Asking(ledger, wished.system, effort)
+    wishes = {wish.never: wish for wish in wished.all if wish.never in unbroken_}
+    sure = asking.never_begun(wishes)
+    left = {never: wish for never, wish in wishes.items() if never not in sure}
+    met, is_all = asking.between([n for n, wish in left.items() if wish.observed], ending=True)
+    left = {never: wish for never, wish in left.items() if never not in met}
+    blocked = asking.blocked([n for n, wish in left.items() if wish.aim is not Aim.CONTRACT])
+    # What is before the end of a round that contracts rule out is as good as never there.
+    lasting = [
+        never
+        for never, wish in left.items()
+        if not wish.observed or (is_all and never in blocked and not never.reads_ports)
+    ]
+    proved = asking.proved(asking.system, lasting)
+    blocked |= {n for n in proved if asking.is_kept_off(wishes[n])}
+    for never, wish in wishes.items():
+        if never not in met:
+            rounds = ledger.bounds.rounds
+            yield told(wish, rounds, certain=never in sure | proved, blocked=never in blocked)
+
+
+class _Asking(Struct, frozen=True):
+    """Asks about wishes, in the system in which they are stated."""
+
+    ledger: Ledger
+    system: System
+    effort: Effort
+
+    def never_begun(self, wishes: dict[Claim, Wish]) -> set[Claim]:
+        """Those that nothing ever fulfils, not even in rounds that cannot end."""
+        inside = [never for never, wish in wishes.items() if wish.aim is not Aim.CONTRACT]
+        soon, is_all = self.between(inside, ending=False, rounds=_FIRST)
+        asked = {inside_rounds(never): never for never in inside if is_all and never not in soon}
+        found = {asked[claim] for claim in self.proved(self.system, asked)}
+        # Up to the first turn that begins as contracts suppose, nothing hangs on what they promise
+        # of it: what is proved of the program serves there, too.
+        begun = [wish for wish in wishes.values() if wish.aim is Aim.CONTRACT]
+        still = [inside_rounds(wish.still) for wish in begun if wish.still is not None]
+        free = self._freed(begun)
+        first = self._left(free, [*(wish.never for wish in begun), *still], _FIRST)
+        return found | self.proved(free, first.claims if first.known else ())
+
+    def between(
+        self, nevers: Collection[Claim], *, ending: bool, rounds: int | None = None
+    ) -> tuple[set[Claim], bool]:
+        """Those that are fulfilled between the ends of rounds; and whether that is all."""
+        at_most = self.ledger.bounds.rounds
+        return broken_between(
+            self.system,
+            nevers,
+            at_most if rounds is None else min(rounds, at_most),
+            self.ledger.deadline,
+            self.effort,
+            seed=self.ledger.seed,
+            ending=ending,
+        )
+
+    def blocked(self, nevers: Collection[Claim]) -> set[Claim]:
+        """Those that are fulfilled inside rounds of which none can end."""
+        modules = [module for agent in self.system.program.agents for module in agent.modules]
+        if not any(module.contracts for module in modules if module.environment is None):
+            return set()
+        return self.between(nevers, ending=False)[0]
+
+    def is_kept_off(self, wish: Wish) -> bool:
+        """Whether some turn begins as a contract supposes, and what it promises lets none end."""
+        if not wish.promises:
+            return False
+        left = self._left(self._freed([wish]), [wish.never], self.ledger.bounds.rounds)
+        return wish.never not in left.claims
+
+    def proved(self, system: System, nevers: Collection[Claim]) -> set[Claim]:
+        """Those that nothing fulfils in any round, as far as a short attempt can tell."""
+        return never_broken(self.ledger, system, nevers, self.ledger.deadline, self.effort)
+
+    def _left(self, system: System, nevers: Collection[Claim], rounds: int) -> Unbroken:
+        if not nevers:
+            return Unbroken(frozenset())
+        ledger = self.ledger
+        at_most = min(rounds, ledger.bounds.rounds)
+        return unbroken(system, nevers, at_most, ledger.deadline, self.effort, seed=ledger.seed)
+
+    def _freed(self, wishes: Collection[Wish]) -> System:
+        """The system without what rests on the wishes."""
+        promises = [promise for wish in wishes for promise in wish.promises]
+        return replace(self.system, program=without(self.system.program, promises))
+
+
+def told(wish: Wish, rounds: int, *, certain: bool, blocked: bool) -> Vacuity:
+    """What is told of a wish in vain."""
+    what = Emptiness.EVENT if wish.aim is Aim.EVENT else Emptiness.SUPPOSITION
+    verb = "run" if wish.aim is Aim.EVENT else "come true"
+    if blocked:
+        detail = f"can {verb}, but no round in which it does can end: contracts rule it out"
+    elif certain:
+        detail = f"can never {verb}"
+    else:
+        detail = f"cannot {verb} within {rounds} rounds"
+    return Vacuity(what, wish.subject, detail, certain, wish.span)

@@ -1,0 +1,50 @@
+"""Liveness that holds for no reason: what is to happen is so at the start. [PROP-VACUOUS]"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from koord.semantics.domain import disjunction
+from koord.semantics.liveness import responses
+from koord.syntax import core
+from koord.syntax.system import System
+from koord.verify.claims import Claim, ClaimKind
+from koord.verify.encoding.solver import Answer, Deadline, Effort
+from koord.verify.encoding.unrolling import Unrolling, violations
+from koord.verify.vacuity.analysis import never_changes
+from koord.verify.verdicts import Emptiness, Outcome, Vacuity, Verdict
+
+#: What it may cost to see that something is so at the start, for each property.
+_START_S = 0.5
+
+
+def hollow(
+    system: System, verdicts: Iterable[Verdict], deadline: Deadline, seed: int
+) -> Iterator[Vacuity]:
+    """Those of the verdicts on whole runs that hold whatever the runs are."""
+    for verdict in verdicts:
+        stated = verdict.claim.stated
+        if stated is None or verdict.outcome is not Outcome.HOLDS:
+            continue
+        detail = ""
+        if never_changes(system.program, stated.condition):
+            detail = "nothing that its goal reads changes after the start"
+        elif stated.trigger is None and _holds_at_once(system, stated, deadline, seed):
+            detail = "its goal is reached at the start already"
+        if detail:
+            yield Vacuity(Emptiness.UNTOUCHED, stated.name, detail, True, stated.span)
+
+
+def _holds_at_once(system: System, stated: core.Property, deadline: Deadline, seed: int) -> bool:
+    """Whether a goal is reached in every initial configuration."""
+    goals = [response.goal for response in responses(system, stated)]
+    claims = [Claim(goal.name, ClaimKind.PROPERTY, goal) for goal in goals]
+    unrolling = Unrolling(system, seed)
+    d, solver = unrolling.encoder.d, unrolling.solver
+    missed = []
+    for claim in claims:
+        for violated, needed in violations(system, d, unrolling.opening.moment, [claim]).values():
+            solver.add(needed)
+            missed.append(violated)
+    answer = solver.check([disjunction(d, missed)], deadline, Effort.of_seconds(_START_S))
+    return answer is Answer.UNSAT and not unrolling.unknowns.limits

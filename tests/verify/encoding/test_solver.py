@@ -1,0 +1,316 @@
+"""The solver: questions, answers, models, and how large questions fall into cases."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from fractions import Fraction
+from random import Random
+
+import pytest
+import z3
+
+from koord.semantics.domain import Constant
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.types import BOOL, FLOAT, INT, STRING, EnumType, OpaqueType, Type
+from koord.verify.encoding.solver import (
+    LONGEST_S,
+    LONGEST_UNLIMITED_S,
+    Answer,
+    Deadline,
+    Effort,
+    Solver,
+    cases,
+)
+from koord.verify.encoding.symbols import Unknowns
+from koord.verify.encoding.terms import Term, Terms
+
+NEVER = Deadline()
+
+
+def solver() -> tuple[Terms, Unknowns, Solver]:
+    d = Terms()
+    unknowns = Unknowns(d, core.Program("empty", (), (), (), (), (), (), (), ()), 2)
+    return d, unknowns, Solver(d, unknowns)
+
+
+# --- questions ------------------------------------------------------------------------------------
+
+
+def test_a_question_is_forgotten_and_a_requirement_is_not() -> None:
+    d, _, s = solver()
+    x = d.fresh("x", INT)
+    assert s.check([d.binary(BinaryOp.LT, x, 0)], NEVER) is Answer.SAT
+    assert s.check([d.binary(BinaryOp.LT, 0, x)], NEVER) is Answer.SAT
+    s.add([d.binary(BinaryOp.LT, 0, x)])
+    assert s.check([d.binary(BinaryOp.LT, x, 0)], NEVER) is Answer.UNSAT
+    assert s.check([], NEVER) is Answer.SAT
+
+
+def test_constants_are_questions_too() -> None:
+    _, _, s = solver()
+    assert s.check([True, True], NEVER) is Answer.SAT
+    assert s.check([True, False], NEVER) is Answer.UNSAT
+    s.add([True, False])
+    assert s.check([], NEVER) is Answer.UNSAT
+
+
+def test_constraints_of_fresh_terms_count_from_when_they_are_made() -> None:
+    d, unknowns, s = solver()
+    mode = unknowns.value("mode", EnumType("Mode", ("a", "b")))
+    assert isinstance(mode, z3.ExprRef)
+    assert s.check([d.binary(BinaryOp.EQ, mode, 1)], NEVER) is Answer.SAT
+    assert s.check([d.binary(BinaryOp.EQ, mode, 2)], NEVER) is Answer.UNSAT
+    late = unknowns.value("late", EnumType("Mode", ("a",)))
+    assert s.check([d.binary(BinaryOp.NE, late, 0)], NEVER) is Answer.UNSAT
+
+
+def hard(d: Terms) -> Term:
+    """A question that takes long: a sum of three cubes."""
+    x, y, z = (d.fresh(name, INT) for name in "xyz")
+    return x * x * x + y * y * y + z * z * z == 114
+
+
+def test_without_time_or_effort_the_answer_is_unknown() -> None:
+    d, _, s = solver()
+    assert s.check([d.fresh("x", BOOL)], Deadline.after(0)) is Answer.UNKNOWN
+    assert s.check([d.fresh("x", BOOL)], NEVER, Effort(0)) is Answer.UNKNOWN
+    started = time.monotonic()
+    assert s.check([hard(d)], Deadline.after(0.3)) is Answer.UNKNOWN
+    assert time.monotonic() - started < 20
+    # What a question could not be told does not stick.
+    assert s.check([d.fresh("x", BOOL)], NEVER) is Answer.SAT
+
+
+def test_effort_is_used_up() -> None:
+    d, _, s = solver()
+    effort = Effort(100_000)
+    assert s.check([hard(d)], NEVER, effort) is Answer.UNKNOWN
+    assert effort.left < 100_000
+    whole = Effort(10**9)
+    assert s.check([hard(d)], NEVER, whole, at_most=100_000) is Answer.UNKNOWN
+    assert whole.left > 10**8
+
+
+def test_work_that_is_not_counted_ends_in_proportion_to_the_effort() -> None:
+    """Products of unknowns keep Z3 busy without its saying so."""
+    d, _, s = solver()
+    told: dict[str, int] = {}
+
+    class Idle(Stopped):
+        def set(self, *settings: object) -> None:
+            told.update({str(settings[0]): int(str(settings[1]))})
+
+        def check(self, *literals: object) -> z3.CheckSatResult:
+            clock[0] += told["timeout"] / 1000
+            return super().check(*literals)
+
+    clock = [100.0]
+    effort = Effort.of_seconds(3)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("koord.verify.encoding.solver.time.monotonic", lambda: clock[0])
+        s._solver = Idle("canceled", work=40)
+        assert s.check([d.fresh("x", BOOL)], NEVER, effort) is Answer.UNKNOWN
+    assert told["timeout"] == 1_000 * LONGEST_S
+    assert effort.left <= 0
+
+
+def test_without_a_deadline_none_is_left_from_before() -> None:
+    d, _, s = solver()
+    told: dict[str, object] = {}
+
+    class Told(Stopped):
+        def set(self, *settings: object) -> None:
+            told[str(settings[0])] = settings[1]
+
+    s._solver = Told("timeout", work=40)
+    s.check([d.fresh("x", BOOL)], Deadline.after(9))
+    assert 8_000 < int(str(told["timeout"])) <= 9_000
+    s.check([d.fresh("x", BOOL)], NEVER)
+    assert told["timeout"] == pytest.approx(1_000 * LONGEST_UNLIMITED_S, abs=1_000)
+
+
+@pytest.mark.parametrize("limit", [500, 1_000, 10_000, 50_000])
+def test_want_of_effort_is_no_interruption(limit: int) -> None:
+    """Z3 says "canceled" of a question that used up its effort, as it does on Ctrl-C."""
+    d, _, s = solver()
+    for _ in range(3):
+        assert s.check([hard(d)], NEVER, Effort(10**9), at_most=limit) is Answer.UNKNOWN
+    assert s.check([d.fresh("x", BOOL)], NEVER, Effort(10**6)) is Answer.SAT
+
+
+@dataclass
+class Stopped:
+    """A solver that stops at once, for a reason, after so much work."""
+
+    reason: str
+    work: int
+    done: int = 0
+
+    def set(self, *settings: object) -> None: ...
+
+    def add(self, *terms: object) -> None: ...
+
+    def check(self, *literals: object) -> z3.CheckSatResult:
+        self.done += self.work
+        return z3.unknown
+
+    def reason_unknown(self) -> str:
+        return self.reason
+
+    def statistics(self) -> Stopped:
+        return self
+
+    def keys(self) -> list[str]:
+        return ["rlimit count"]
+
+    def get_key_value(self, key: str) -> int:
+        return self.done
+
+
+@pytest.mark.parametrize("reason", ["canceled", "interrupted", "interrupted from keyboard"])
+def test_an_interruption_ends_the_question_and_is_passed_on(reason: str) -> None:
+    """Ctrl-C while Z3 works: with effort left, or without a limit at all."""
+    d, _, s = solver()
+    s._solver = Stopped(reason, work=40)
+    with pytest.raises(KeyboardInterrupt):
+        s.check([d.fresh("x", BOOL)], NEVER)
+    with pytest.raises(KeyboardInterrupt):
+        s.check([d.fresh("x", BOOL)], Deadline.after(1000), Effort(100))
+
+
+def test_what_else_stops_a_solver_is_unknown() -> None:
+    d, _, s = solver()
+    s._solver = Stopped("canceled", work=40)
+    assert s.check([d.fresh("x", BOOL)], NEVER, Effort(40)) is Answer.UNKNOWN
+    assert s.check([d.fresh("x", BOOL)], Deadline.after(0.04)) is Answer.UNKNOWN
+    s._solver = Stopped("(incomplete (theory arithmetic))", work=40)
+    assert s.check([d.fresh("x", BOOL)], NEVER) is Answer.UNKNOWN
+
+
+def test_deadlines() -> None:
+    assert NEVER.left_s() is None
+    assert not NEVER.passed()
+    assert Deadline.after(None).at is None
+    assert Deadline.after(0).passed()
+    soon = Deadline.after(100)
+    assert soon.sooner(1000).at == soon.at
+    earlier = soon.sooner(1)
+    assert earlier.at is not None
+    assert soon.at is not None
+    assert earlier.at < soon.at
+    assert NEVER.sooner(1).at is not None
+
+
+# --- models ---------------------------------------------------------------------------------------
+
+
+def told(value: Constant) -> Constant:
+    """What a model says of a term that must be a constant of the text."""
+    d, _, s = solver()
+    kinds: dict[type, Type] = {bool: BOOL, int: INT, Fraction: FLOAT, str: STRING}
+    type_ = kinds[type(value)]
+    x = d.fresh("x", type_)
+    s.add([d.binary(BinaryOp.EQ, x, value)])
+    assert s.check([], NEVER) is Answer.SAT
+    return s.model().scalar(x, type_)
+
+
+@pytest.mark.parametrize("value", [True, False, 7, -3, 10**30, Fraction(-22, 7), "go", ""])
+def test_models_are_read_as_pythons_own(value: Constant) -> None:
+    found = told(value)
+    assert found == value
+    assert type(found) is type(value)
+
+
+def test_a_string_that_is_none_of_the_texts_is_made_up() -> None:
+    d, _, s = solver()
+    x, y = d.fresh("x", STRING), d.fresh("y", STRING)
+    s.add([d.binary(BinaryOp.NE, x, "a"), d.binary(BinaryOp.NE, x, y)])
+    s.add([d.binary(BinaryOp.NE, y, "a")])
+    assert s.check([], NEVER) is Answer.SAT
+    texts = {s.model().scalar(t, STRING) for t in (x, y)}
+    assert len(texts) == 2
+    assert "a" not in texts
+
+
+def test_opaque_values_have_names_and_equal_ones_the_same() -> None:
+    d, _, s = solver()
+    kind = OpaqueType("path")
+    x, y, z = (d.fresh(name, kind) for name in "xyz")
+    s.add([d.binary(BinaryOp.EQ, x, y), d.binary(BinaryOp.NE, x, z)])
+    assert s.check([], NEVER) is Answer.SAT
+    names = [s.model().scalar(t, kind) for t in (x, y, z)]
+    assert names[0] == names[1] != names[2]
+
+
+def test_a_root_is_rounded() -> None:
+    """Irrational numbers are no values of the exact domain: the replay will tell."""
+    d, _, s = solver()
+    x = d.fresh("x", FLOAT)
+    s.add([d.binary(BinaryOp.EQ, d.binary(BinaryOp.MUL, x, x), 2), d.binary(BinaryOp.LT, 0, x)])
+    assert s.check([], NEVER) is Answer.SAT
+    root = s.model().scalar(x, FLOAT)
+    assert isinstance(root, Fraction)
+    assert abs(root * root - 2) < Fraction(1, 10**9)
+
+
+def test_what_a_model_leaves_open_has_some_value() -> None:
+    d, _, s = solver()
+    assert s.check([], NEVER) is Answer.SAT
+    model = s.model()
+    assert model.scalar(d.fresh("x", INT), INT) == 0
+    assert model.truth(d.fresh("b", BOOL)) in (True, False)
+    assert model.truth(True)
+
+
+# --- cases ----------------------------------------------------------------------------------------
+
+
+def formula(random: Random, d: Terms, atoms: list[z3.ExprRef], depth: int) -> Term:
+    if depth == 0:
+        return random.choice(atoms)
+    op = random.choice([BinaryOp.AND, BinaryOp.OR, BinaryOp.IMPLIES, None])
+    left = formula(random, d, atoms, depth - 1)
+    if op is None:
+        return d.unary(UnaryOp.NOT, left)
+    return d.binary(op, left, formula(random, d, atoms, depth - 1))
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_cases_are_the_formula_taken_apart(seed: int) -> None:
+    """One of them holds exactly if the formula does."""
+    random, d = Random(seed), Terms()
+    atoms = [d.fresh(f"b{k}", BOOL) for k in range(5)]
+    whole = formula(random, d, atoms, 4)
+    parts = cases(d, whole)
+    s = z3.Solver(ctx=d.context)
+    s.add(d.boolean(whole) != z3.Or(*(d.boolean(part) for part in parts)))
+    assert s.check() == z3.unsat
+
+
+def test_cases_of_z3s_own_implications_too() -> None:
+    d = Terms()
+    a, b, c = (z3.Bool(name, d.context) for name in "abc")
+    whole = z3.Not(z3.Implies(a, z3.And(b, z3.Not(z3.Or(c, z3.Not(b))))))
+    s = z3.Solver(ctx=d.context)
+    s.add(whole != z3.Or(*(d.boolean(part) for part in cases(d, whole))))
+    assert s.check() == z3.unsat
+    assert len(cases(d, whole)) > 1
+
+
+def test_cases_of_constants() -> None:
+    d = Terms()
+    assert cases(d, True) == [True]
+    assert cases(d, False) == []
+
+
+def test_a_quantifier_over_robots_falls_into_its_robots() -> None:
+    d = Terms()
+    each = [d.fresh(f"b{k}", BOOL) for k in range(4)]
+    everyone: Term = True
+    for one in each:
+        everyone = d.binary(BinaryOp.AND, everyone, one)
+    denied = d.unary(UnaryOp.NOT, everyone)
+    assert len(cases(d, denied)) == 4

@@ -1,0 +1,21 @@
+"""Asking the engine on bits about a system."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from koord.syntax.system import System
+from koord.verify.claims import claims_of
+from koord.verify.encoding.solver import Deadline
+from koord.verify.engines.bits.engine import ByBits
+from koord.verify.ledger import Ledger, Subject
+from koord.verify.verdicts import Bounds
+from tests.verify.asking import SECONDS, judged
+
+
+def on_bits(system: System, rounds: int, *, sparing: bool = False) -> Ledger:
+    """A ledger after the engine worked on it, without simplifying what it found."""
+    subject = Subject(system, partial(judged, system), system)
+    ledger = Ledger(subject, Bounds(rounds), Deadline.after(SECONDS), claims_of(system))
+    ByBits(sparing).work(ledger)
+    return ledger

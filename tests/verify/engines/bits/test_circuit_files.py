@@ -1,0 +1,175 @@
+"""What is written for other tools means what the circuit means."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections import Counter
+from pathlib import Path
+from random import Random
+
+import pytest
+import z3
+
+from koord.cli import main as frame
+from koord.cli.exits import Exit
+from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.programs import system
+from koord.semantics.machine import NotFiniteError
+from koord.verify.claims import claims_of
+from koord.verify.engines.bits.circuit import Circuit, circuit_of
+from koord.verify.engines.bits.circuit_files import Format, exported, machine_of
+from koord.verify.engines.bits.graph import FALSE
+from tests.verify.asking import bounded
+from tests.verify.engines.bits.aiger import read, read_binary
+
+
+def abc_of() -> str | None:
+    return shutil.which("berkeley-abc") or shutil.which("abc")
+
+
+SEEDS = range(9_000, 9_040)
+
+
+def circuit(seed: int) -> Circuit | None:
+    made = system(Random(seed), FINITE)
+    try:
+        return circuit_of(made, claims_of(made))
+    except NotFiniteError:
+        return None
+
+
+def test_aiger_steps_as_the_circuit_does() -> None:
+    count = 0
+    for seed in SEEDS:
+        of = circuit(seed)
+        if of is None:
+            continue
+        text = exported(of, Format.AIGER, 0, "of a test").decode()
+        written, machine = read(text), machine_of(of)
+        assert len(written.latches) == len(machine.latches)
+        assert {v for k, v in written.names.items() if k[0] == "b"} == {c.name for c in of.bad}
+        random = Random(seed)
+        state = [False] * len(machine.latches)
+        for _ in range(20):
+            inputs = [random.random() < 0.5 for _ in machine.inputs]
+            given = {x >> 1: b for x, b in zip(machine.inputs, inputs, strict=True)}
+            given |= {x.literal >> 1: b for x, b in zip(machine.latches, state, strict=True)}
+            after = machine.graph.values([x.next for x in machine.latches], given)
+            bad = machine.graph.values([x for _, x in machine.bad], given)
+            assert written.step(state, inputs) == (after, bad), seed
+            # Legal steps are rare among random ones: go on from any state as well.
+            state = after if random.random() < 0.5 else [random.random() < 0.5 for _ in after]
+            count += 1
+    assert count >= 400
+
+
+def test_what_init_breaks_is_bad_before_it_is_over_and_never_again() -> None:
+    """Whatever the inputs of INIT are later on."""
+    early = late = 0
+    for seed in SEEDS:
+        of = circuit(seed)
+        if of is None:
+            continue
+        g, machine, random = of.d.graph, machine_of(of), Random(seed)
+        begun, valid, *_ = (latch.literal for latch in machine.latches)
+        phases = [(of.bad_start.get(c, FALSE), [x for _, x in p]) for c, p in of.bad.items()]
+        free = [
+            literal >> 1 for literal in (*machine.inputs, *(x.literal for x in machine.latches))
+        ]
+        for _ in range(40):
+            given = {node: random.random() < 0.5 for node in free}
+            given[valid >> 1] = given[begun >> 1]
+            found = g.values([x for _, x in machine.bad], given)
+            for is_bad, (at_start, inside) in zip(found, phases, strict=True):
+                first, lost, steps, *breaks = g.values(
+                    [at_start, of.lost, of.steps, *inside], given
+                )
+                over = any(breaks) or (lost and steps)
+                assert is_bad == (over if given[begun >> 1] else first), seed
+                early += first and not given[begun >> 1]
+                late += first and given[begun >> 1] and not over
+    assert min(early, late) >= 5
+
+
+@pytest.mark.parametrize("rounds", [0, 2])
+def test_smt_lib_asks_whether_a_claim_breaks(rounds: int) -> None:
+    count: Counter[str] = Counter()
+    for seed in range(9_000, 9_025):
+        of = circuit(seed)
+        if of is None:
+            continue
+        solver = z3.Solver()
+        solver.from_string(exported(of, Format.SMT2, rounds, "of a test").decode())
+        answer = solver.check()
+        breaks = bounded(system(Random(seed), FINITE), rounds=rounds).rounds
+        assert (answer == z3.sat) == bool(breaks), seed
+        count[str(answer)] += 1
+    assert min(count["sat"], count["unsat"]) >= 5, count
+
+
+def test_vmt_is_well_formed_and_says_the_same() -> None:
+    for seed in SEEDS[:10]:
+        of = circuit(seed)
+        if of is None:
+            continue
+        text = exported(of, Format.VMT, 0, "of a test").decode()
+        # The solver reads every definition; properties and steps are marked once each.
+        z3.Solver().from_string(text)
+        assert text.count(":init true") == text.count(":trans true") == 1
+        assert text.count(":invar-property") == len(of.bad)
+        assert text.count(":next") == len(of.latches) + 2
+
+
+def test_the_command_writes_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "task.aag"
+    words = ["verify", "specs/examples/task.krd", "--robots", "2", "--set", "tasks=2"]
+    words += ["--property", "Exclusive", "--export", "aiger", "-o", str(path)]
+    assert frame.main(words) == Exit.OK
+    written = read(path.read_text())
+    assert len(written.bad) == 1
+    assert written.names["b0"] == "Exclusive"
+    assert "assignedTo" in capsys.readouterr().err  # of which nothing is assumed
+
+
+def test_binary_aiger_says_the_same() -> None:
+    for seed in SEEDS[:20]:
+        # A graph grows with each question, so each form has a circuit of its own.
+        one, two = circuit(seed), circuit(seed)
+        if one is None or two is None:
+            continue
+        text = exported(one, Format.AIGER, 0, "of a test").decode()
+        binary = exported(two, Format.AIG, 0, "of a test")
+        assert read_binary(binary) == read(text), seed
+        assert len(binary) < len(text)
+
+
+def test_the_name_of_the_file_makes_it_binary(tmp_path: Path) -> None:
+    path = tmp_path / "sum.aig"
+    words = ["verify", "specs/examples/sum_of_ids.krd", "--robots", "2", "--export", "aiger"]
+    assert frame.main([*words, "-o", str(path)]) == Exit.OK
+    assert read_binary(path.read_bytes()).names["b0"] == "PartialSum"
+
+
+@pytest.mark.skipif(abc_of() is None, reason="abc is not installed (Debian: berkeley-abc)")
+def test_abc_reads_it(tmp_path: Path) -> None:
+    path = tmp_path / "sum.aig"
+    words = ["verify", "specs/examples/sum_of_ids.krd", "--robots", "2", "--export", "aiger"]
+    assert frame.main([*words, "--property", "Total", "-o", str(path)]) == Exit.OK
+    sizes = read_binary(path.read_bytes())
+    abc = abc_of()
+    assert abc is not None
+    done = subprocess.run(
+        [abc, "-c", f"read_aiger {path}; print_stats; pdr"],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=True,
+    )
+    assert f"i/o ={len(sizes.inputs):5d}/" in done.stdout
+    assert "Property proved" in done.stdout
+
+
+def test_several_programs_are_too_many_to_export() -> None:
+    words = ["verify", "specs/examples/task.krd", "specs/examples/sum_of_ids.krd"]
+    assert frame.main([*words, "--export", "vmt"]) == Exit.BAD_INPUT

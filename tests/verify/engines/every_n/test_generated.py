@@ -1,0 +1,90 @@
+"""Generated programs: what is proved for every number of robots, no search for 1 to 4 refutes.
+
+[T-EVERY-N] [T-SNAPSHOT] [T-ONE-WINNER] [T-PREFIX] [T-COMMIT]
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from random import Random
+
+import pytest
+
+from koord.refinement.generating.profiles import FINITE
+from koord.refinement.generating.programs import system
+from koord.semantics.machine import NotFiniteError
+from koord.syntax.system import System, dealt
+from koord.verify.claims import claims_of
+from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.engines.every_n.proving import SPARING, prove
+from koord.verify.engines.explicit.findings import Claim as Searched
+from koord.verify.engines.explicit.findings import Exhausted, Subject
+from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import survey
+
+ROBOTS = (1, 2, 3, 4)
+
+
+def proved(made: System) -> set[str]:
+    """The claims that are proved for every number of robots."""
+    two = dealt(made.program, 2, made.delta_s)
+    found = prove(two, claims_of(two), Deadline(), Effort.of_seconds(SPARING.seconds), SPARING)
+    return {claim.name for claim in found.proved}
+
+
+def broken(made: System, robots: int) -> tuple[set[str], bool] | None:
+    """The claims that a search sees broken, and whether it saw everything; None: not finite."""
+    some = dealt(made.program, robots, made.delta_s)
+    properties = [claim.stated for claim in claims_of(some) if claim.stated is not None]
+    limits = Limits(states=1_000 if robots < 3 else 200, rounds=4)
+    try:
+        found = survey(some, properties, limits, subjects=frozenset(Subject))
+    except NotFiniteError:
+        return None
+    if isinstance(found.end, NotFinite):
+        return None
+    return {_name(v.claim) for v in found.violated}, isinstance(found.end, Exhausted)
+
+
+def _name(claim: Searched) -> str:
+    match claim.subject:
+        case Subject.FAULT:
+            return "no fault"
+        case Subject.CONTRACT:
+            return f"contract {claim.name}"
+        case Subject.LOST_UPDATE:
+            return f"no lost update of {claim.name}"
+        case Subject.PROPERTY:
+            return claim.name
+
+
+def agreed(first: int, last: int) -> Counter[str]:
+    count: Counter[str] = Counter()
+    for seed in range(first, last):
+        made = system(Random(seed), FINITE)
+        names = proved(made)
+        count["systems"] += 1
+        count["proved"] += len(names)
+        for robots in ROBOTS if names else ():
+            seen = broken(made, robots)
+            if seen is not None:
+                bad, everything = seen
+                assert not bad & names, (seed, robots)
+                count["compared"] += 1
+                count["all runs seen"] += everything
+    return count
+
+
+def test_what_is_proved_for_every_number_is_refuted_for_none() -> None:
+    count = agreed(0, 70)
+    assert count["systems"] == 70
+    assert count["proved"] >= 20
+    assert count["compared"] >= 40
+    assert count["all runs seen"] >= 33
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", range(10))
+def test_many_generated_programs(block: int) -> None:
+    agreed(70 + 113 * block, 183 + 113 * block)

@@ -1,0 +1,225 @@
+"""Loops over all robots: what is understood of them, and that no more is believed. [T-LOOP]"""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.verify.engines.every_n.asking import broken, proved, reason
+
+FLAG = """
+allread:
+  bool[] up = false
+local:
+  bool sure = false
+def fun allUp(bool[] who) -> bool:
+  bool found = true
+  for k = 0, numAgents:
+    if not who[k]:
+      found = false
+  return found
+Raise:
+  eff:
+    up[pid] = true
+Look:
+  pre: allUp(up)
+  eff:
+    sure = true
+invariant Sure: forall i: sure@i implies forall j: up[j]
+"""
+
+
+def test_a_flag_that_some_trip_clears() -> None:
+    assert proved(FLAG) == {"Sure", "no fault"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("for k = 0, numAgents:", "for k = 1, numAgents:"),
+        ("for k = 0, numAgents:", "for k = 0, numAgents - 1:"),
+        ("if not who[k]:", "if not who[k] and k != pid_:"),
+        ("if not who[k]:", "if not who[k] and k % 2 == 0:"),
+        ("found = false", "found = not found"),
+        ("    if not who[k]:\n      found = false", "    found = who[k]"),
+    ],
+)
+def test_a_loop_that_leaves_some_out(old: str, new: str) -> None:
+    text = FLAG.replace(old, new.replace("pid_", "1"), 1)
+    assert text != FLAG
+    assert "Sure" not in proved(text)
+    assert "Sure" in broken(text, 3)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "    if not who[k]:\n      return false\n  return true",
+        "    if not who[k]:\n      found = false\n      break\n  return found",
+        "    found = found and who[k]\n  return found",
+    ],
+)
+def test_the_same_in_other_words(body: str) -> None:
+    text = FLAG.replace("    if not who[k]:\n      found = false\n  return found", body)
+    assert text != FLAG
+    assert proved(text) == {"Sure", "no fault"}
+
+
+def test_for_each_element() -> None:
+    text = FLAG.replace("for k = 0, numAgents:\n    if not who[k]:", "for w in who:\n    if not w:")
+    assert proved(text) == {"Sure", "no fault"}
+
+
+FIRST = """
+allread:
+  bool[] up = false
+local:
+  int seen = -1
+def fun firstUp(bool[] who) -> int:
+  for k = 0, numAgents:
+    if who[k]:
+      return k
+  return -1
+Raise:
+  pre: pid > 0
+  eff:
+    up[pid] = true
+Look:
+  eff:
+    seen = firstUp(up)
+invariant Up: forall i: seen@i == -1 or up[seen@i]
+invariant Down: not up[0]
+invariant NotZero: forall i: seen@i != 0
+"""
+
+
+def test_the_first_of_which_something_holds() -> None:
+    assert proved(FIRST) == {"Up", "Down", "NotZero", "no fault"}
+    last = FIRST.replace("      return k\n  return -1", "      seen = k\n  return seen").replace(
+        "  for k = 0", "  int seen = -1\n  for k = 0", 1
+    )
+    # The last one is no pattern that is known, and so anything.
+    assert "Up" not in proved(last)
+
+
+LEAST = """
+allread:
+  int[] d = 0
+init:
+  if pid == 0:
+    d[pid] = 0
+  else:
+    d[pid] = 5
+def fun least(int[] all_, int bound) -> int:
+  int best = bound
+  for k = 0, numAgents:
+    best = min(best, all_[k] + 1)
+  return best
+Relax:
+  pre: least(d, 9) < d[pid]
+  eff:
+    d[pid] = least(d, 9)
+invariant Low: forall i: 0 <= d[i]
+invariant High: forall i: d[i] <= 5
+invariant Zero: forall i: d[i] == 0 implies i == 0
+"""
+
+
+def test_the_least_of_some_numbers() -> None:
+    assert proved(LEAST) == {"Low", "High", "Zero", "no fault"}
+
+
+def test_the_greatest_is_something_else() -> None:
+    text = LEAST.replace("best = min(", "best = max(").replace(
+        "least(d, 9) < d", "d[pid] < 9 and 0 < d"
+    )
+    found = proved(text)
+    assert "High" not in found
+    assert "Low" in found
+
+
+def test_only_those_that_are_looked_at_count() -> None:
+    text = LEAST.replace(
+        "    best = min(best, all_[k] + 1)",
+        "    if all_[k] > 2:\n      best = min(best, all_[k] - 2)",
+    )
+    assert {"Low", "High", "no fault"} <= proved(text)
+    assert "Zero" in proved(text)
+    below = text.replace("all_[k] - 2", "all_[k] - 3")
+    assert "Zero" not in proved(below)
+
+
+FAULTS = """
+allread:
+  int[] x = 1
+local:
+  int n = 0
+def fun weigh(int[] all_) -> bool:
+  bool good = true
+  for k = 0, numAgents:
+    if 10 / all_[k] < 1:
+      good = false
+  return good
+Set:
+  eff:
+    x[pid] = 2
+Weigh:
+  pre: weigh(x)
+  eff:
+    n = 1
+invariant Set_: forall i: 1 <= x[i]
+"""
+
+
+def test_faults_in_trips() -> None:
+    assert proved(FAULTS) == {"Set_", "no fault"}
+    zero = FAULTS.replace("x[pid] = 2", "x[pid] = 0").replace("1 <= x[i]", "0 <= x[i]")
+    assert proved(zero) == {"Set_"}
+    assert "no fault" in broken(zero, 2)
+
+
+def test_trips_after_the_loop_was_left_do_not_fault() -> None:
+    text = """
+allread:
+  int[] x = 0
+def fun safe(int[] all_) -> bool:
+  for k = 0, numAgents:
+    if k == 0:
+      return true
+    if 1 / all_[k] > 5:
+      return false
+  return false
+Look:
+  pre: safe(x)
+  eff:
+    x[pid] = 0
+"""
+    assert proved(text) == {"no fault"}
+    assert proved(text.replace("if k == 0", "if k == 1")) == set()
+
+
+def test_shared_variables_are_not_written_in_trips() -> None:
+    text = """
+allwrite:
+  int n = 0
+Add:
+  eff:
+    for k = 0, numAgents:
+      n = n + k
+invariant Positive: n >= 0
+"""
+    assert "writes shared variables" in reason(text, "Positive")
+
+
+def test_what_loops_introduce_is_not_forgotten() -> None:
+    text = """
+allread:
+  int[] x = 1
+local:
+  int last = 1
+Copy:
+  eff:
+    for k = 0, numAgents:
+      last = x[k] + 1
+invariant Last: forall i: last@i <= 1
+"""
+    assert "Last" not in proved(text)

@@ -1,0 +1,130 @@
+"""What proofs rest on: each premise that is needed, and none that is not."""
+
+from __future__ import annotations
+
+from textwrap import dedent
+
+from koord.syntax.analysis.premises import Premise, PremiseKind, premises, without
+from koord.syntax.load import load
+from koord.syntax.source import Source
+from koord.syntax.system import System, dealt
+from koord.verify.proof_core import Resting, resting
+from koord.verify.strategy import Choice, verify
+from koord.verify.verdicts import Bounds, Outcome
+
+ROVER = """
+    def fun faster(int a) -> int: extern
+        ensures:
+            result > a
+            result < a + 100
+
+    using Rover:
+        sensors:
+            int speed
+            int heat
+        actuators:
+            int wish
+        contract Slow:
+            ensures:
+                speed' <= 10
+                heat' >= 0
+
+    local:
+        int n = 0
+        int seen = 0
+
+    init:
+        n = faster(n)
+
+    Look:
+        pre: true
+        eff:
+            seen = Rover.speed
+
+    assume: Rover.speed == 0
+    assume: Rover.heat == 0
+    invariant Seen: forall i: seen@i <= 10
+    invariant Above: forall i: n@i > 0
+"""
+
+
+def system(text: str = ROVER, robots: int = 2) -> System:
+    made = load(Source("rover.krd", dedent(text))).program
+    assert made is not None
+    return dealt(made, robots)
+
+
+def found(of: System, choice: Choice = Choice.AUTO) -> Resting:
+    report = verify(of, Bounds(5), choice)
+    assert report.outcome is Outcome.HOLDS
+    return resting(of, report.verdicts, Bounds(5))
+
+
+def names(of: tuple[Premise, ...]) -> list[tuple[str, str, int]]:
+    return [(p.kind.value, p.name, p.promise) for p in of]
+
+
+def test_all_premises_are_told() -> None:
+    assert names(premises(system().program)) == [
+        ("assumption", "assume_1", 1),
+        ("assumption", "assume_2", 1),
+        ("contract", "Rover.Slow", 1),
+        ("contract", "Rover.Slow", 2),
+        ("summary", "faster", 1),
+        ("summary", "faster", 2),
+    ]
+
+
+def test_what_is_needed_stays_and_the_rest_goes() -> None:
+    for choice in (Choice.AUTO, Choice.INDUCTION):
+        told = found(system(), choice)
+        assert set(told.claims) == {"Seen", "Above", "no fault"}
+        assert names(told.needed) == [
+            ("assumption", "assume_1", 1),
+            ("contract", "Rover.Slow", 1),
+            ("summary", "faster", 1),
+        ]
+        assert names(told.spare) == [
+            ("assumption", "assume_2", 1),
+            ("contract", "Rover.Slow", 2),
+            ("summary", "faster", 2),
+        ]
+        assert not told.untried
+
+
+def test_without_what_is_spare_all_is_still_proved_and_without_what_is_needed_it_is_not() -> None:
+    of = system()
+    told = found(of)
+    lean = System(without(of.program, told.spare), of.kinds, of.delta_s)
+    assert verify(lean, Bounds(5)).outcome is Outcome.HOLDS
+    for premise in told.needed:
+        less = System(without(of.program, [*told.spare, premise]), of.kinds, of.delta_s)
+        assert verify(less, Bounds(5)).outcome is not Outcome.HOLDS
+
+
+def test_a_model_is_no_premise() -> None:
+    contract = ROVER[ROVER.index("        contract Slow") : ROVER.index("    local:")]
+    model = """        environment:
+            speed = 3
+            heat = heat + 1
+
+"""
+    text = ROVER.replace(contract, model)
+    kinds = {p.kind for p in premises(system(text).program)}
+    assert kinds == {PremiseKind.ASSUMPTION, PremiseKind.SUMMARY}
+
+
+def test_what_holds_for_some_rounds_rests_on_nothing_that_is_told() -> None:
+    of = system()
+    report = verify(of, Bounds(2), Choice.BMC)
+    told = resting(of, report.verdicts, Bounds(2))
+    assert (told.claims, told.needed, told.spare) == ((), (), ())
+    assert len(told.untried) == 6
+
+
+def test_out_of_time_says_what_was_not_tried() -> None:
+    of = system()
+    report = verify(of, Bounds(5))
+    told = resting(of, report.verdicts, Bounds(5, timeout_s=0.0))
+    assert (told.needed, told.spare) == ((), ())
+    assert len(told.untried) == 6
