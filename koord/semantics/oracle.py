@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import Enum
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from koord.semantics.values import Value
 from koord.syntax import core
@@ -85,3 +85,16 @@ class Inputs(Protocol[V]):
     def oracle(self, phase: Phase, robot: int) -> Oracle[V]:
         """The answers for one turn of one robot."""
         ...
+
+
+class NoInputs:
+    """Inputs for what leaves nothing open."""
+
+    def start(self, declaration: core.Declaration, robot: int | None) -> Any:
+        raise AssertionError(declaration.variable.name)
+
+    def sensor(self, robot: int, port: core.Port) -> Any:
+        raise AssertionError(port.declaration.variable.name)
+
+    def oracle(self, phase: Phase, robot: int) -> Oracle[Any]:
+        return NoOracle()

@@ -8,13 +8,10 @@ everything else they ask of one robot at a time, as ever. Only ``koord.verify`` 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 from koord.syntax.core import BinaryOp
 from koord.syntax.source import NOWHERE, Span
-
-if TYPE_CHECKING:
-    from koord.semantics.machine import Machine
 
 V = TypeVar("V")
 
@@ -61,10 +58,8 @@ class Crowd(Protocol[V]):
         """The least or greatest value (``MIN``, ``MAX``) that a number takes on such a range."""
         ...
 
-    def loop(
-        self, m: Machine[V], low: V, high: V, body: Callable[[Machine[V], V], None], span: Span
-    ) -> None:
-        """What a loop over such a range does to a machine. [S-FOR]"""
+    def loop(self, m: Any, low: V, high: V, body: Callable[[Any, V], None], span: Span) -> None:
+        """What a loop over such a range does to a ``Machine[V]``. [S-FOR]"""
         ...
 
 

@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 from msgspec import field
 
-from koord.semantics.parameterised import Crowd, Size
 from koord.syntax import core
 from koord.syntax.budget import ENDLESS, Patience
 from koord.syntax.content import ByContent
@@ -35,7 +34,7 @@ class System(ByContent, frozen=True):
     program: core.Program
     kinds: tuple[int, ...]
     delta_s: Fraction = core.USUAL_DELTA_S
-    crowd: Crowd[Any] | None = None
+    crowd: Any = None  #: a ``Crowd`` of ``semantics/parameterised.py``, or no
     patience: Patience = field(default_factory=lambda: ENDLESS)
 
     @property
@@ -44,8 +43,8 @@ class System(ByContent, frozen=True):
         return len(self.kinds)
 
     @property
-    def size(self) -> Size[Any]:
-        """How many elements an array over robots has."""
+    def size(self) -> Any:
+        """How many elements an array over robots has: a number, or the crowd."""
         return len(self.kinds) if self.crowd is None else self.crowd
 
     @property

@@ -12,19 +12,21 @@ from itertools import islice
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.semantics.configurations import NO_EVENT, Configuration
+from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store
 from koord.semantics.domain import EXACT, Constant, Domain
 from koord.semantics.liveness import LIVENESS, Response, expected, locks_of, responses
+from koord.semantics.oracle import NoInputs
 from koord.semantics.recording import Recording, Round
+from koord.semantics.storage import Storage
 from koord.semantics.turns import guard_of, holds_in
 from koord.syntax import core
-from koord.syntax.analysis.auxiliary import auxiliary, with_those_of
+from koord.syntax.analysis.auxiliary import Var, auxiliary
+from koord.syntax.core import Home
 from koord.syntax.system import Status, System
 from koord.syntax.walk import asks
 from koord.traces.changes import differences
 from koord.traces.enumeration import ExploringInputs, UnboundedError, explored
 from koord.traces.names import Names
-from koord.verify.engines.explicit.property_checks import NoInputs
 
 
 class Flaw(Struct, frozen=True):
@@ -275,3 +277,41 @@ def classes_of(system: System, round_: Round, robot: int) -> frozenset[int]:
     if position is None:
         return frozenset()
     return system.agent(robot).events[position].lock_classes
+
+
+def with_those_of(
+    configuration: Configuration[Constant],
+    other: Configuration[Constant],
+    variables: frozenset[Var],
+) -> Configuration[Constant]:
+    """A configuration in which some variables hold what they hold in another one."""
+
+    def of(
+        home: Home,
+        kind: int | None,
+        mine: tuple[Storage[Constant], ...],
+        its: tuple[Storage[Constant], ...],
+    ) -> tuple[Storage[Constant], ...]:
+        pairs = enumerate(zip(mine, its, strict=True))
+        return tuple(b if Var(home, kind, slot) in variables else a for slot, (a, b) in pairs)
+
+    def store(mine: Store[Constant], its: Store[Constant]) -> Store[Constant]:
+        return Store(
+            of(Home.ALLREAD, None, mine.allread, its.allread),
+            of(Home.ALLWRITE, None, mine.allwrite, its.allwrite),
+        )
+
+    def robot(mine: Robot[Constant], its: Robot[Constant]) -> Robot[Constant]:
+        return replace(
+            mine,
+            locals=of(Home.LOCAL, mine.kind, mine.locals, its.locals),
+            ports=of(Home.PORT, mine.kind, mine.ports, its.ports),
+            copy=store(mine.copy, its.copy),
+        )
+
+    pairs = zip(configuration.robots, other.robots, strict=True)
+    return replace(
+        configuration,
+        robots=tuple(robot(mine, its) for mine, its in pairs),
+        store=store(configuration.store, other.store),
+    )

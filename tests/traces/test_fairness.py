@@ -12,13 +12,13 @@ from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import execute
 from koord.semantics.liveness import expected
+from koord.semantics.oracle import NoInputs
 from koord.semantics.recording import Recording
 from koord.semantics.turns import guard_of, holds_in
 from koord.syntax.system import Status, System
 from koord.traces.fairness import Excuses, Standing, excuses, told
 from koord.verify.engines.explicit.fair_search import lively
 from koord.verify.engines.explicit.limits import Limits
-from koord.verify.engines.explicit.property_checks import NoInputs
 from tests.agreement.test_lassos import LIVELY, searched, with_liveness
 from tests.semantics.endless import GATE, QUITTING, SERVED, system
 from tests.semantics.plain_search import every_outcome

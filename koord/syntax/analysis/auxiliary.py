@@ -10,11 +10,7 @@ from collections.abc import Iterable, Iterator
 from itertools import chain
 
 from msgspec import Struct, field
-from msgspec.structs import replace
 
-from koord.semantics.configurations import Configuration, Robot, Store
-from koord.semantics.domain import Constant
-from koord.semantics.storage import Storage
 from koord.syntax import core
 from koord.syntax.analysis.always_met import always_met, primed, promises_of
 from koord.syntax.analysis.definedness import Sure
@@ -148,41 +144,3 @@ class _Reading(Struct, frozen=True):
         return frozenset(
             chain.from_iterable(variables_of(self.system.program, v, kind) for v in found)
         )
-
-
-def with_those_of(
-    configuration: Configuration[Constant],
-    other: Configuration[Constant],
-    variables: frozenset[Var],
-) -> Configuration[Constant]:
-    """A configuration in which some variables hold what they hold in another one."""
-
-    def of(
-        home: Home,
-        kind: int | None,
-        mine: tuple[Storage[Constant], ...],
-        its: tuple[Storage[Constant], ...],
-    ) -> tuple[Storage[Constant], ...]:
-        pairs = enumerate(zip(mine, its, strict=True))
-        return tuple(b if Var(home, kind, slot) in variables else a for slot, (a, b) in pairs)
-
-    def store(mine: Store[Constant], its: Store[Constant]) -> Store[Constant]:
-        return Store(
-            of(Home.ALLREAD, None, mine.allread, its.allread),
-            of(Home.ALLWRITE, None, mine.allwrite, its.allwrite),
-        )
-
-    def robot(mine: Robot[Constant], its: Robot[Constant]) -> Robot[Constant]:
-        return replace(
-            mine,
-            locals=of(Home.LOCAL, mine.kind, mine.locals, its.locals),
-            ports=of(Home.PORT, mine.kind, mine.ports, its.ports),
-            copy=store(mine.copy, its.copy),
-        )
-
-    pairs = zip(configuration.robots, other.robots, strict=True)
-    return replace(
-        configuration,
-        robots=tuple(robot(mine, its) for mine, its in pairs),
-        store=store(configuration.store, other.store),
-    )

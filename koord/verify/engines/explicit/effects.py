@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from koord.semantics.configurations import NO_EVENT, Fault, Robot
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.masks import Mask
-from koord.semantics.oracle import Inputs
+from koord.semantics.oracle import Inputs, NoInputs
 from koord.semantics.races import rewritten
 from koord.semantics.recording import Answer
 from koord.semantics.storage import Storage, Tree
@@ -23,7 +23,6 @@ from koord.syntax.walk import asks
 from koord.traces.enumeration import ExploringInputs, explored
 from koord.verify.engines.explicit.cells import Cells, Codes
 from koord.verify.engines.explicit.lazy import Decisions, Lazy, Looking, PlaceOf
-from koord.verify.engines.explicit.property_checks import NoInputs
 from koord.verify.engines.explicit.recipes import Part, PartRecipe, Recipe, part_recipe, recipe
 from koord.verify.engines.explicit.snapshots import Snapshot, Window
 from koord.verify.engines.explicit.states import Own, State, Vault

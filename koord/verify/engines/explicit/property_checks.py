@@ -9,8 +9,7 @@ from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration, Robot, Store
 from koord.semantics.domain import Constant
-from koord.semantics.oracle import Inputs, NoOracle, Oracle, Phase
-from koord.semantics.recording import Concrete
+from koord.semantics.oracle import Inputs, NoInputs
 from koord.semantics.storage import Storage, Tree
 from koord.semantics.turns import holds_in
 from koord.syntax import core
@@ -22,20 +21,6 @@ from koord.verify.engines.explicit.cells import CACHE_LIMIT, Cells, Codes, Inter
 from koord.verify.engines.explicit.lazy import Decisions, Lazy, Looking, PlaceOf
 from koord.verify.engines.explicit.snapshots import nothing, template
 from koord.verify.engines.explicit.states import State, Vault
-
-
-class NoInputs:
-    """Inputs for what leaves nothing open."""
-
-    def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
-        raise AssertionError(declaration.variable.name)
-
-    def sensor(self, robot: int, port: core.Port) -> Concrete:
-        raise AssertionError(port.declaration.variable.name)
-
-    def oracle(self, phase: Phase, robot: int) -> Oracle[Constant]:
-        return NoOracle()
-
 
 Closed = core.Property | core.Assumption
 
