@@ -39,21 +39,28 @@ PLANNERS = ("STRAIGHT", "RRT_DRONE", "RRT_STAR_DRONE", "RRT_CAR", "RRT_STAR_CAR"
 def advanced(body: str, level: str, steering: str, count: int, seconds: float) -> dict[str, Any]:
     """CPU seconds that a fleet takes for some seconds, and whether all robots still moved."""
     from koord.runtime.motion.automaton import State
-    from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
-    from koord.runtime.motion.driving import Steering
-    from koord.runtime.motion.names import PlannerName
+    from koord.runtime.motion.bodies import (
+        Body,
+        Car,
+        Drone,
+        Ideal,
+        Level,
+        PlannerName,
+        Steering,
+    )
     from koord.runtime.motion.world import World
     from koord.sim.fleet import Fleet, Placed
-    from koord.sim.kinds import Kind, Level
+    from koord.sim.squads import DeviceModel
 
     bodies: dict[str, Body] = {"CAR": Car(), "DRONE": Drone(), "POINT": Ideal()}
-    kind = Kind(bodies[body], PlannerName.STRAIGHT, Level(level), Steering(steering or "MPC"))
+    controller = Steering(steering or "MPC")
+    model = DeviceModel(bodies[body], PlannerName.STRAIGHT, Level(level), controller)
     side = math.ceil(math.sqrt(count))
     height = 0.0 if body == "CAR" else 1.0
     places = [(3.0 * (k % side), 3.0 * (k // side), height) for k in range(count)]
     world = World((-3, -3, 0), (3.0 * side, 3.0 * side, 5))
     begun = time.process_time()
-    fleet = Fleet(world, [Placed(kind, place) for place in places])
+    fleet = Fleet(world, [Placed(model, place) for place in places])
     laps = math.ceil((seconds + 1) / 3)
     circle = [(1.1 * math.sin(k / 6), 1.1 - 1.1 * math.cos(k / 6), 0.0) for k in range(37)]
     square = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.5), (1.0, 1.0, 0.0), (0.0, 1.0, 0.5)]
@@ -74,9 +81,8 @@ def planned(name: str, count: int) -> dict[str, Any]:
     """Milliseconds that plans take in the arena with three obstacles, and how many fail."""
     import numpy as np
 
-    from koord.runtime.motion.bodies import Car, Drone
+    from koord.runtime.motion.bodies import Car, Drone, PlannerName
     from koord.runtime.motion.field import field
-    from koord.runtime.motion.names import PlannerName
     from koord.runtime.motion.planners import planner
     from koord.runtime.motion.planning import Pose
     from koord.runtime.motion.world import Box, Disc, Polygon, World

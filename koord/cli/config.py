@@ -67,7 +67,7 @@ def check(
 def story(configuration: Configuration) -> str:
     """A configuration in a line."""
     robots = configuration.robots
-    vehicles = sorted({robot.vehicle.type.value for robot in robots})
+    vehicles = sorted({robot.vehicle.type_name for robot in robots})
     count = f"{len(robots)} {'robot' if len(robots) == 1 else 'robots'} ({', '.join(vehicles)})"
     talk = configuration.talk
     shared = f" to {talk.shared}" if talk.shared is not None else ""

@@ -16,14 +16,12 @@ from msgspec import Struct
 
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 from koord.runtime.motion.automaton import State
-from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.bodies import PlannerName
 from koord.runtime.motion.geometry import as_path
-from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.planning import Hindrance, Plight
 from koord.runtime.motion.world import Point, World
-from koord.sim.ground import Ground
-from koord.sim.kinds import Kind
-from koord.sim.squads import STEP_S, STEPS, IdealSquad, Squad, squad
+from koord.sim.squads import STEP_S, STEPS, DeviceModel, Engines, Squad, squad
+from koord.sim.vehicles.points import PointSquad
 
 #: A tick of control.
 TICK_S = STEP_S * STEPS
@@ -37,7 +35,7 @@ _STATES = tuple(State)
 class Placed(Struct, frozen=True):
     """A robot at the start of a run."""
 
-    kind: Kind
+    model: DeviceModel
     start: Point
     heading_rad: float = 0.0
 
@@ -55,7 +53,7 @@ class Sensed(NamedTuple):
 
 
 class Fleet:
-    """Robots in a world; those of one kind run together. Robots are numbered as they are given.
+    """Robots in a world; those of one model run together. Robots are numbered as they are given.
 
     With ``only`` one of them is simulated, as it would be among the others, and nobody else is
     there: so each process of a run simulates its own robot.
@@ -67,22 +65,22 @@ class Fleet:
         self.world, self.robots, self.ticks = world, tuple(robots), 0
         self._only = only
         seeds = np.random.SeedSequence(seed).spawn(len(robots))
-        ground = Ground(world)
+        engines = Engines(world)
         self._squads: list[tuple[Squad, Floats]] = []
         self._where: list[tuple[int, int]] = [(0, 0)] * len(robots)
-        for kind in dict.fromkeys(robot.kind for robot in robots):
+        for model in dict.fromkeys(robot.model for robot in robots):
             members = [
-                k for k, robot in enumerate(robots) if robot.kind == kind and only in (None, k)
+                k for k, robot in enumerate(robots) if robot.model == model and only in (None, k)
             ]
             if not members:
                 continue
             for row, member in enumerate(members):
                 self._where[member] = len(self._squads), row
             start = np.array([robots[k].start for k in members], dtype=np.float64)
-            if isinstance(kind.body, Car):
+            if model.body.ON_GROUND:
                 start[:, 2] = world.ground
             heading = np.array([robots[k].heading_rad for k in members], dtype=np.float64)
-            made = squad(kind, world, start, heading, [seeds[k] for k in members], ground)
+            made = squad(model, start, heading, [seeds[k] for k in members], engines)
             self._squads.append((made, np.array(members)))
 
     # --- time -----------------------------------------------------------------------------------
@@ -110,7 +108,7 @@ class Fleet:
             self.ticks += 1
             where = place(min(self.now_s, time_s))
             for members, numbers in self._squads:
-                assert isinstance(members, IdealSquad)
+                assert isinstance(members, PointSquad)
                 members.put(where[numbers])
             watch(self)
 
@@ -150,7 +148,7 @@ class Fleet:
         for members, numbers in self._squads:
             position, heading = members.fixes(self.now_s)
             automata = members.group.automata
-            planner = self.robots[int(numbers[0])].kind.planner
+            planner = self.robots[int(numbers[0])].model.planner
             group = members.group
             left = lengths(position - group.routes.end) - group.visit.epsilon_m
             rows = zip(

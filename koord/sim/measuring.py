@@ -93,7 +93,7 @@ class Gauge:
         self._tasks = _task_list(engine)
         self._owner: list[int | None] = []
         self._visited: list[float | None] = []
-        self._visit_m = [placed.kind.visit.epsilon_m for placed in scene.robots]
+        self._visit_m = [placed.model.visit.epsilon_m for placed in scene.robots]
 
     @property
     def tasks(self) -> int:

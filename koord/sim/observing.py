@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any, assert_never
+from typing import Any
 
 import numpy as np
 
 from koord.runtime.engine.fleet import Fleet as Engine
 from koord.runtime.engine.fleet import Shown
-from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.world import World
 from koord.runtime.proposals import INIT_ROUND, Decision, Plain
 from koord.runtime.robot import Robot, Status
@@ -31,7 +31,6 @@ from koord.sim.recording import (
     Header,
     Home,
     Idle,
-    Look,
     Recorded,
     Recorder,
     Said,
@@ -68,10 +67,10 @@ def header_of(
         for v in classes[0].SHARED.variables
     )
     recorded = tuple(
-        _recorded(pid, kinds[pid], devices[pid] if pid < len(devices) else None, placed.kind.body)
+        _recorded(pid, kinds[pid], devices[pid] if pid < len(devices) else None, placed.model.body)
         for pid, placed in enumerate(robots)
     )
-    visit_m = max((placed.kind.visit.epsilon_m for placed in robots), default=0.2)
+    visit_m = max((placed.model.visit.epsilon_m for placed in robots), default=0.2)
     return Header(
         program,
         text,
@@ -254,17 +253,9 @@ def _is_measured(shape: Shape) -> bool:
 
 
 def _recorded(pid: int, agent: int, device: str | None, body: Body) -> Recorded:
-    match body:
-        case Car(length_m=length, width_m=width, middle_m=middle):
-            look = Look.CAR
-        case Drone(radius_m=radius):
-            look, length, width, middle = Look.DRONE, 2 * radius, 2 * radius, 0.0
-        case Ideal(radius_m=radius):
-            look, length, width, middle = Look.POINT, 2 * radius, 2 * radius, 0.0
-        case _:
-            assert_never(body)
+    look = body.LOOK
     return Recorded(
-        f"robot {pid}", agent, device or look.value, look, body.radius_m, length, width, middle
+        f"robot {pid}", agent, device or look.name, look, body.radius_m, *body.outline_m
     )
 
 

@@ -252,12 +252,12 @@ def _robot(robot: Recorded) -> dict[str, Any]:
         "name": robot.name,
         "agent": robot.agent,
         "device": robot.device,
-        "look": robot.look.value,
+        "look": robot.look.name,
         "radius": round(robot.radius_m, 4),
         "length": robot.length_m,
         "width": robot.width_m,
         "middle": robot.middle_m,
-        "flies": robot.flies,
+        "flies": robot.look.flies,
     }
 
 

@@ -17,6 +17,7 @@ from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from koord.runtime.motion.arrays import Floats, bounded, products
+from koord.runtime.motion.bodies import Look
 from koord.runtime.motion.world import Point, World
 from koord.runtime.proposals import Plain
 from koord.runtime.shapes import Array, Enumeration, Kind, Mapping, Scalar, Shape
@@ -37,14 +38,6 @@ _RATES_S = ((200, 0.1), (2_000, 0.2), (math.inf, 1.0))
 #: The variables of so many robots are kept in every round; those of more so often that it is as if
 #: so many robots kept theirs once a second. Else a recording would be larger than the run.
 _FEW, _KEPT_PER_S = 100, 1_000
-
-
-class Look(Enum):
-    """How a robot is drawn."""
-
-    CAR = "car"
-    DRONE = "drone"
-    POINT = "point"
 
 
 class Home(Enum):
@@ -84,10 +77,6 @@ class Recorded(Struct, frozen=True):
     length_m: float
     width_m: float
     middle_m: float = 0.0  #: from its position forward to its middle
-
-    @property
-    def flies(self) -> bool:
-        return self.look is not Look.CAR
 
 
 class Variable(Struct, frozen=True):
@@ -129,7 +118,7 @@ class Header(Struct, frozen=True):
     @property
     def tilting(self) -> tuple[int, ...]:
         """The robots that tilt as they move."""
-        return tuple(k for k, robot in enumerate(self.robots) if robot.look is Look.DRONE)
+        return tuple(k for k, robot in enumerate(self.robots) if robot.look.tilts)
 
     @property
     def values_s(self) -> float:

@@ -128,7 +128,7 @@ class Simulation:
         world: Host = self.host if supplied is None else supplied(self.host)
         self.claims_host = world  #: whom claims ask
         host = world if heard is None else heard(world)
-        self.watchman = Watchman(scene.world, [placed.kind.body for placed in scene.robots])
+        self.watchman = Watchman(scene.world, [placed.model.body for placed in scene.robots])
         host = self.watchman.hear(host)
         self.engine = Engine(cast.classes, cast.kinds, scene.delta_s, host)
         header = header_of(
@@ -324,10 +324,10 @@ def run(simulation: Simulation, time_s: float) -> Iterator[Decision]:
 def host_of(cast: Cast, scene: Scene, fleet: Fleet) -> Hosted:
     """The host of a run, with a library that plans as the robots' planners do."""
     made = {
-        kind: planner(kind.planner, scene.world, kind.body, kind.effort)
-        for kind in dict.fromkeys(placed.kind for placed in scene.robots)
+        model: planner(model.planner, scene.world, model.body, model.effort)
+        for model in dict.fromkeys(placed.model for placed in scene.robots)
     }
-    planners = {pid: made[placed.kind] for pid, placed in enumerate(scene.robots)}
+    planners = {pid: made[placed.model] for pid, placed in enumerate(scene.robots)}
 
     def pose(robot: int) -> Pose:
         sensed = host.sensed[robot]

@@ -7,29 +7,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, assert_never
+from typing import Any
 
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.runtime.configuration.forms import BotType
 from koord.runtime.configuration.model import Configuration, RobotPlace, Vehicle
-from koord.runtime.configuration.planners import SUITABLE
 from koord.runtime.configuration.reading import problem
 from koord.runtime.motion.automaton import Visit
-from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.checks import Part, start_complaints, world_complaints
 from koord.runtime.motion.clearance import Clearance, clearance_of
-from koord.runtime.motion.driving import Steering
 from koord.runtime.motion.field import field
 from koord.runtime.motion.planning import Effort
 from koord.runtime.motion.world import Point, World
 from koord.sim.bounds import world_of
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import Placed
-from koord.sim.kinds import Kind, Level
 from koord.sim.lidar import Lidar
+from koord.sim.squads import DeviceModel
 from koord.syntax.core import USUAL_DELTA_S
 from koord.syntax.diagnostics import Diagnostic, KoordError
 
@@ -85,17 +82,17 @@ def scene(
     seed = configuration.seed if seed is None else seed
     places = _as_many(configuration.robots, robots)
     problems: list[Diagnostic] = []
-    kinds: dict[Vehicle, Kind] = {}
+    models: dict[Vehicle, DeviceModel] = {}
     for place in places:
-        if place.vehicle not in kinds:
+        if place.vehicle not in models:
             if landmarks is not None:
                 problems += _unplanned(configuration, place.vehicle)
-            kinds[place.vehicle] = _kind(place.vehicle)
+            models[place.vehicle] = _model(place.vehicle)
     if problems:
         raise KoordError(tuple(problems))
     world = world_of(configuration, landmarks)
     _refuse(configuration, world_complaints(world), places)
-    bodies = [kinds[place.vehicle].body for place in places]
+    bodies = [models[place.vehicle].body for place in places]
     clearance = clearance_of(bodies, TRACKING_M, world.ground)
     if configuration.monitor.safety is not None:
         clearance = replace(clearance, safety_m=configuration.monitor.safety)
@@ -103,7 +100,7 @@ def scene(
     starts = _starts(configuration, world, places, bodies, clearance, draw)
     _refuse(configuration, start_complaints(world, [*zip(bodies, starts, strict=True)]), places)
     more = _scattered(world, bodies, configuration.scatter.tasks, clearance, draw)
-    ideal = all(isinstance(body, Ideal) for body in bodies)
+    ideal = all(body.IS_EXACT for body in bodies)
     slack = configuration.monitor.slack
     scanners = {
         place.pid: Lidar(form.beams, form.range, form.noise)
@@ -113,7 +110,7 @@ def scene(
     return Scene(
         replace(world, tasks=(*world.tasks, *more)),
         tuple(
-            Placed(kinds[place.vehicle], start, place.heading_rad)
+            Placed(models[place.vehicle], start, place.heading_rad)
             for place, start in zip(places, starts, strict=True)
         ),
         tuple(place.vehicle.name for place in places),
@@ -137,17 +134,18 @@ def _as_many(robots: tuple[RobotPlace, ...], count: int | None) -> tuple[RobotPl
     )
 
 
-# --- kinds of robots ------------------------------------------------------------------------------
+# --- vehicles -------------------------------------------------------------------------------------
 
 
-def _kind(vehicle: Vehicle) -> Kind:
-    form, planner = vehicle.simulation, vehicle.planner or SUITABLE[vehicle.type][0]
+def _model(vehicle: Vehicle) -> DeviceModel:
+    form, planner = vehicle.simulation, vehicle.planner or vehicle.type.planners[0]
     noise, wind, visit = form.noise, form.wind, form.visit
-    return Kind(
-        _body(vehicle),
+    body, speed = vehicle.type.body, vehicle.speed_mps
+    return DeviceModel(
+        body if speed is None else body.cruising(speed),
         planner,
-        Level(form.level),
-        Steering(form.steering),
+        form.level,
+        form.steering,
         Visit(visit.epsilon, visit.dwell),
         Disturbances(
             Positioning(noise.position, noise.heading, noise.rate),
@@ -158,32 +156,13 @@ def _kind(vehicle: Vehicle) -> Kind:
     )
 
 
-def _body(vehicle: Vehicle) -> Body:
-    speed = vehicle.speed_mps
-    match vehicle.type:
-        case BotType.CAR:
-            car = Car()
-            if speed is None:
-                return car
-            return replace(car, cruise_mps=speed, speed_mps=max(car.speed_mps, 1.5 * speed))
-        case BotType.QUAD:
-            drone = Drone()
-            if speed is None:
-                return drone
-            return replace(drone, cruise_mps=speed, speed_mps=max(drone.speed_mps, 1.5 * speed))
-        case BotType.IDEAL:
-            return Ideal() if speed is None else Ideal(cruise_mps=speed)
-        case _:
-            assert_never(vehicle.type)
-
-
 def _unplanned(configuration: Configuration, vehicle: Vehicle) -> Iterator[Diagnostic]:
     """A device that is described, and of which it is not said how it plans its paths."""
     path = vehicle.path
     described = bool(path) and path[0] in ("device", "devices")
     if vehicle.planner is None and described and path in configuration.document.spans:
         story = f"it is not said how {vehicle.name} plans its paths"
-        hint = f"write planner: {SUITABLE[vehicle.type][0].value}"
+        hint = f"write planner: {vehicle.type.planners[0].value}"
         yield problem(configuration.place(*path), story, hint)
 
 
@@ -224,7 +203,7 @@ def _starts(
 def _on_plane(position: Point, body: Body, world: World) -> Point:
     """Two coordinates are enough for where a robot begins: it begins on the ground."""
     x, y, z = position
-    return x, y, max(z, world.ground) if isinstance(body, Car) else z
+    return x, y, max(z, world.ground) if body.ON_GROUND else z
 
 
 def _free_place(
@@ -237,7 +216,7 @@ def _free_place(
 ) -> Point | None:
     """Somewhere in a box, or on the ground of the world, apart from all that are there already."""
     low, high = box if box is not None else inner(world)
-    flat = isinstance(body, Car)
+    flat = body.ON_GROUND
     free = field(world, flat=flat)
     for _ in range(2000):
         x, y, z = draw.uniform(low, high).tolist()
@@ -277,7 +256,7 @@ def _scattered(
     low = min(ground + max(_HIGH_M, clear + _ROUNDING_M), top)
     found: list[Point] = []
     for number in range(count):
-        flat = isinstance(bodies[number % len(bodies)], Car)
+        flat = bodies[number % len(bodies)].ON_GROUND
         free = field(world, flat=flat)
         best, widest = (0.0, 0.0, low), -math.inf
         for _ in range(_DRAWS):

@@ -1,4 +1,4 @@
-"""Squads: robots of one kind with their automata, controllers and vehicles, run together.
+"""Squads: robots of one device with their automata, controllers and vehicles, run together.
 
 A squad advances in ticks of control. In each, every robot is told where it is, its automaton and
 its controller take a step, and its vehicle moves under the command in smaller steps.
@@ -6,24 +6,26 @@ its controller take a step, and its vehicle moves under the command in smaller s
 
 from __future__ import annotations
 
-from typing import Protocol, TypeAlias, assert_never
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
+from msgspec import Struct, field
 
-from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Car, Drone, Ideal
-from koord.runtime.motion.course import Horizon
-from koord.runtime.motion.driving import Driving, Measured, Steering
-from koord.runtime.motion.flying import Flying, Reference
+from koord.runtime.motion.arrays import Bools, Floats
+from koord.runtime.motion.automaton import Visit
+from koord.runtime.motion.bodies import Body, Level, PlannerName, Steering, type_of
+from koord.runtime.motion.driving import Measured
 from koord.runtime.motion.group import Group
 from koord.runtime.motion.planners import planner
+from koord.runtime.motion.planning import Effort, Touched
 from koord.runtime.motion.world import World
-from koord.sim.disturbances import Delay, Disturbances, Fixes, Gusts
-from koord.sim.ground import Ground
-from koord.sim.kinds import Kind, Level
-from koord.sim.vehicles.bicycles import Bicycles
-from koord.sim.vehicles.quadrotors import PointDrones, Quadrotors
-from koord.sim.vehicles.touching import Touched
+from koord.sim.disturbances import Delay, Disturbances, Fixes
+
+if TYPE_CHECKING:
+    from koord.sim.vehicles.contact import Floor
+    from koord.sim.vehicles.physics import Arena
 
 Seed: TypeAlias = np.random.SeedSequence
 
@@ -33,14 +35,73 @@ STEP_S = 0.01
 #: So many steps make a tick of control.
 STEPS = 5
 
-#: Predictive controllers take every second tick.
-_PREDICTIVE_TICKS = 2
+#: So many robots of a squad plan their paths in one tick.
+PLAN_MOST = 4
 
-_PLAN_MOST = 4
+
+class DeviceModel(Struct, frozen=True):
+    """How robots of a device are simulated, as a configuration describes it: they make a squad."""
+
+    body: Body
+    planner: PlannerName
+    level: Level = Level.FULL
+    steering: Steering = Steering.PREDICTIVE
+    visit: Visit = field(default_factory=Visit)
+    disturbances: Disturbances = field(default_factory=Disturbances)
+    effort: Effort = field(default_factory=Effort)
+
+
+class Engines:
+    """What all vehicles of a run share: they touch one another whatever devices they are of.
+
+    An engine is made when the first vehicle wants it. Raises KoordError if its library is missing.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+
+    @cached_property
+    def floor(self) -> Floor:
+        """Contact in the plane, for what drives at level ``full``."""
+        from koord.sim.vehicles.contact import Floor
+
+        return Floor(self.world)
+
+    @cached_property
+    def arena(self) -> Arena:
+        """Contact in space, for all vehicles of level ``mujoco``."""
+        from koord.sim.vehicles.physics import Arena
+
+        return Arena(self.world)
+
+
+class SquadSetup(Struct, frozen=True):
+    """What a squad is made of: robots at rest at positions ``start``, shape ``(n, 3)``."""
+
+    model: DeviceModel
+    group: Group
+    start: Floats
+    heading_rad: Floats
+    noise: list[Seed]  #: of each robot
+    wind: list[Seed]  #: of each robot
+    engines: Engines
+
+    def delay(self, at_first: Floats) -> Delay:
+        """The line in which commands wait, with what robots are told to do at first."""
+        delay_s = self.model.disturbances.actuation_delay_s
+        return Delay(round(delay_s / (STEPS * STEP_S)), at_first)
+
+
+class Touching(Protocol):
+    """Vehicles that may touch something; those of most levels pass through everything."""
+
+    def touched(self, number: int) -> tuple[Touched, ...]:
+        """What one of them touches."""
+        ...
 
 
 class Squad(Protocol):
-    """Robots of one kind. All arrays have a row for each robot, in the order they were given in."""
+    """Robots of one device. Arrays have a row for each robot, in the order they were given in."""
 
     group: Group
 
@@ -66,77 +127,79 @@ class Squad(Protocol):
         ...
 
 
-class Touching(Protocol):
-    """Vehicles that may touch something; those of most levels pass through everything."""
+def squad(
+    model: DeviceModel, start: Floats, heading_rad: Floats, seeds: list[Seed], engines: Engines
+) -> Squad:
+    """A squad at rest at positions ``(n, 3)``, of a type in the table of vehicles.
 
-    def touched(self, number: int) -> tuple[Touched, ...]:
-        """What one of them touches."""
+    Raises KoordError for libraries that are missing.
+    """
+    body, world = model.body, engines.world
+    group = Group(
+        len(start),
+        body,
+        world,
+        planner(model.planner, world, body, model.effort),
+        model.visit,
+        [int(seed.generate_state(1)[0]) for seed in seeds],
+    )
+    noise, wind = zip(*(seed.spawn(2) for seed in seeds), strict=True)
+    setup = SquadSetup(model, group, start, heading_rad, list(noise), list(wind), engines)
+    made: Squad = import_module(type_of(body).simulator).squad(setup)
+    return made
+
+
+class Wheeled(Touching, Protocol):
+    """Vehicles that drive on the ground. All arrays have a row for each."""
+
+    @property
+    def position(self) -> Floats:
+        """Shape ``(n, 3)``."""
+        ...
+
+    @property
+    def heading(self) -> Floats: ...
+
+    @property
+    def speed(self) -> Floats:
+        """Along the heading."""
+        ...
+
+    def advance(self, command: Floats, dt_s: float, steps: int) -> None:
+        """Go on for some steps with commands, shape ``(n, 2)``."""
         ...
 
 
-def squad(
-    kind: Kind,
-    world: World,
-    start: Floats,
-    heading_rad: Floats,
-    seeds: list[Seed],
-    ground: Ground,
-) -> Squad:
-    """A squad at rest at positions ``(n, 3)``. Raises KoordError for libraries that are missing.
+class Tracker(Protocol):
+    """The law by which vehicles on the ground follow the routes of their group."""
 
-    All squads of a run are on one ground.
-    """
-    group = Group(
-        len(start),
-        kind.body,
-        world,
-        planner(kind.planner, world, kind.body, kind.effort),
-        kind.visit,
-        [int(seed.generate_state(1)[0]) for seed in seeds],
-    )
-    match kind.body:
-        case Car():
-            return CarSquad(kind, kind.body, group, start, heading_rad, seeds, ground)
-        case Drone():
-            return DroneSquad(kind, kind.body, group, start, heading_rad, seeds, ground)
-        case Ideal():
-            return IdealSquad(kind, group, start, heading_rad)
-        case _:
-            assert_never(kind.body)
+    missed: Bools  #: who stands at the end of its route and has not reached it
+
+    def command(self, measured: Measured, dt_s: float) -> Floats:
+        """Commands for the next step, shape ``(n, 2)``."""
+        ...
 
 
-class CarSquad:
-    """Cars, with pursuit or model-predictive control."""
+class WheeledSquad:
+    """Vehicles on the ground under a tracker, which acts at every ``every``-th tick."""
 
     def __init__(
-        self,
-        kind: Kind,
-        car: Car,
-        group: Group,
-        start: Floats,
-        heading_rad: Floats,
-        seeds: list[Seed],
-        ground: Ground,
+        self, setup: SquadSetup, vehicles: Wheeled, tracker: Tracker, every: int = 1
     ) -> None:
-        self.group = group
-        self.vehicles = _cars(kind.level, car, start, heading_rad, ground)
-        predictive = kind.steering is Steering.PREDICTIVE
-        self._every = _PREDICTIVE_TICKS if predictive else 1
-        self.driving = Driving(group, kind.steering, Horizon(step_s=self._every * STEPS * STEP_S))
-        noise, _ = _children(seeds)
-        self._fixes = Fixes(kind.disturbances.positioning, noise, flat=True)
-        self._delay = _delay(kind.disturbances, np.zeros((len(start), 2)))
-        self._command: Floats = np.zeros((len(start), 2))
-        self._ticks = 0
+        self.group, self.vehicles, self.tracker = setup.group, vehicles, tracker
+        self._fixes = Fixes(setup.model.disturbances.positioning, setup.noise, flat=True)
+        self._command: Floats = np.zeros((len(setup.start), 2))
+        self._delay = setup.delay(self._command)
+        self._every, self._ticks = every, 0
 
     def tick(self, now_s: float) -> None:
         position, heading = self.fixes(now_s)
-        self.group.plan(position, heading, _PLAN_MOST)
+        self.group.plan(position, heading, PLAN_MOST)
         self.group.update(position, now_s)
         if self._ticks % self._every == 0:
             measured = Measured(position, heading, self.vehicles.speed)
-            self._command = self.driving.command(measured, self._every * STEPS * STEP_S)
-            self.group.replan(np.flatnonzero(self.driving.missed).tolist())
+            self._command = self.tracker.command(measured, self._every * STEPS * STEP_S)
+            self.group.replan(np.flatnonzero(self.tracker.missed).tolist())
         self._ticks += 1
         self.vehicles.advance(self._delay.pass_on(self._command), STEP_S, STEPS)
 
@@ -147,152 +210,10 @@ class CarSquad:
         return self.vehicles.position, self.vehicles.heading
 
     def attitude(self) -> Floats:
-        return _upright(self.vehicles.heading)
+        return upright(self.vehicles.heading)
 
 
-class DroneSquad:
-    """Drones under cascaded control."""
-
-    def __init__(
-        self,
-        kind: Kind,
-        drone: Drone,
-        group: Group,
-        start: Floats,
-        heading_rad: Floats,
-        seeds: list[Seed],
-        ground: Ground,
-    ) -> None:
-        self.group = group
-        self.vehicles = _drones(kind.level, drone, start, ground)
-        self.flying = Flying(group, start)
-        noise, wind = _children(seeds)
-        self._fixes = Fixes(kind.disturbances.positioning, noise, flat=False)
-        self._gusts = Gusts(kind.disturbances.wind, wind)
-        self._delay = _delay(
-            kind.disturbances, np.concatenate([start, 0 * start, 0 * start], axis=1)
-        )
-        self._heading = np.zeros_like(heading_rad)  # drones keep their noses along x
-
-    def tick(self, now_s: float) -> None:
-        position, heading = self.fixes(now_s)
-        self.group.plan(self.flying.origin(position), heading, _PLAN_MOST)
-        self.group.update(position, now_s)
-        reference = self.flying.command(position, STEPS * STEP_S)
-        sent = np.concatenate(
-            [reference.position, reference.velocity, reference.acceleration], axis=1
-        )
-        due = self._delay.pass_on(sent)
-        # What the drone is told may be off or late: its controller aims beside by as much.
-        aim = due[:, :3] - (position - self.truth()[0])
-        wind = self._gusts.blow(STEPS * STEP_S)
-        self.vehicles.advance(Reference(aim, due[:, 3:6], due[:, 6:]), wind, STEP_S, STEPS)
-
-    def fixes(self, now_s: float) -> tuple[Floats, Floats]:
-        return self._fixes.read(self.vehicles.state.position.T, self._heading, now_s)
-
-    def truth(self) -> tuple[Floats, Floats]:
-        return self.vehicles.state.position.T, self._heading
-
-    def attitude(self) -> Floats:
-        return self.vehicles.state.attitude.T
-
-
-class IdealSquad:
-    """Points that are where they are to be."""
-
-    def __init__(self, kind: Kind, group: Group, start: Floats, heading_rad: Floats) -> None:
-        self.group = group
-        self.vehicles = _Points()
-        self.flying = Flying(group, start, waits=False)
-        self._heading: Floats = heading_rad.copy()
-
-    def tick(self, now_s: float) -> None:
-        position = self.flying.rest
-        self.group.plan(position, self._heading, _PLAN_MOST)
-        self.group.update(position, now_s)
-        velocity = self.flying.command(position, STEPS * STEP_S).velocity
-        moving = (velocity[:, 0] != 0) | (velocity[:, 1] != 0)
-        course = np.arctan2(velocity[:, 1], velocity[:, 0])
-        self._heading = np.where(moving, course, self._heading)
-
-    def put(self, position: Floats) -> None:
-        """Be somewhere, from one moment to the next; shape ``(n, 3)``."""
-        self.flying.rest = position.copy()
-
-    def fixes(self, now_s: float) -> tuple[Floats, Floats]:
-        return self.truth()
-
-    def truth(self) -> tuple[Floats, Floats]:
-        return self.flying.rest, self._heading
-
-    def attitude(self) -> Floats:
-        return _upright(self._heading)
-
-
-class _Points:
-    """Vehicles that are not there: they touch nothing."""
-
-    def touched(self, number: int) -> tuple[Touched, ...]:
-        return ()
-
-
-class Cars(Touching, Protocol):
-    """Cars of any level. All arrays have a row for each."""
-
-    position: Floats  #: of the middle of the rear axle, shape ``(n, 3)``
-    heading: Floats
-    speed: Floats  #: along the heading
-
-    def advance(self, command: Floats, dt_s: float, steps: int) -> None:
-        """Go on for some steps with commanded speeds and steering angles, shape ``(n, 2)``."""
-        ...
-
-
-def _cars(level: Level, car: Car, start: Floats, heading_rad: Floats, ground: Ground) -> Cars:
-    match level:
-        case Level.SIMPLE:
-            return Bicycles(car, start, heading_rad)
-        case Level.FULL | Level.FAST:
-            from koord.sim.vehicles.contact import CollidingCars
-
-            return CollidingCars(car, start, heading_rad, ground.floor)
-        case Level.MUJOCO:
-            from koord.sim.vehicles.physics import PhysicalCars
-
-            return PhysicalCars(car, start, heading_rad, ground.arena)
-        case _:
-            assert_never(level)
-
-
-def _drones(level: Level, drone: Drone, start: Floats, ground: Ground) -> Quadrotors:
-    match level:
-        case Level.SIMPLE:
-            return PointDrones(drone, start, ground.world.ground)
-        case Level.FULL:
-            return Quadrotors(drone, start, ground.world.ground)
-        case Level.FAST:
-            from koord.sim.vehicles.compiled import CompiledQuadrotors
-
-            return CompiledQuadrotors(drone, start, ground.world.ground)
-        case Level.MUJOCO:
-            from koord.sim.vehicles.physics import PhysicalDrones
-
-            return PhysicalDrones(drone, start, ground.arena)
-        case _:
-            assert_never(level)
-
-
-def _children(seeds: list[Seed]) -> tuple[list[Seed], list[Seed]]:
-    """Seeds for the noise and for the wind of each robot."""
-    both = [seed.spawn(2) for seed in seeds]
-    return [noise for noise, _ in both], [wind for _, wind in both]
-
-
-def _delay(disturbances: Disturbances, at_first: Floats) -> Delay:
-    return Delay(round(disturbances.actuation_delay_s / (STEPS * STEP_S)), at_first)
-
-
-def _upright(heading_rad: Floats) -> Floats:
+def upright(heading_rad: Floats) -> Floats:
+    """The attitudes of what stands upright: unit quaternions ``(n, 4)``, w first."""
     zero = np.zeros_like(heading_rad)
     return np.column_stack([np.cos(heading_rad / 2), zero, zero, np.sin(heading_rad / 2)])

@@ -9,16 +9,15 @@ import numpy as np
 
 from koord.runtime.engine.schedules import Schedule
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Ideal
+from koord.runtime.motion.bodies import Ideal, PlannerName
 from koord.runtime.motion.clearance import Clearance
-from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Point, World
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host
 from koord.sim.fleet import Fleet, Placed
-from koord.sim.kinds import Kind
 from koord.sim.running import Cast, Ending, Simulation
 from koord.sim.scene import POINT_SLACK_M, Scene
+from koord.sim.squads import DeviceModel
 
 #: Around all places that robots come to, so much of the world is shown.
 _MARGIN_M = 1.0
@@ -94,11 +93,11 @@ def _scene(places: Sequence[Sequence[Point]], delta_s: float) -> Scene:
     low, high = every.min(0) - _MARGIN_M, every.max(0) + _MARGIN_M
     (x0, y0, z0), (x1, y1, z1) = low.tolist(), high.tolist()
     ground = min(0.0, z0 + _MARGIN_M)
-    kind = Kind(Ideal(), PlannerName.STRAIGHT)
+    model = DeviceModel(Ideal(), PlannerName.STRAIGHT)
     count = len(places[0])
     return Scene(
         World((x0, y0, ground), (x1, y1, max(z1, ground + 1.0))),
-        tuple(Placed(kind, start) for start in places[0]),
+        tuple(Placed(model, start) for start in places[0]),
         ("point",) * count,
         (None,) * count,
         {},

@@ -12,8 +12,7 @@ import pytest
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.runtime.motion.automaton import State
-from koord.runtime.motion.bodies import Car
-from koord.runtime.motion.names import PlannerName
+from koord.runtime.motion.bodies import Car, PlannerName
 from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import World
 from koord.runtime.robot import Robot, Status

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from koord.runtime.configuration.checking import DEFAULT_GROUP, DEFAULT_PORT, load
-from koord.runtime.configuration.forms import BotType, Carrier, json_schema
+from koord.runtime.configuration.forms import Carrier, json_schema
 from koord.runtime.configuration.model import Configuration
-from koord.runtime.motion.names import PlannerName
+from koord.runtime.motion.bodies import PlannerName
 from koord.runtime.motion.world import Box, Disc, Polygon
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source
@@ -95,7 +95,7 @@ def test_the_paper_s_listing_is_three_equal_robots() -> None:
     configuration = loaded(LISTING)
     assert [robot.pid for robot in configuration.robots] == [0, 1, 2]
     (vehicle,) = {robot.vehicle for robot in configuration.robots}
-    assert (vehicle.name, vehicle.type) == ("hotdec_car", BotType.CAR)
+    assert (vehicle.name, vehicle.type_name) == ("hotdec_car", "CAR")
     assert vehicle.planner is PlannerName.RRT_CAR
     assert vehicle.waypoint_topic is not None
     assert vehicle.waypoint_topic.topic == "waypoint"

@@ -9,24 +9,23 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.engine.fleet import Fleet as Engine
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Car, Drone
+from koord.runtime.motion.bodies import Car, Drone, PlannerName
 from koord.runtime.motion.clearance import clearance_of
-from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import World
 from koord.sim.fleet import Placed
-from koord.sim.kinds import Kind
 from koord.sim.measuring import Figures
 from koord.sim.recording import Recording
 from koord.sim.running import Cast, Simulation, run
 from koord.sim.scene import Scene
+from koord.sim.squads import DeviceModel
 from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs" / "examples"
 DELTA_S = 0.1
-CAR = Kind(Car(), PlannerName.RRT_CAR)
-DRONE = Kind(Drone(), PlannerName.RRT_DRONE)
+CAR = DeviceModel(Car(), PlannerName.RRT_CAR)
+DRONE = DeviceModel(Drone(), PlannerName.RRT_DRONE)
 TASKS = World(tasks=((2, 2, 0), (-1, 2, 1.5), (0, -2, 1.2), (-2, 0, 0), (2.5, 0, 2), (1, 1, 1.5)))
 TEAM = (
     Placed(CAR, (-2.5, -3.0, 0.0)),
@@ -65,11 +64,11 @@ def recorded_text(
     """The same of any program."""
     program = load(Source(f"{name}.krd", text), Settings(params=params)).program
     assert program is not None
-    clearance = clearance_of([placed.kind.body for placed in team], tracking_m=0.15)
+    clearance = clearance_of([placed.model.body for placed in team], tracking_m=0.15)
     scene = Scene(
         world,
         team,
-        tuple("car" if placed.kind is CAR else "drone" for placed in team),
+        tuple("car" if placed.model is CAR else "drone" for placed in team),
         (None,) * len(team),
         {},
         clearance,

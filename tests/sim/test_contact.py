@@ -12,12 +12,16 @@ import shapely
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.world import Box, Disc, Obstacle, Polygon, World
-from koord.sim.vehicles.bicycles import Bicycles
-from koord.sim.vehicles.contact import CollidingCars, Floor
+from koord.sim.vehicles.cars import Bicycles, hull
+from koord.sim.vehicles.contact import Colliding, Floor
 
 CAR = Car()
 WIDE = World((-20, -20, 0), (20, 20, 3))
 TOWARDS = np.array([[0.8, 0.0]])
+
+
+def colliding(start: Floats, heading: Floats, floor: Floor) -> Colliding:
+    return Colliding(Bicycles(CAR, start, heading), hull(CAR), floor)
 
 
 def outline(position: Floats, heading: float) -> shapely.Polygon:
@@ -32,7 +36,7 @@ def outline(position: Floats, heading: float) -> shapely.Polygon:
 
 def test_alone_a_car_with_a_body_moves_like_a_bicycle() -> None:
     start, heading = np.array([[0.0, 0, 0]]), np.array([0.4])
-    one = CollidingCars(CAR, start, heading, Floor(WIDE))
+    one = colliding(start, heading, Floor(WIDE))
     other = Bicycles(CAR, start, heading)
     for k in range(120):
         command = np.array([[0.9 * math.cos(k / 20), 0.4 * math.sin(k / 7)]])
@@ -47,7 +51,7 @@ def test_alone_a_car_with_a_body_moves_like_a_bicycle() -> None:
 @pytest.mark.parametrize("aside", [0.0, 0.1, 0.25])
 def test_cars_do_not_pass_through_one_another(aside: float) -> None:
     start, floor = np.array([[-1.0, 0, 0], [1.0, aside, 0]]), Floor(WIDE)
-    cars = CollidingCars(CAR, start, np.array([0.0, math.pi]), floor)
+    cars = colliding(start, np.array([0.0, math.pi]), floor)
     touched = False
     for _ in range(100):
         cars.advance(np.repeat(TOWARDS, 2, axis=0), 0.01, 5)
@@ -69,7 +73,7 @@ def test_cars_do_not_pass_through_one_another(aside: float) -> None:
 def test_cars_do_not_pass_through_obstacles(obstacle: Obstacle) -> None:
     world = World(WIDE.low, WIDE.high, (obstacle,))
     floor = Floor(world)
-    cars = CollidingCars(CAR, np.zeros((1, 3)), np.zeros(1), floor)
+    cars = colliding(np.zeros((1, 3)), np.zeros(1), floor)
     cars.advance(TOWARDS, 0.01, 600)
     assert cars.position[0, 0] + CAR.middle_m + CAR.length_m / 2 < 1.55
     assert floor.contacts() == [(-1, 0)]
@@ -78,14 +82,14 @@ def test_cars_do_not_pass_through_obstacles(obstacle: Obstacle) -> None:
 
 def test_what_hangs_high_is_no_obstacle() -> None:
     world = World(WIDE.low, WIDE.high, (Disc((1.0, 0.0), 0.5, 1.0, 2.0),))
-    cars = CollidingCars(CAR, np.zeros((1, 3)), np.zeros(1), Floor(world))
+    cars = colliding(np.zeros((1, 3)), np.zeros(1), Floor(world))
     cars.advance(TOWARDS, 0.01, 400)
     assert cars.position[0, 0] > 2.0
 
 
 def test_nobody_leaves_the_world() -> None:
     world = World((-2, -2, 0), (2, 2, 1))
-    cars = CollidingCars(CAR, np.zeros((1, 3)), np.array([0.3]), Floor(world))
+    cars = colliding(np.zeros((1, 3)), np.array([0.3]), Floor(world))
     for _ in range(200):
         cars.advance(TOWARDS * 2, 0.01, 5)
         assert np.abs(cars.position[0, :2]).max() < 2.0
@@ -96,7 +100,7 @@ def test_contacts_come_out_the_same_every_time() -> None:
         draw = np.random.default_rng(4)
         start = np.column_stack([np.arange(12) % 4 * 0.9, np.arange(12) // 4 * 0.9, np.zeros(12)])
         floor = Floor(World((-1, -1, 0), (4, 4, 1)))
-        cars = CollidingCars(CAR, start, draw.uniform(-3, 3, 12), floor)
+        cars = colliding(start, draw.uniform(-3, 3, 12), floor)
         digest = hashlib.sha256()
         met = 0
         for _ in range(80):

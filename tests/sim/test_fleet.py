@@ -10,22 +10,20 @@ import pytest
 from msgspec.structs import replace
 
 from koord.runtime.motion.automaton import State, Visit
-from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.bodies import Body, Car, Drone, Ideal, Level, PlannerName, Steering
 from koord.runtime.motion.clearance import clearance_of
-from koord.runtime.motion.driving import Steering
 from koord.runtime.motion.geometry import point_path
-from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Point, World
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import TICK_S, Fleet, Placed
-from koord.sim.kinds import Kind, Level
 from koord.sim.separation import nearest
+from koord.sim.squads import DeviceModel
 from tests.runtime.motion.worlds import CLUTTERED
 
-CAR = Kind(Car(), PlannerName.RRT_CAR)
-PURSUING = Kind(Car(), PlannerName.RRT_CAR, steering=Steering.PURSUIT)
-DRONE = Kind(Drone(), PlannerName.RRT_DRONE)
-POINT = Kind(Ideal(), PlannerName.STRAIGHT)
+CAR = DeviceModel(Car(), PlannerName.RRT_CAR)
+PURSUING = DeviceModel(Car(), PlannerName.RRT_CAR, steering=Steering.PURSUIT)
+DRONE = DeviceModel(Drone(), PlannerName.RRT_DRONE)
+POINT = DeviceModel(Ideal(), PlannerName.STRAIGHT)
 ROUGH = Disturbances(Positioning(0.01, 0.01, 20.0), 0.1, Wind((0.5, 0, 0), 0.5))
 
 MIXED = [
@@ -55,7 +53,7 @@ def digest(robots: list[Placed], seed: int, seconds: float) -> str:
 
 def roughly(disturbances: Disturbances) -> list[Placed]:
     return [
-        Placed(replace(p.kind, disturbances=disturbances), p.start, p.heading_rad) for p in MIXED
+        Placed(replace(p.model, disturbances=disturbances), p.start, p.heading_rad) for p in MIXED
     ]
 
 
@@ -80,7 +78,7 @@ def test_everybody_arrives(disturbances: Disturbances) -> None:
 def test_who_meets_nobody_moves_as_if_it_were_alone(level: Level) -> None:
     """To the last bit: each process of a run simulates its own robot."""
     robots = [
-        Placed(replace(p.kind, level=level), (x, p.start[1], p.start[2]))
+        Placed(replace(p.model, level=level), (x, p.start[1], p.start[2]))
         for p in roughly(ROUGH)
         for x in (-6.0, -2.0, 2.0)
     ]
@@ -109,8 +107,8 @@ def test_who_meets_nobody_moves_as_if_it_were_alone(level: Level) -> None:
 def test_cars_of_different_devices_do_not_pass_through_one_another(level: Level) -> None:
     if level is Level.MUJOCO:
         pytest.importorskip("mujoco")
-    one = Kind(Car(), PlannerName.STRAIGHT, level)
-    other = Kind(replace(Car(), cruise_mps=0.6), PlannerName.STRAIGHT, level)
+    one = DeviceModel(Car(), PlannerName.STRAIGHT, level)
+    other = DeviceModel(replace(Car(), cruise_mps=0.6), PlannerName.STRAIGHT, level)
     fleet = Fleet(World(), [Placed(one, (-1.5, 0, 0)), Placed(other, (1.5, 0, 0), math.pi)])
     fleet.go_to(0, (2.5, 0, 0))
     fleet.go_to(1, (-2.5, 0, 0))
@@ -129,7 +127,7 @@ def test_equal_seeds_make_equal_runs() -> None:
 def test_levels_change_what_happens_and_not_what_is_reached() -> None:
     ends = []
     for level in Level:
-        kinds = (Kind(Car(), CAR.planner, level), Kind(Drone(), DRONE.planner, level))
+        kinds = (DeviceModel(Car(), CAR.planner, level), DeviceModel(Drone(), DRONE.planner, level))
         robots = [Placed(kinds[0], (-2.5, -2.5, 0.0), 0.5), Placed(kinds[1], (2.5, -2.5, 0.0))]
         fleet = Fleet(CLUTTERED, robots, 1)
         for k in (0, 1):
@@ -142,9 +140,9 @@ def test_levels_change_what_happens_and_not_what_is_reached() -> None:
 
 
 @pytest.mark.parametrize("kind", [CAR, DRONE, POINT])
-def test_reached_comes_after_the_dwell_time_by_the_clock(kind: Kind) -> None:
+def test_reached_comes_after_the_dwell_time_by_the_clock(kind: DeviceModel) -> None:
     visit = Visit(0.2, 0.75)
-    timed = Kind(kind.body, PlannerName.STRAIGHT, visit=visit)
+    timed = DeviceModel(kind.body, PlannerName.STRAIGHT, visit=visit)
     fleet = Fleet(World(), [Placed(timed, (0, 0, 0))])
     end = (1.5, 0.0, 0.0) if isinstance(kind.body, Car) else (1.5, 0.0, 1.0)
     fleet.follow(0, [(0, 0, 0), end])
@@ -171,7 +169,7 @@ def test_an_ideal_robot_is_exactly_where_its_speed_takes_it() -> None:
 
 
 @pytest.mark.parametrize("kind", [DRONE, POINT])
-def test_nobody_jumps_to_a_path_that_begins_elsewhere(kind: Kind) -> None:
+def test_nobody_jumps_to_a_path_that_begins_elsewhere(kind: DeviceModel) -> None:
     fleet = Fleet(World(), [Placed(kind, (-2, 0, 1))])
     fleet.follow(0, [(0, 1, 1), (2, 1, 1)])
     last = fleet.positions()
@@ -267,7 +265,7 @@ def test_a_drone_follows_a_target_that_moves_every_round() -> None:
 
 def test_robots_do_not_hang_on_each_other() -> None:
     """A drone far away changes nothing for another: noise and wind are each robot's own."""
-    rough = Kind(Drone(), PlannerName.STRAIGHT, disturbances=ROUGH)
+    rough = DeviceModel(Drone(), PlannerName.STRAIGHT, disturbances=ROUGH)
     alone = Fleet(World(), [Placed(rough, (0, 0, 1))], 5)
     two = Fleet(World(), [Placed(rough, (0, 0, 1)), Placed(rough, (3, 3, 1))], 5)
     for fleet in (alone, two):

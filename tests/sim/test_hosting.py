@@ -15,20 +15,19 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.engine.fleet import Fleet as Engine
 from koord.runtime.engine.schedules import AtRandom, Deployed, Schedule
-from koord.runtime.motion.bodies import Car, Drone, Ideal
+from koord.runtime.motion.bodies import Car, Drone, Ideal, PlannerName
 from koord.runtime.motion.clearance import clearance_of
 from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.mapping import occupied
-from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import Pose
 from koord.runtime.motion.world import Box, World
 from koord.runtime.robot import Robot
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.hosting import Hosted
-from koord.sim.kinds import Kind
 from koord.sim.lidar import Lidar, Scanner
 from koord.sim.separation import nearest
+from koord.sim.squads import DeviceModel
 from koord.syntax.elaborate.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
@@ -36,9 +35,9 @@ from koord.syntax.source import Source
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs" / "examples"
 DELTA_S = 0.1
 DEPLOYED = Deployed()
-CAR = Kind(Car(), PlannerName.RRT_CAR)
-DRONE = Kind(Drone(), PlannerName.RRT_DRONE)
-POINT = Kind(Ideal(), PlannerName.STRAIGHT)
+CAR = DeviceModel(Car(), PlannerName.RRT_CAR)
+DRONE = DeviceModel(Drone(), PlannerName.RRT_DRONE)
+POINT = DeviceModel(Ideal(), PlannerName.STRAIGHT)
 
 
 def program(name: str, **params: ParamValue) -> tuple[type[Robot], ...]:
@@ -61,9 +60,9 @@ class Run:
     def __post_init__(self) -> None:
         kinds = [0] * len(self.robots)
         self.fleet = Fleet(self.world, self.robots, self.seed)
-        self.clearance = clearance_of([p.kind.body for p in self.robots], tracking_m=0.15)
+        self.clearance = clearance_of([p.model.body for p in self.robots], tracking_m=0.15)
         planners = {
-            k: planner(p.kind.planner, self.world, p.kind.body) for k, p in enumerate(self.robots)
+            k: planner(p.model.planner, self.world, p.model.body) for k, p in enumerate(self.robots)
         }
         chart = Chart(self.world.grid, 3.0)
         library = Library(planners, self.pose, self.clearance, chart, self.seed)
@@ -122,7 +121,7 @@ def test_a_whole_run_repeats_to_the_bit() -> None:
 
 
 @pytest.mark.parametrize("kind", [DRONE, POINT])
-def test_a_line_forms(kind: Kind) -> None:
+def test_a_line_forms(kind: DeviceModel) -> None:
     starts = [(-3.0, -3.0, 1.0), (2.0, -1.0, 1.2), (-2.0, 2.0, 1.4), (3.0, 3.0, 1.0)]
     robots = [Placed(kind, start) for start in starts]
     run = Run(program("lineform"), World((-10, -10, 0), (10, 10, 4)), robots)

@@ -12,6 +12,7 @@ import pytest
 from msgspec.structs import replace
 
 from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Car, Drone
 from koord.runtime.motion.world import Disc, World
 from koord.runtime.shapes import FLOAT
 from koord.sim.packing import Cursor, cursor_of, pack
@@ -20,7 +21,6 @@ from koord.sim.recording import (
     Change,
     Header,
     Home,
-    Look,
     Recorder,
     Recording,
     TaskState,
@@ -133,7 +133,7 @@ def header(robots: int, program: str = "a.krd", world: World = WORLD) -> Header:
     return Header(program, "Go:\n    eff: x = 1\n", 0.1, 7, world, (agent,), team, (), 0.6)
 
 
-_LOOKS: tuple[Any, ...] = ((Look.CAR, 0.48, 0.58, 0.31, 0.165), (Look.DRONE, 0.29, 0.58, 0.58))
+_LOOKS: tuple[Any, ...] = ((Car.LOOK, 0.48, 0.58, 0.31, 0.165), (Drone.LOOK, 0.29, 0.58, 0.58))
 
 
 def circling(robots: int, seconds: float, broken: tuple[float, ...] = ()) -> Recording:

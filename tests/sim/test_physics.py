@@ -10,20 +10,20 @@ import pytest
 from msgspec.structs import replace
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Car, Drone
+from koord.runtime.motion.bodies import Car, Drone, Level, PlannerName
 from koord.runtime.motion.flying import Reference
-from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import Fleet, Placed
-from koord.sim.kinds import Kind, Level
-from koord.sim.vehicles.bicycles import Bicycles
+from koord.sim.squads import DeviceModel
+from koord.sim.vehicles.cars import Bicycles, PhysicalCars, car_described, track_m
+from koord.sim.vehicles.drones import PhysicalDrones, drone_described
 from koord.sim.vehicles.quadrotors import Quadrotors
 
 mujoco = pytest.importorskip("mujoco")
 
 from koord.sim.vehicles import mjcf  # noqa: E402
-from koord.sim.vehicles.physics import Arena, PhysicalCars, PhysicalDrones  # noqa: E402
+from koord.sim.vehicles.physics import Arena  # noqa: E402
 
 CAR, DRONE = Car(), Drone()
 WIDE = World((-20, -20, 0), (20, 20, 3))
@@ -33,7 +33,7 @@ ENDS = ("front", "rear")
 
 
 def cars(at: list[Point], heading: list[float], world: World = WIDE) -> PhysicalCars:
-    return PhysicalCars(CAR, np.array(at), np.array(heading), Arena(world))
+    return PhysicalCars(Bicycles(CAR, np.array(at), np.array(heading)), Arena(world))
 
 
 def orders(step: int) -> Floats:
@@ -52,7 +52,11 @@ def flight(step: int) -> Reference:
 
 def test_the_model_is_made_of_what_devices_say() -> None:
     car, drone = replace(CAR, mass_kg=4.2, wheelbase_m=0.4), replace(DRONE, mass_kg=1.5)
-    text = mjcf.model(WIDE, [(car, (1.0, 2.0, 0.0), 0.5)], [(drone, (0.0, 0.0, 1.0))])
+    one, other = (
+        car_described("car0", car, (1.0, 2.0, 0.0), 0.5),
+        drone_described("drone0", drone, (0.0, 0.0, 1.0)),
+    )
+    text = mjcf.model(WIDE, [one, other])
     model = mujoco.MjModel.from_xml_string(text)
     assert model.body("car0").subtreemass[0] == pytest.approx(4.2)
     front, rear = (model.body(model.joint(f"car0 {end} left").bodyid[0]) for end in ENDS)
@@ -95,7 +99,7 @@ def test_the_inner_wheel_turns_further() -> None:
             one.advance(np.array([[0.5, sign * 0.3]]), 0.01, 5)
         inner, outer = (left, right) if sign > 0 else (right, left)
         middle = CAR.wheelbase_m / math.tan(0.3)
-        half = mjcf.track_m(CAR) / 2
+        half = track_m(CAR) / 2
         wanted = [math.atan(CAR.wheelbase_m / (middle + aside)) for aside in (-half, half)]
         assert np.abs(data.qpos[[inner, outer]]) == pytest.approx(wanted, abs=0.01)
 
@@ -186,7 +190,7 @@ def test_walls_keep_cars_in() -> None:
 def test_a_drone_can_land_on_a_car() -> None:
     """Vehicles of different kinds meet, too."""
     arena = Arena(WIDE)
-    car = PhysicalCars(CAR, np.array([[-CAR.middle_m, 0, 0]]), np.zeros(1), arena)
+    car = PhysicalCars(Bicycles(CAR, np.array([[-CAR.middle_m, 0, 0]]), np.zeros(1)), arena)
     drone = PhysicalDrones(DRONE, np.array([[0, 0, 0.5]]), arena)
     for k in range(120):
         car.advance(np.zeros((1, 2)), 0.01, 5)
@@ -203,8 +207,8 @@ GOALS: list[Point] = [(2.3, -1.5, 0), (-2, -1.5, 1), (2.0, 2.5, 0)]
 
 
 def fleet(level: Level, disturbances: Disturbances, only: int | None = None) -> Fleet:
-    car = Kind(CAR, PlannerName.RRT_CAR, level, disturbances=disturbances)
-    drone = Kind(DRONE, PlannerName.RRT_DRONE, level, disturbances=disturbances)
+    car = DeviceModel(CAR, PlannerName.RRT_CAR, level, disturbances=disturbances)
+    drone = DeviceModel(DRONE, PlannerName.RRT_DRONE, level, disturbances=disturbances)
     robots = [
         Placed(car, (-2.5, -2.5, 0.0), 0.5),
         Placed(drone, (2.5, -2.5, 0.0)),

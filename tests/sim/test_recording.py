@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from koord.runtime.motion.bodies import Car, Drone
 from koord.runtime.motion.world import World
 from koord.runtime.shapes import from_plain
 from koord.sim.recording import (
@@ -12,7 +13,6 @@ from koord.sim.recording import (
     WHOLE,
     Home,
     Idle,
-    Look,
     Recording,
     TaskState,
     tilts_of,
@@ -28,7 +28,7 @@ def run() -> Recorded:
 
 def test_the_header_says_what_is_drawn(run: Recorded) -> None:
     header = run.recording.header
-    assert [robot.look for robot in header.robots] == [Look.CAR, Look.DRONE, Look.DRONE]
+    assert [robot.look for robot in header.robots] == [Car.LOOK, Drone.LOOK, Drone.LOOK]
     assert header.agents[0].events == ("Assign", "Complete")
     assert [(v.name, v.home) for v in header.shared] == [
         ("route", Home.ALLREAD),

@@ -13,7 +13,6 @@ import msgspec
 
 from koord.runtime.configuration.forms import (
     Agent,
-    BotType,
     Carrier,
     Coordinates,
     Device,
@@ -31,9 +30,8 @@ from koord.runtime.configuration.model import (
     Talk,
     Vehicle,
 )
-from koord.runtime.configuration.planners import named
 from koord.runtime.configuration.reading import Document, Path, problem, read
-from koord.runtime.motion.names import PlannerName
+from koord.runtime.motion.bodies import VEHICLES, Level, PlannerName, Steering
 from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
 from koord.syntax.collector import uncollected
 from koord.syntax.diagnostics import Diagnostic, KoordError
@@ -58,10 +56,9 @@ _WHERE = re.compile(r" - at `(key in )?\$([^`]*)`$")
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 _UNKNOWN = re.compile(r"Object contains unknown field `([^`]*)`")
 _CHOICES: Mapping[str, Iterable[str]] = {
-    "bot_type": [one.value for one in BotType],
     "transport": [one.value for one in Carrier],
-    "level": ["simple", "full", "fast", "mujoco"],
-    "steering": ["MPC", "PURSUIT"],
+    "level": [one.value for one in Level],
+    "steering": [one.value for one in Steering],
 }
 _MISSING = re.compile(r"Object missing required field `([^`]*)`")
 
@@ -98,7 +95,9 @@ class _Checker:
             elif name == "agents" and isinstance(value, list):
                 good[name] = [self._typed(a, Agent, (*path, k)) for k, a in enumerate(value)]
             elif name == "devices" and isinstance(value, dict):
-                good[name] = {d: self._typed(v, Device, (*path, d)) for d, v in value.items()}
+                good[name] = {d: self._typed_device(v, (*path, d)) for d, v in value.items()}
+            elif name == "device":
+                good[name] = self._typed_device(value, path)
             else:
                 good[name] = self._typed(value, hints[name], path)
         return Form() if self.problems else Form(**good)
@@ -109,6 +108,19 @@ class _Checker:
         except msgspec.ValidationError as error:
             self._explain(str(error), type_, path)
             return None
+
+    def _typed_device(self, value: Any, path: Path) -> Device | None:
+        device: Device | None = self._typed(value, Device, path)
+        if device is not None and device.bot_type not in VEHICLES:
+            hint = f"it is one of {', '.join(VEHICLES)}"
+            self._say((*path, "bot_type"), f"invalid enum value {device.bot_type!r}", hint)
+        elif device is not None:
+            levels, level = VEHICLES[device.bot_type].levels, device.simulation.level
+            if level not in levels:
+                hint = f"it has {', '.join(one.value for one in levels)}"
+                story = f"a {device.bot_type} has no level {level.value}"
+                self._say((*path, "simulation", "level"), story, hint)
+        return device
 
     def _explain(self, message: str, type_: Any, path: Path) -> None:
         found = _WHERE.search(message)
@@ -266,8 +278,8 @@ class _Checker:
             **topics,
         )
 
-    def _planner(self, name: str | None, type_: BotType, path: Path) -> PlannerName | None:
-        found = None if name is None else named(name, type_)
+    def _planner(self, name: str | None, type_name: str, path: Path) -> PlannerName | None:
+        found = None if name is None else _planner_named(name, type_name)
         if isinstance(found, tuple):
             self._once((*path, "planner"), *found)
             return None
@@ -396,6 +408,19 @@ class _Checker:
             corners = tuple((x, y) for x, y in form.polygon.corners)
             return Polygon(corners, form.polygon.low_z, _height(form.polygon.high_z))
         return None
+
+
+def _planner_named(name: str, type_name: str) -> PlannerName | tuple[str, str]:
+    """The planner of that name for a vehicle, or what is wrong with it and the cure."""
+    suitable = [one.value for one in VEHICLES[type_name].planners]
+    known = ", ".join(suitable)
+    if name not in [one.value for one in PlannerName]:
+        near = get_close_matches(name, suitable, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"there are {known}"
+        return f"there is no planner {name}", hint
+    if name not in suitable:
+        return f"{name} is no planner for a {type_name}", f"there are {known}"
+    return PlannerName(name)
 
 
 def _names_at(type_: Any, path: Path) -> list[str]:

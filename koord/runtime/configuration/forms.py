@@ -7,11 +7,12 @@ paper's listing), and ``agents`` and ``devices``. All else may stand in either.
 from __future__ import annotations
 
 from enum import Enum
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta
 
+from koord.runtime.motion.bodies import VEHICLES, Level, Steering
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S
 
 Natural = Annotated[int, Meta(ge=0)]
@@ -21,18 +22,12 @@ NotNegative = Annotated[float, Meta(ge=0)]
 #: Seconds of a round: the same limits as everywhere (`specs/limits.md`).
 RoundLength = Annotated[float, Meta(ge=float(LEAST_DELTA_S), le=float(MOST_DELTA_S))]
 Name = Annotated[str, Meta(min_length=1)]
+#: A type of vehicle, by its name.
+TypeName = Annotated[str, Meta(extra_json_schema={"enum": list(VEHICLES)})]
 
 #: Two or three coordinates in metres; a missing z is 0.
 Coordinates = Annotated[list[float], Meta(min_length=2, max_length=3)]
 Pair = Annotated[list[float], Meta(min_length=2, max_length=2)]
-
-
-class BotType(Enum):
-    """What kind of vehicle a device is."""
-
-    CAR = "CAR"
-    QUAD = "QUAD"
-    IDEAL = "IDEAL"  #: a point that goes exactly where it is told; simulated only
 
 
 class Carrier(Enum):
@@ -104,8 +99,8 @@ class EffortForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 class SimulationForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How a device is simulated."""
 
-    level: Literal["simple", "full", "fast", "mujoco"] = "full"
-    steering: Literal["MPC", "PURSUIT"] = "MPC"  #: of cars
+    level: Level = Level.FULL
+    steering: Steering = Steering.PREDICTIVE  #: of cars
     noise: NoiseForm = NoiseForm()
     delay: NotNegative = 0.0  #: s, from a command to the actuator
     wind: WindForm = WindForm()
@@ -117,7 +112,7 @@ class SimulationForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
 class Device(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A vehicle."""
 
-    bot_type: BotType = BotType.CAR
+    bot_type: TypeName = "CAR"
     bot_name: Name | None = None
     ip: str | None = None
     port: Port | None = None

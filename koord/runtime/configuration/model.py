@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 from msgspec import Struct, field
 
-from koord.runtime.configuration.forms import BotType, Carrier, MonitorForm, SimulationForm, Topic
+from koord.runtime.configuration.forms import Carrier, MonitorForm, SimulationForm, Topic
 from koord.runtime.configuration.reading import Document, Path
-from koord.runtime.motion.names import PlannerName
+from koord.runtime.motion.bodies import VEHICLES, PlannerName, VehicleType
 from koord.runtime.motion.world import Point, World
 from koord.syntax.content import ByContent
 from koord.syntax.source import Source, Span
@@ -19,7 +19,7 @@ class Vehicle(Struct, frozen=True):
     """What a robot runs on."""
 
     name: str
-    type: BotType = BotType.CAR
+    type_name: str = "CAR"
     planner: PlannerName | None = None
     speed_mps: float | None = None
     automata: tuple[str, ...] = ()
@@ -29,6 +29,11 @@ class Vehicle(Struct, frozen=True):
     waypoint_topic: Topic | None = None
     simulation: SimulationForm = field(default_factory=SimulationForm)
     path: Path = ()  #: where it stands in the file
+
+    @property
+    def type(self) -> VehicleType:
+        """Its row in the table of vehicles."""
+        return VEHICLES[self.type_name]
 
 
 class RobotPlace(Struct, frozen=True):

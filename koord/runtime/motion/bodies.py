@@ -1,11 +1,112 @@
-"""Bodies as data: how large a robot is and what it can do. Sources: specs/decisions/0015."""
+"""Vehicles as data: which types there are, how large each is and what it can do.
+
+``VEHICLES`` is the one table of them: configurations, planners, simulations and pages ask it, or a
+body that it has. Sources of the numbers: specs/decisions/0015. No number here needs a library, so
+a configuration can be read without any.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from enum import Enum
+from typing import ClassVar, Protocol
 
 from msgspec import Struct
+from msgspec.structs import replace
+
+
+class PlannerName(Enum):
+    """What a configuration may say behind ``planner:``. (paper, III-D and VI-C)"""
+
+    STRAIGHT = "STRAIGHT"
+    RRT_CAR = "RRT_CAR"
+    RRT_STAR_CAR = "RRT_STAR_CAR"
+    RRT_DRONE = "RRT_DRONE"
+    RRT_STAR_DRONE = "RRT_STAR_DRONE"
+
+    @property
+    def optimal(self) -> bool:
+        """Whether it goes on improving a path that it has found."""
+        return "STAR" in self.value
+
+
+class Level(Enum):
+    """How much of a vehicle is modelled. (paper, IV-A)"""
+
+    SIMPLE = "simple"  #: kinematics with limits, in contact with nothing; a drone without attitude
+    FULL = "full"  #: what drives on the ground pushes and blocks; drones are rigid bodies
+    FAST = "fast"  #: as ``full``, drones compiled by numba
+    MUJOCO = "mujoco"  #: wheels, tyres, rotors, and contact of all with all, by MuJoCo
+
+
+class Steering(Enum):
+    """The controllers of cars, by the names that configurations give them."""
+
+    PREDICTIVE = "MPC"
+    PURSUIT = "PURSUIT"
+
+
+class Pace(Struct, frozen=True):
+    """How fast a vehicle follows paths, and where it cuts them into legs."""
+
+    cruise_mps: float
+    accel_mps2: float
+    lateral_mps2: float  #: greatest acceleration towards the side, in bends
+    cusp_rad: float = (
+        math.inf
+    )  #: where a path's direction changes by more, it stops and turns about
+    reverses: bool = False  #: whether it drives legs forwards and backwards in turn
+
+
+class Look(Struct, frozen=True):
+    """How a vehicle is drawn."""
+
+    name: str  #: of its drawing in ``sim/page/glyphs.js``; of what has none, a disc is drawn
+    is_box: bool = False  #: a box in other tools, else a cylinder
+    flies: bool = False
+    tilts: bool = False  #: as it moves
+
+
+class Body(Protocol):
+    """What other rooms ask of a vehicle. All numbers are of the position that programs see."""
+
+    LOOK: ClassVar[Look]
+    ON_GROUND: ClassVar[bool]  #: it never leaves the ground
+    IS_EXACT: ClassVar[bool]  #: it is exactly where it is to be
+
+    @property
+    def radius_m(self) -> float:
+        """Of the disc about the position that covers it."""
+        ...
+
+    @property
+    def inner_radius_m(self) -> float:
+        """Of a disc that it covers, whichever way it points."""
+        ...
+
+    @property
+    def outline_m(self) -> tuple[float, float, float]:
+        """Length, width, and from the position forward to the middle."""
+        ...
+
+    @property
+    def turning_m(self) -> float:
+        """The radius of the tightest circle it can describe; 0: it can set out in any direction."""
+        ...
+
+    @property
+    def above_ground_m(self) -> float:
+        """It flies to no goal lower than this above the ground."""
+        ...
+
+    @property
+    def pace(self) -> Pace:
+        """How fast it follows paths."""
+        ...
+
+    def cruising(self, speed_mps: float) -> Body:
+        """The same vehicle, following paths at a speed."""
+        ...
 
 
 class Car(Struct, frozen=True):
@@ -14,6 +115,10 @@ class Car(Struct, frozen=True):
     Its position is the middle of its rear axle, as in those platforms: that point goes where the
     car points, so a path of positions says where the car points as well.
     """
+
+    LOOK: ClassVar[Look] = Look("car", is_box=True)
+    ON_GROUND: ClassVar[bool] = True
+    IS_EXACT: ClassVar[bool] = False
 
     length_m: float = 0.58
     width_m: float = 0.31
@@ -25,6 +130,7 @@ class Car(Struct, frozen=True):
     accel_mps2: float = 2.5
     cruise_mps: float = 0.8
     cruise_accel_mps2: float = 1.2
+    above_ground_m: ClassVar[float] = 0.0
 
     @property
     def middle_m(self) -> float:
@@ -33,17 +139,35 @@ class Car(Struct, frozen=True):
 
     @property
     def turning_m(self) -> float:
-        """The radius of the tightest circle that the position can describe."""
         return self.wheelbase_m / math.tan(self.steering_rad)
 
     @property
     def radius_m(self) -> float:
-        """Of the disc about the position that covers the car."""
         return math.hypot(self.length_m / 2 + self.middle_m, self.width_m / 2)
+
+    @property
+    def inner_radius_m(self) -> float:
+        return self.width_m / 2
+
+    @property
+    def outline_m(self) -> tuple[float, float, float]:
+        return self.length_m, self.width_m, self.middle_m
+
+    @property
+    def pace(self) -> Pace:
+        return Pace(self.cruise_mps, self.cruise_accel_mps2, 2.0, math.radians(110), reverses=True)
+
+    def cruising(self, speed_mps: float) -> Car:
+        fastest = max(self.speed_mps, 1.5 * speed_mps)
+        return replace(self, cruise_mps=speed_mps, speed_mps=fastest)
 
 
 class Drone(Struct, frozen=True):
     """A quadrotor with a footprint of 40 × 40 cm (paper, VI-A)."""
+
+    LOOK: ClassVar[Look] = Look("drone", flies=True, tilts=True)
+    ON_GROUND: ClassVar[bool] = False
+    IS_EXACT: ClassVar[bool] = False
 
     radius_m: float = 0.29
     mass_kg: float = 1.2
@@ -57,14 +181,83 @@ class Drone(Struct, frozen=True):
     accel_mps2: float = 4.0
     cruise_mps: float = 1.0
     cruise_accel_mps2: float = 1.2
-    above_ground_m: float = 0.1  #: goals lower than this are on the ground
+    above_ground_m: float = 0.1
+    turning_m: ClassVar[float] = 0.0
+
+    @property
+    def inner_radius_m(self) -> float:
+        return self.radius_m
+
+    @property
+    def outline_m(self) -> tuple[float, float, float]:
+        return 2 * self.radius_m, 2 * self.radius_m, 0.0
+
+    @property
+    def pace(self) -> Pace:
+        return Pace(self.cruise_mps, self.cruise_accel_mps2, self.accel_mps2)
+
+    def cruising(self, speed_mps: float) -> Drone:
+        fastest = max(self.speed_mps, 1.5 * speed_mps)
+        return replace(self, cruise_mps=speed_mps, speed_mps=fastest)
 
 
 class Ideal(Struct, frozen=True):
     """A point that goes exactly where it is told, at one speed."""
 
+    LOOK: ClassVar[Look] = Look("point", flies=True)
+    ON_GROUND: ClassVar[bool] = False
+    IS_EXACT: ClassVar[bool] = True
+
     radius_m: float = 0.2
     cruise_mps: float = 1.0
+    above_ground_m: ClassVar[float] = 0.0
+    turning_m: ClassVar[float] = 0.0
+
+    @property
+    def inner_radius_m(self) -> float:
+        return self.radius_m
+
+    @property
+    def outline_m(self) -> tuple[float, float, float]:
+        return 2 * self.radius_m, 2 * self.radius_m, 0.0
+
+    @property
+    def pace(self) -> Pace:
+        return Pace(self.cruise_mps, 1e6, 1e6)
+
+    def cruising(self, speed_mps: float) -> Ideal:
+        return replace(self, cruise_mps=speed_mps)
 
 
-Body: TypeAlias = Car | Drone | Ideal
+class VehicleType(Struct, frozen=True):
+    """A type of vehicle, as configurations name it."""
+
+    body: Body  #: as it is where a configuration says nothing else
+    planners: tuple[PlannerName, ...]  #: that find paths for it, the one to begin with first
+    simulator: str  #: the module whose ``squad`` moves robots of this type
+    levels: tuple[Level, ...] = tuple(Level)  #: at which that can
+
+
+#: The types of vehicle, by what configurations say behind ``bot_type:``.
+VEHICLES: dict[str, VehicleType] = {
+    "CAR": VehicleType(
+        Car(),
+        (PlannerName.RRT_CAR, PlannerName.RRT_STAR_CAR, PlannerName.STRAIGHT),
+        "koord.sim.vehicles.cars",
+    ),
+    "QUAD": VehicleType(
+        Drone(),
+        (PlannerName.RRT_DRONE, PlannerName.RRT_STAR_DRONE, PlannerName.STRAIGHT),
+        "koord.sim.vehicles.drones",
+    ),
+    "IDEAL": VehicleType(
+        Ideal(),
+        (PlannerName.STRAIGHT, PlannerName.RRT_DRONE, PlannerName.RRT_STAR_DRONE),
+        "koord.sim.vehicles.points",
+    ),
+}
+
+
+def type_of(body: Body) -> VehicleType:
+    """The row of a body in the table. Raises StopIteration for one that is of none."""
+    return next(row for row in VEHICLES.values() if type(row.body) is type(body))

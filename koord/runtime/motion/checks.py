@@ -10,7 +10,7 @@ from itertools import combinations
 from msgspec import Struct
 
 from koord.runtime.motion import shapes
-from koord.runtime.motion.bodies import Body, Car
+from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import field
 from koord.runtime.motion.planning import suits
 from koord.runtime.motion.world import Box, Disc, Point, Polygon, World
@@ -80,16 +80,14 @@ def start_complaints(
         if not inside:
             yield Complaint(Part.ROBOT, k, f"the start at {_shown(start)} is outside of the world")
             continue
-        flat = isinstance(body, Car)
+        flat = body.ON_GROUND
         if flat and not suits(body, world, start):
-            yield Complaint(Part.ROBOT, k, "a car starts on the ground")
-        # A disc that every car covers, whichever way it points.
-        reach = body.width_m / 2 if isinstance(body, Car) else body.radius_m
-        if fields[flat].clearance(*start) < (reach if world.obstacles else 0.0):
+            yield Complaint(Part.ROBOT, k, f"a {body.LOOK.name} starts on the ground")
+        if fields[flat].clearance(*start) < (body.inner_radius_m if world.obstacles else 0.0):
             yield Complaint(Part.ROBOT, k, f"something stands at the start, {_shown(start)}")
     for i, k in _near_pairs(robots, apart_m):
         (one, here), (other, there) = robots[i], robots[k]
-        least = max(apart_m, _half(one) + _half(other))
+        least = max(apart_m, one.inner_radius_m + other.inner_radius_m)
         if math.dist(here, there) <= least:
             yield Complaint(
                 Part.ROBOT, k, f"it starts {math.dist(here, there):.2f} m from robot {i}"
@@ -103,13 +101,9 @@ def _near_pairs(robots: Sequence[tuple[Body, Point]], apart_m: float) -> Iterato
         return
     from scipy.spatial import cKDTree
 
-    reach = max(apart_m, 2 * max(_half(body) for body, _ in robots))
+    reach = max(apart_m, 2 * max(body.inner_radius_m for body, _ in robots))
     tree = cKDTree([start for _, start in robots])
     yield from sorted(tree.query_pairs(reach * (1 + 1e-9)))
-
-
-def _half(body: Body) -> float:
-    return body.width_m / 2 if isinstance(body, Car) else body.radius_m
 
 
 def _shown(point: Point) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +9,7 @@ from msgspec import Struct
 
 from koord.runtime.motion import automaton, pursuit
 from koord.runtime.motion.arrays import Bools, Floats, Ints
-from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.bodies import Car, Steering
 from koord.runtime.motion.course import Course, Horizon
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.group import Group
@@ -29,13 +28,6 @@ _WHEELS_RAD = 0.03
 
 #: A car that stands at the end of its route for so long and has not reached it has missed it.
 _MISSED_S = 1.0
-
-
-class Steering(Enum):
-    """The controllers of cars, by the names that configurations give them."""
-
-    PREDICTIVE = "MPC"
-    PURSUIT = "PURSUIT"
 
 
 class Measured(Struct, frozen=True):

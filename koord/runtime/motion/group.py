@@ -14,27 +14,16 @@ import numpy as np
 from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.automaton import State, Visit
-from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import field
 from koord.runtime.motion.planning import Hindrance, Planner, Plight, Pose, hindrance, suits
-from koord.runtime.motion.routes import Pace, Routes
+from koord.runtime.motion.routes import Routes
 from koord.runtime.motion.world import Point, World
 
 #: A path that begins so near to a robot begins where it is.
 _BESIDE_M = 0.1
 
 _STILL: Floats = np.zeros(3)
-
-
-def pace_of(body: Body) -> Pace:
-    """How fast a body follows paths."""
-    match body:
-        case Car():
-            return Pace(body.cruise_mps, body.cruise_accel_mps2, 2.0, turns_about=True)
-        case Drone():
-            return Pace(body.cruise_mps, body.cruise_accel_mps2, body.accel_mps2)
-        case Ideal():
-            return Pace(body.cruise_mps, 1e6, 1e6)
 
 
 class Group:
@@ -53,14 +42,14 @@ class Group:
         self.body, self.world, self.planner, self.visit = body, world, planner, visit
         self.count = count
         self.automata = automaton.initial(count)
-        self.routes = Routes(count, pace_of(body))
+        self.routes = Routes(count, body.pace)
         self.s: Floats = np.zeros(count)  #: how far along its route each robot is
         self.speed: Floats = np.zeros(count)  #: at which it is to move along it
         self.targets: dict[int, Point] = {}  #: for which there is no path yet
         self.plights: dict[int, Plight] = {}  #: of robots that cannot do what they were told last
-        self._beside_m = 1e-9 if isinstance(body, Ideal) else _BESIDE_M
+        self._beside_m = 1e-9 if body.IS_EXACT else _BESIDE_M
         self._orders = automaton.no_orders(count)
-        self._field = field(world, flat=isinstance(body, Car))
+        self._field = field(world, flat=body.ON_GROUND)
         self._seeds = [0] * count if seeds is None else list(seeds)
         self._plans = np.zeros(count, np.int64)
 
@@ -124,7 +113,7 @@ class Group:
         if not self.targets:
             return
         robots = np.array(sorted(self.targets))
-        if not isinstance(self.body, Car):
+        if self.body.turning_m == 0:
             robots = self._plan_straight(robots, psn)
         for robot in robots[:most].tolist():
             self._plan_one(robot, psn, float(heading_rad[robot]))

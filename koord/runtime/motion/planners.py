@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import assert_never
-
-from koord.runtime.motion.bodies import Body, Car
-from koord.runtime.motion.names import PlannerName
+from koord.runtime.motion.bodies import Body, PlannerName
 from koord.runtime.motion.planning import Effort, Ground, Planner, Straight
 from koord.runtime.motion.world import World
 
@@ -21,17 +18,10 @@ def planner(
 
     ``avoid_m`` is the radius of what stands at a point to avoid.
     """
-    match name:
-        case PlannerName.STRAIGHT:
-            return Straight(Ground(world, body, avoid_m))
-        case PlannerName.RRT_CAR | PlannerName.RRT_STAR_CAR:
-            from koord.runtime.motion.rrt import CurvePlanner
+    ground = Ground(world, body, avoid_m)
+    if name is PlannerName.STRAIGHT:
+        return Straight(ground)
+    from koord.runtime.motion.rrt import CurvePlanner, SpacePlanner
 
-            car = body if isinstance(body, Car) else Car()
-            return CurvePlanner(Ground(world, car, avoid_m), car, effort, name.optimal)
-        case PlannerName.RRT_DRONE | PlannerName.RRT_STAR_DRONE:
-            from koord.runtime.motion.rrt import SpacePlanner
-
-            return SpacePlanner(Ground(world, body, avoid_m), effort, name.optimal)
-        case _:
-            assert_never(name)
+    made = CurvePlanner if body.turning_m > 0 else SpacePlanner
+    return made(ground, effort, name.optimal)

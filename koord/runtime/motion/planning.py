@@ -10,18 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import Enum
-from typing import Protocol, assert_never
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import Field, field
 from koord.runtime.motion.world import Disc, Point, World
 
-#: A goal of a car this far above the plane is still on it.
+#: A goal this far above the plane is still on it.
 _ON_PLANE_M = 0.05
 
 
@@ -71,6 +71,14 @@ class Plight(Struct, frozen=True):
         return f"it is to go to ({place}), and {self.hindrance.value}"
 
 
+class Touched(NamedTuple):
+    """Something that a vehicle touches: another vehicle, an obstacle, or the edge of the world."""
+
+    what: Hindrance
+    number: int = 0  #: of the obstacle, or of the vehicle among those that are ``others``
+    others: object = None
+
+
 class Planner(Protocol):
     """A path planner for one body in one world."""
 
@@ -85,16 +93,10 @@ def hindrance(body: Body, world: World, goal: Point) -> Hindrance | None:
     """Why robots of that kind may not go to a point at all; None: they may."""
     if not all(a <= c <= b for a, c, b in zip(world.low, goal, world.high, strict=True)):
         return Hindrance.OUTSIDE
-    match body:
-        case Car():
-            return Hindrance.ABOVE_GROUND if goal[2] > world.ground + _ON_PLANE_M else None
-        case Drone():
-            low = goal[2] < world.ground + body.above_ground_m
-            return Hindrance.ON_GROUND if low else None
-        case Ideal():
-            return None
-        case _:
-            assert_never(body)
+    if body.ON_GROUND:
+        return Hindrance.ABOVE_GROUND if goal[2] > world.ground + _ON_PLANE_M else None
+    low = goal[2] < world.ground + body.above_ground_m
+    return Hindrance.ON_GROUND if low else None
 
 
 def suits(body: Body, world: World, goal: Point) -> bool:
@@ -111,7 +113,7 @@ class Ground(Struct, frozen=True):
 
     @property
     def flat(self) -> bool:
-        return isinstance(self.body, Car)
+        return self.body.ON_GROUND
 
     def field(self, avoid: Sequence[Point]) -> Field:
         """The free space, with cylinders around the points to avoid."""

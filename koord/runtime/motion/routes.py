@@ -1,6 +1,6 @@
 """Routes: the paths that robots of one kind follow, as arrays over robots.
 
-A route is a path cut into legs where a car has to turn about. Along it runs its length ``s``. At
+A route is a path cut into legs where a robot has to turn about. Along it runs its length ``s``. At
 each point there is a greatest speed: none at the end of a leg, at bends as much as their curvature
 allows, elsewhere the cruising speed; and never more than the robot can slow down from in time.
 """
@@ -13,22 +13,11 @@ import numpy as np
 from msgspec import Struct
 
 from koord.runtime.motion.arrays import Bools, Floats, Ints, bounded, lengths
+from koord.runtime.motion.bodies import Pace
 from koord.runtime.motion.geometry import wrapped
-
-#: Where the direction of a car's path changes by more than this, the car turns about.
-_CUSP_RAD = np.radians(110.0)
 
 #: Paths of bends are given by points between which they turn by less than this.
 _CORNER_RAD = np.radians(25.0)
-
-
-class Pace(Struct, frozen=True):
-    """How fast robots of a kind follow paths."""
-
-    cruise_mps: float
-    accel_mps2: float
-    lateral_mps2: float  #: greatest acceleration towards the side, in bends
-    turns_about: bool = False  #: whether legs are driven forwards and backwards in turn
 
 
 class Spot(Struct, frozen=True):
@@ -157,14 +146,14 @@ class Routes:
         s = np.zeros(segments + 1)
         length.cumsum(out=s[1:])
         turn = np.arccos(bounded(np.einsum("ki,ki->k", unit[:-1], unit[1:]), -1.0, 1.0))
-        about: Bools = (turn > _CUSP_RAD) & self.pace.turns_about
+        about: Bools = turn > self.pace.cusp_rad
         leg = np.zeros(segments, np.int64)  # of each segment
         about.cumsum(out=leg[1:])
         ends = np.append(s[1:-1][about], s[-1])
         bends = _bends(way, length, leg)
         limit = np.full(segments + 1, self.pace.cruise_mps**2)
         bent = np.maximum(np.abs(bends.curvature), 1e-9)
-        if self.pace.turns_about:
+        if self.pace.cusp_rad < np.inf:
             limit = np.minimum(limit, self.pace.lateral_mps2 / bent)
         else:
             # At a corner the velocity turns in a time that the acceleration needs for it.
@@ -176,7 +165,7 @@ class Routes:
         gain = 2 * self.pace.accel_mps2 * s
         limit = np.minimum.accumulate((limit + gain)[::-1])[::-1] - gain
         forwards = 1.0
-        if self.pace.turns_about:
+        if self.pace.reverses:
             forwards = 1.0 if np.cos(bends.course[0] - heading_rad) >= 0 else -1.0
         row = slice(0, segments)
         self.s[robot, : segments + 1], self.s[robot, segments + 1 :] = s, s[-1]
@@ -188,7 +177,7 @@ class Routes:
         self.curvature[robot, : segments + 1] = bends.curvature
         self.leg_end[robot, row] = ends[leg]
         self.leg_end[robot, segments:] = s[-1]
-        self.way[robot, row] = forwards * (-1.0) ** leg
+        self.way[robot, row] = forwards * (-1.0) ** leg if self.pace.reverses else 1.0
 
     def _grow(self, room: int) -> None:
         short = room - self.points.shape[1]

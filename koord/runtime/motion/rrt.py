@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import Field
 from koord.runtime.motion.libraries import missing
 from koord.runtime.motion.planning import Effort, Ground, Pose, suits
@@ -97,7 +97,6 @@ class CurvePlanner(Struct, frozen=True):
     """Paths that a car can drive, forwards and backwards: trees of Reeds–Shepp curves."""
 
     ground: Ground
-    car: Car
     effort: Effort
     optimal: bool
 
@@ -105,20 +104,20 @@ class CurvePlanner(Struct, frozen=True):
         self, start: Pose, goal: Point, seed: int, avoid: Sequence[Point] = ()
     ) -> Floats | None:
         """A path of points 0.15 m apart; where the car turns about, there is a point as well."""
-        world = self.ground.world
-        if not suits(self.car, world, goal):
+        body, world = self.ground.body, self.ground.world
+        if not suits(body, world, goal):
             return None
         if math.dist(start.position, goal) < _HERE_M:
             return np.array([start.position, goal])
         free = self.ground.field(avoid)
         util.RNG.setSeed(seed % 2**31 + 1)
-        space = base.ReedsSheppStateSpace(self.car.turning_m * _WIDER)
+        space = base.ReedsSheppStateSpace(body.turning_m * _WIDER)
         bounds = base.RealVectorBounds(2)
         for axis in range(2):
             bounds.setLow(axis, world.low[axis])
             bounds.setHigh(axis, world.high[axis])
         space.setBounds(bounds)
-        valid = car_fits(free, self.car, start)
+        valid = car_fits(free, body, start)
         query = _Query(space, valid, self.effort, self.optimal, range_m=2.5)
         begin = query.state()
         _place(begin, start.position, start.heading_rad)
@@ -211,12 +210,13 @@ def _leaving(free: Field, start: Point, reach_m: float) -> Callable[[float, floa
     return enough
 
 
-def car_fits(free: Field, car: Car, start: Pose) -> Callable[[Any], bool]:
+def car_fits(free: Field, body: Body, start: Pose) -> Callable[[Any], bool]:
     """Whether a car fits at a state: two discs cover it, half its length apart."""
-    half = car.length_m / 4
-    reach = math.hypot(half, car.width_m / 2) + MARGIN_M
+    length, width, middle = body.outline_m
+    half = length / 4
+    reach = math.hypot(half, width / 2) + MARGIN_M
     x0, y0, z = start.position
-    ahead_m, behind_m = car.middle_m + half, half - car.middle_m
+    ahead_m, behind_m = middle + half, half - middle
     cos0, sin0 = math.cos(start.heading_rad), math.sin(start.heading_rad)
     front = _leaving(free, (x0 + ahead_m * cos0, y0 + ahead_m * sin0, z), reach)
     back = _leaving(free, (x0 - behind_m * cos0, y0 - behind_m * sin0, z), reach)

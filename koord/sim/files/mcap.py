@@ -23,7 +23,6 @@ from koord.sim.recording import (
     Change,
     Header,
     Idle,
-    Look,
     Planned,
     Recorded,
     Recording,
@@ -251,7 +250,7 @@ def _vehicle(k: int, robot: Recorded) -> Message:
         "color": _colour((1.0, 1.0, 1.0)),
         "text": str(k),
     }
-    if robot.look is Look.CAR:
+    if robot.look.is_box:
         cube = _placed(robot.middle_m, 0.0, 0.08) | {
             "size": _vector(robot.length_m, robot.width_m, 0.16),
             "color": colour,

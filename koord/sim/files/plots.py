@@ -13,7 +13,6 @@ from koord.sim.recording import (
     SHARED,
     WHOLE,
     Header,
-    Look,
     Recording,
     TaskState,
     map_variable,
@@ -45,7 +44,7 @@ def plot_of(recording: Recording, form: str) -> bytes:
     from matplotlib.figure import Figure
 
     header = recording.header
-    axes = "xyz" if any(robot.flies for robot in header.robots) else "xy"
+    axes = "xyz" if any(robot.look.flies for robot in header.robots) else "xy"
     number = map_variable(header)
     maps = maps_of(recording, number) if number is not None else []
     rows = len(axes) + bool(maps)
@@ -76,7 +75,7 @@ def _against_time(axes: Axes, recording: Recording, component: int) -> None:
     header, poses = recording.header, recording.stacked()
     times = np.array(recording.times_s)
     for k, robot in enumerate(header.robots):
-        style = "-" if robot.look is Look.CAR else "--" if robot.look is Look.DRONE else ":"
+        style = "-" if not robot.look.flies else "--" if robot.look.tilts else ":"
         colour = _COLOURS[k % len(_COLOURS)]
         axes.plot(times, poses[:, k, component], style, color=colour, linewidth=1.2)
         if len(header.robots) <= _NUMBERED and len(times):

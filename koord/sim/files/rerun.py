@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from koord.runtime.motion.world import Box, Disc, Obstacle, World
-from koord.sim.recording import Header, Look, Recording, Sizes, TaskState, turns_of
+from koord.sim.recording import Header, Recording, Sizes, TaskState, turns_of
 
 _HUES = (0x2F6FDEFF, 0xB8429AFF, 0x0E8F9EFF, 0x8A6428FF, 0x6C4BD8FF, 0x5A7182FF)
 _TASKS = {
@@ -121,7 +121,7 @@ def _prism(rerun: Any, obstacle: Obstacle, world: World) -> Any:
 
 def _draw_body(rerun: Any, stream: Any, header: Header, number: int) -> None:
     robot, colour = header.robots[number], _HUES[number % len(_HUES)]
-    if robot.look is Look.CAR:
+    if robot.look.is_box:
         half = (robot.length_m / 2, robot.width_m / 2, 0.08)
         centre = (robot.middle_m, 0.0, 0.08)
     else:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from koord.runtime.motion.world import Box, Disc, Obstacle
-from koord.sim.recording import Header, Look, Recorded, Recording, Sizes, TaskState, turns_of
+from koord.sim.recording import Header, Recorded, Recording, Sizes, TaskState, turns_of
 
 _WORLD = "world"
 
@@ -261,7 +261,7 @@ class _Messages:
 
 def _body(robot: Recorded) -> tuple[int, tuple[float, float, float], tuple[float, float, float]]:
     """The kind, the place and the size of a robot's marker in its own frame."""
-    if robot.look is Look.CAR:
+    if robot.look.is_box:
         return _CUBE, (robot.middle_m, 0.0, 0.08), (robot.length_m, robot.width_m, 0.16)
     return _CYLINDER, (0.0, 0.0, 0.0), (2 * robot.radius_m, 2 * robot.radius_m, 0.1)
 

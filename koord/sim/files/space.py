@@ -13,7 +13,7 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.world import Box, Disc, Obstacle, World
-from koord.sim.recording import Header, Look, Recording, TaskState, turns_of
+from koord.sim.recording import Header, Recording, TaskState, turns_of
 
 _HUES = (
     (47, 111, 222),
@@ -162,7 +162,7 @@ def _draw_robot(scene: Any, header: Header, number: int) -> Any:
     name = f"/robots/{number}"
     frame = scene.add_frame(name, show_axes=False)
     dark = tuple(part // 2 for part in colour)
-    if robot.look is Look.CAR:
+    if robot.look.is_box:
         size = (robot.length_m, robot.width_m, 0.12)
         scene.add_box(
             f"{name}/body", dimensions=size, color=colour, position=(robot.middle_m, 0, 0.1)
@@ -170,7 +170,7 @@ def _draw_robot(scene: Any, header: Header, number: int) -> Any:
         cabin = (robot.length_m * 0.4, robot.width_m * 0.8, 0.1)
         behind = robot.middle_m - robot.length_m * 0.05
         scene.add_box(f"{name}/cabin", dimensions=cabin, color=dark, position=(behind, 0, 0.2))
-    elif robot.look is Look.DRONE:
+    elif robot.look.tilts:
         arm = robot.radius_m * 0.62
         for k, (sx, sy) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
             at = (sx * arm, sy * arm, 0.03)

@@ -2,58 +2,64 @@
 
 /** A robot that points along x, about its middle, `unit` pixels long for each metre. */
 function drawRobot(context, robot, unit, colour) {
-  const ink = theme("--panel");
   context.lineJoin = "round";
-  if (robot.look === "car") {
-    const l = robot.length * unit, w = robot.width * unit, x = -l / 2, y = -w / 2;
-    context.fillStyle = theme("--ink");
-    for (const [fx, fy] of [[-0.32, -0.5], [-0.32, 0.5], [0.3, -0.5], [0.3, 0.5]]) {
-      context.fillRect(fx * l - l * 0.09, fy * w - w * 0.09, l * 0.18, w * 0.18);
-    }
-    context.fillStyle = colour;
-    rounded(context, x, y, l, w, Math.min(l, w) * 0.25);
-    context.fill();
-    context.fillStyle = ink; // the windscreen is in front
-    context.beginPath();
-    context.moveTo(l * 0.12, y + w * 0.16);
-    context.lineTo(l * 0.3, y + w * 0.24);
-    context.lineTo(l * 0.3, -y - w * 0.24);
-    context.lineTo(l * 0.12, -y - w * 0.16);
-    context.fill();
-    return;
+  (GLYPHS[robot.look]?.draw ?? drawDisc)(context, robot, unit, colour);
+}
+
+function drawCar(context, robot, unit, colour) {
+  const l = robot.length * unit, w = robot.width * unit, x = -l / 2, y = -w / 2;
+  context.fillStyle = theme("--ink");
+  for (const [fx, fy] of [[-0.32, -0.5], [-0.32, 0.5], [0.3, -0.5], [0.3, 0.5]]) {
+    context.fillRect(fx * l - l * 0.09, fy * w - w * 0.09, l * 0.18, w * 0.18);
   }
-  const r = robot.radius * unit;
-  if (robot.look === "drone") {
-    const arm = r * 0.66, rotor = r * 0.36;
-    context.strokeStyle = colour;
-    context.lineWidth = Math.max(1.4, r * 0.16);
+  context.fillStyle = colour;
+  rounded(context, x, y, l, w, Math.min(l, w) * 0.25);
+  context.fill();
+  context.fillStyle = theme("--panel"); // the windscreen is in front
+  context.beginPath();
+  context.moveTo(l * 0.12, y + w * 0.16);
+  context.lineTo(l * 0.3, y + w * 0.24);
+  context.lineTo(l * 0.3, -y - w * 0.24);
+  context.lineTo(l * 0.12, -y - w * 0.16);
+  context.fill();
+}
+
+function drawDrone(context, robot, unit, colour) {
+  const r = robot.radius * unit, arm = r * 0.66, rotor = r * 0.36;
+  context.strokeStyle = colour;
+  context.lineWidth = Math.max(1.4, r * 0.16);
+  context.beginPath();
+  for (const [sx, sy] of [[1, 1], [-1, -1], [1, -1], [-1, 1]]) {
+    context.moveTo(0, 0);
+    context.lineTo(sx * arm * 0.78, sy * arm * 0.78);
+  }
+  context.stroke();
+  context.lineWidth = Math.max(1.2, r * 0.09);
+  context.fillStyle = theme("--panel");
+  for (const [sx, sy] of [[1, 1], [-1, -1], [1, -1], [-1, 1]]) {
     context.beginPath();
-    for (const [sx, sy] of [[1, 1], [-1, -1], [1, -1], [-1, 1]]) {
-      context.moveTo(0, 0);
-      context.lineTo(sx * arm * 0.78, sy * arm * 0.78);
-    }
+    context.arc(sx * arm * 0.8, sy * arm * 0.8, rotor, 0, 7);
+    context.fill();
     context.stroke();
-    context.lineWidth = Math.max(1.2, r * 0.09);
-    context.fillStyle = ink;
-    for (const [sx, sy] of [[1, 1], [-1, -1], [1, -1], [-1, 1]]) {
-      context.beginPath();
-      context.arc(sx * arm * 0.8, sy * arm * 0.8, rotor, 0, 7);
-      context.fill();
-      context.stroke();
-    }
-    context.fillStyle = colour;
-    context.beginPath();
-    context.arc(0, 0, r * 0.4, 0, 7);
-    context.fill();
-    arrow(context, r * 0.34, r * 0.92, r * 0.26);
-    return;
   }
+  context.fillStyle = colour;
+  context.beginPath();
+  context.arc(0, 0, r * 0.4, 0, 7);
+  context.fill();
+  arrow(context, r * 0.34, r * 0.92, r * 0.26);
+}
+
+function drawDisc(context, robot, unit, colour) {
+  const r = robot.radius * unit;
   context.fillStyle = colour;
   context.beginPath();
   context.arc(0, 0, r * 0.8, 0, 7);
   context.fill();
   arrow(context, r * 0.6, r * 1.15, r * 0.34);
 }
+
+/** By the names of `Look`: how a robot is drawn, and whether its roll and pitch are recorded. */
+const GLYPHS = { car: { draw: drawCar }, drone: { draw: drawDrone, tilts: true } };
 
 function arrow(context, from, to, half) {
   context.beginPath();

@@ -100,7 +100,7 @@ class Panels {
       ["place", `x ${at[0].toFixed(2)}  y ${at[1].toFixed(2)}` + (about.flies ? `  height ${at[2].toFixed(2)} m` : " m")],
       ["speed", `${run.speedOf(robot, time).toFixed(2)} m/s, heading ${Math.round((turned(at[3]) * 180) / Math.PI)}°`],
     ];
-    if (about.look === "drone") {
+    if (GLYPHS[about.look]?.tilts) {
       const [roll, pitch] = run.tiltOf(robot, time).map((angle) => Math.round((angle * 180) / Math.PI));
       facts.push(["tilt", `roll ${roll}°  pitch ${pitch}°`]);
     }

@@ -13,7 +13,7 @@ class Run {
     this.times = new Float64Array(64); // of poses
     this.samples = 0;
     this.poses = new Float32Array(64 * 4 * this.count); // sample by sample: x, y, z, heading
-    this.tilting = this.robots.flatMap((robot, k) => (robot.look === "drone" ? [k] : []));
+    this.tilting = this.robots.flatMap((robot, k) => (GLYPHS[robot.look]?.tilts ? [k] : []));
     this.tilts = new Float32Array(64 * 2 * this.tilting.length); // roll, pitch of those that tilt
     this.separations = new Float32Array(64); // NaN: not known
     this.rounds = 0;

@@ -1,25 +1,24 @@
-"""Cars that push and block each other and run into walls: the level ``full``. By pymunk alone.
+"""Vehicles in contact in the plane, with each other and with walls: the level ``full``. By pymunk.
 
-The bicycle model says which velocity a car strives for; engine and tyres bring it there with
-limited force, pymunk solves the contacts. Velocities are read and forces written for all cars at
-once (pymunk's batch interface), because one call per car and step would cost ten times as much.
+A kinematic model says which velocity a vehicle strives for; engine and tyres bring it there with
+limited force, pymunk solves the contacts. Velocities are read and forces written for all vehicles
+at once (pymunk's batch interface), because one call per vehicle and step would cost ten times as
+much.
 """
 
 from __future__ import annotations
 
 import math
-from typing import assert_never
+from typing import Protocol, assert_never
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.field import GROUND_ROBOT_M
 from koord.runtime.motion.libraries import missing
-from koord.runtime.motion.planning import Hindrance
+from koord.runtime.motion.planning import Hindrance, Touched
 from koord.runtime.motion.world import Box, Disc, Flat, Obstacle, Polygon, World
-from koord.sim.vehicles.bicycles import Bicycles
-from koord.sim.vehicles.touching import Touched
 
 try:
     import pymunk
@@ -43,16 +42,36 @@ _GRIP_MPS2 = 8.8
 _WALL_M = 0.05
 
 
+class Kinematics(Protocol):
+    """How vehicles on wheels move where nothing is in their way. Arrays have a row for each."""
+
+    position: Floats
+    heading: Floats
+    speed: Floats
+
+    def take(self, speed: Floats, turn: Floats) -> None:
+        """Go on from the speeds and the rates of turning that contact has left."""
+        ...
+
+    def actuate(self, command: Floats, dt_s: float) -> None:
+        """Speeds a step later, within the limits."""
+        ...
+
+    def turning(self) -> Floats:
+        """How fast they turn, rad/s."""
+        ...
+
+
 class Floor:
-    """Obstacles and the walls around a world, and all cars among them. Time passes for all of them
-    when all have been told what to do.
+    """Obstacles and the walls around a world, and all vehicles among them. Time passes for all of
+    them when all have been told what to do.
     """
 
     def __init__(self, world: World) -> None:
         self.space = pymunk.Space()
         self.space.iterations = 10
         self.space.collision_slop = 0.001
-        self._parts: list[tuple[CollidingCars, slice]] = []
+        self._parts: list[tuple[Colliding, slice]] = []
         self._told = 0
         self._numbers: dict[int, int] = {}
         self._known: dict[pymunk.Shape, Touched] = {}
@@ -60,33 +79,33 @@ class Floor:
         self._force: Floats = np.zeros((1, 3))
         self._add_world(world)
 
-    def join(self, cars: CollidingCars, bodies: list[int]) -> None:
-        """Cars, by the numbers of their bodies; there are no more when time begins to pass."""
+    def join(self, vehicles: Colliding, bodies: list[int]) -> None:
+        """Vehicles, by the numbers of their bodies; there are no more when time begins to pass."""
         first = len(self._numbers)
         self._numbers |= {body: first + k for k, body in enumerate(bodies)}
-        self._parts.append((cars, slice(first, len(self._numbers))))
-        # pymunk lists the body of the world as well, behind the cars: no force acts on it.
+        self._parts.append((vehicles, slice(first, len(self._numbers))))
+        # pymunk lists the body of the world as well, behind the vehicles: no force acts on it.
         self._force = np.zeros((len(self._numbers) + 1, 3))
 
     def advance(self, dt_s: float, steps: int) -> None:
-        """Some cars know what to do in the next steps; with the last that do they are made."""
+        """Some vehicles know what to do in the next steps; with the last that do they are made."""
         self._told += 1
         if self._told < len(self._parts):
             return
         self._told = 0
         for _ in range(steps):
             state = self._read()
-            for cars, rows in self._parts:
-                cars.push(state[rows], self._force[rows], dt_s)
+            for vehicles, rows in self._parts:
+                vehicles.push(state[rows], self._force[rows], dt_s)
             self._forces.set_float_buf(self._force)
             batch.set_space_bodies(self.space, _WRITE, self._forces)
             self.space.step(dt_s)
         state = self._read()
-        for cars, rows in self._parts:
-            cars.show(state[rows])
+        for vehicles, rows in self._parts:
+            vehicles.show(state[rows])
 
     def contacts(self) -> list[tuple[int, int]]:
-        """The pairs of cars that touch, as they have joined; -1 is the world. Sorted."""
+        """The pairs of vehicles that touch, as they have joined; -1 is the world. Sorted."""
         self._arbiters.clear()
         batch.get_space_arbiters(self.space, _PAIRS, self._arbiters)
         ids = np.frombuffer(self._arbiters.int_buf(), dtype=np.uintp).reshape(-1, 2)
@@ -95,7 +114,7 @@ class Floor:
         return sorted({(min(pair), max(pair)) for pair in pairs})
 
     def touched(self, body: pymunk.Body) -> tuple[Touched, ...]:
-        """What a car touches."""
+        """What a vehicle touches."""
         found: dict[Touched, None] = {}
 
         def note(arbiter: pymunk.Arbiter) -> None:
@@ -136,25 +155,53 @@ class Floor:
         self.space.add(*shapes)
 
 
-class CollidingCars(Bicycles):
-    """Cars with bodies, of one kind, on a floor that they may share with others."""
+class Hull(Struct, frozen=True):
+    """The body of a vehicle in the plane: a rectangle, or a disc of that length."""
 
-    def __init__(self, car: Car, start: Floats, heading_rad: Floats, floor: Floor) -> None:
-        super().__init__(car, start, heading_rad)
-        self._floor = floor
-        self._command: Floats = np.zeros((len(start), 2))
-        self._inertia = car.mass_kg * (car.length_m**2 + car.width_m**2) / 12
-        self._bodies = [self._add_car(floor, k) for k in range(len(start))]
+    mass_kg: float
+    length_m: float
+    width_m: float
+    middle_m: float = 0.0  #: from the position forward to its middle
+    is_disc: bool = False
+
+    @property
+    def inertia_kgm2(self) -> float:
+        """About the vertical, of a body that is as dense everywhere."""
+        if self.is_disc:
+            return self.mass_kg * self.length_m**2 / 8
+        return self.mass_kg * (self.length_m**2 + self.width_m**2) / 12
+
+
+class Colliding:
+    """Vehicles with bodies, of one device, on a floor that they may share with others."""
+
+    def __init__(self, model: Kinematics, hull: Hull, floor: Floor) -> None:
+        self.model, self._hull, self._floor = model, hull, floor
+        self._command: Floats = np.zeros((len(model.heading), 2))
+        self._inertia = hull.inertia_kgm2
+        self._bodies = [self._add(floor, k) for k in range(len(model.heading))]
         floor.join(self, [body.id for body in self._bodies])
 
+    @property
+    def position(self) -> Floats:
+        return self.model.position
+
+    @property
+    def heading(self) -> Floats:
+        return self.model.heading
+
+    @property
+    def speed(self) -> Floats:
+        return self.model.speed
+
     def advance(self, command: Floats, dt_s: float, steps: int) -> None:
-        """Go on for some steps with commanded speeds and steering angles, shape ``(n, 2)``."""
+        """Go on for some steps with commands, shape ``(n, 2)``."""
         self._command = command
         self._floor.advance(dt_s, steps)
 
-    def touched(self, car: int) -> tuple[Touched, ...]:
+    def touched(self, number: int) -> tuple[Touched, ...]:
         """What one of them touches."""
-        return self._floor.touched(self._bodies[car])
+        return self._floor.touched(self._bodies[number])
 
     def push(self, state: Floats, force: Floats, dt_s: float) -> None:
         """The forces of engine and tyres for the next step, into an array ``(n, 3)``.
@@ -162,43 +209,50 @@ class CollidingCars(Bicycles):
         ``state`` has positions, angles, velocities and rates of the bodies: ``(n, 6)``.
         """
         # What a collision has taken away is gone: the engine starts from the speed there is.
-        self.speed = self._speed(state)
-        self.actuate(self._command, dt_s)
-        turn = self.turning()
-        # The velocity that the wheels allow the middle of the car, where it points next.
+        self.model.take(_ahead(state), state[:, 5])
+        self.model.actuate(self._command, dt_s)
+        speed, turn = self.model.speed, self.model.turning()
+        # The velocity that the wheels allow the middle of the body, where it points next.
         cos, sin = np.cos(state[:, 2] + turn * dt_s), np.sin(state[:, 2] + turn * dt_s)
-        aside = turn * self.car.middle_m
-        gain_x = self.speed * cos - aside * sin - state[:, 3]
-        gain_y = self.speed * sin + aside * cos - state[:, 4]
+        aside = turn * self._hull.middle_m
+        gain_x = speed * cos - aside * sin - state[:, 3]
+        gain_y = speed * sin + aside * cos - state[:, 4]
         size = np.hypot(gain_x, gain_y)
         held = np.minimum(1.0, _GRIP_MPS2 * dt_s / np.maximum(size, 1e-12))
-        pull = held * (self.car.mass_kg / dt_s)
+        pull = held * (self._hull.mass_kg / dt_s)
         force[:, 0], force[:, 1] = pull * gain_x, pull * gain_y
         force[:, 2] = held * (turn - state[:, 5]) * (self._inertia / dt_s)
 
     def show(self, state: Floats) -> None:
         """Where the bodies are now."""
-        self.position[:, 0] = state[:, 0] - self.car.middle_m * np.cos(state[:, 2])
-        self.position[:, 1] = state[:, 1] - self.car.middle_m * np.sin(state[:, 2])
-        self.heading = (state[:, 2] + np.pi) % (2 * np.pi) - np.pi
-        self.speed = self._speed(state)
+        model, middle = self.model, self._hull.middle_m
+        model.position[:, 0] = state[:, 0] - middle * np.cos(state[:, 2])
+        model.position[:, 1] = state[:, 1] - middle * np.sin(state[:, 2])
+        model.heading = (state[:, 2] + np.pi) % (2 * np.pi) - np.pi
+        model.take(_ahead(state), state[:, 5])
 
-    def _speed(self, state: Floats) -> Floats:
-        """The part of the cars' velocities along them, which is the speed of the rear axle."""
-        ahead: Floats = np.cos(state[:, 2]) * state[:, 3] + np.sin(state[:, 2]) * state[:, 4]
-        return ahead
-
-    def _add_car(self, floor: Floor, number: int) -> pymunk.Body:
-        body = pymunk.Body(self.car.mass_kg, self._inertia)
+    def _add(self, floor: Floor, number: int) -> pymunk.Body:
+        hull = self._hull
+        body = pymunk.Body(hull.mass_kg, self._inertia)
         x, y, _ = self.position[number].tolist()
         body.angle = heading = float(self.heading[number])
-        ahead = self.car.middle_m
+        ahead = hull.middle_m
         body.position = (x + ahead * math.cos(heading), y + ahead * math.sin(heading))
-        shape = pymunk.Poly.create_box(body, (self.car.length_m, self.car.width_m))
+        shape: pymunk.Shape = (
+            pymunk.Circle(body, hull.length_m / 2)
+            if hull.is_disc
+            else pymunk.Poly.create_box(body, (hull.length_m, hull.width_m))
+        )
         shape.friction, shape.elasticity = 0.4, 0.1
         floor.space.add(body, shape)
         floor.know(shape, Touched(Hindrance.ROBOT, number, self))
         return body
+
+
+def _ahead(state: Floats) -> Floats:
+    """The part of velocities along the vehicles, which is the speed of their axles."""
+    speed: Floats = np.cos(state[:, 2]) * state[:, 3] + np.sin(state[:, 2]) * state[:, 4]
+    return speed
 
 
 def _solid(obstacle: Obstacle, ground: pymunk.Body) -> list[pymunk.Shape]:

@@ -22,7 +22,7 @@ from koord.runtime.motion.arrays import Floats, products
 from koord.runtime.motion.bodies import Drone
 from koord.runtime.motion.cascade import GRAVITY, Gains
 from koord.runtime.motion.flying import Reference
-from koord.sim.vehicles.touching import Touched
+from koord.runtime.motion.planning import Touched
 
 #: a × b.
 _CROSS = products(

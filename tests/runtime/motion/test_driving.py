@@ -12,16 +12,15 @@ import pytest
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.automaton import State, Visit
-from koord.runtime.motion.bodies import Car
+from koord.runtime.motion.bodies import Car, PlannerName, Steering
 from koord.runtime.motion.course import Course, Horizon
-from koord.runtime.motion.driving import Driving, Measured, Steering
+from koord.runtime.motion.driving import Driving, Measured
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import point_path
 from koord.runtime.motion.group import Group
-from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.predictive import Predictive
-from koord.sim.vehicles.bicycles import Bicycles
+from koord.sim.vehicles.cars import Bicycles
 from tests.runtime.motion.worlds import CLUTTERED, EMPTY, places
 
 CAR = Car()

@@ -8,10 +8,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from koord.runtime.motion.bodies import Car, Drone
+from koord.runtime.motion.bodies import Car, Drone, PlannerName
 from koord.runtime.motion.clearance import Clearance
 from koord.runtime.motion.library import Chart, Library
-from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import Effort, Pose
 from koord.runtime.motion.world import Box, Point, World

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.bodies import Body, Car, Drone, Ideal
+from koord.runtime.motion.bodies import Body, Car, Drone, Ideal, PlannerName
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import wrapped
-from koord.runtime.motion.names import PlannerName
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import Effort, Pose, suits
 from koord.runtime.motion.rrt import MARGIN_M, car_fits, spaced

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Pace
 from koord.runtime.motion.geometry import length, point_path
-from koord.runtime.motion.routes import Pace, Routes
+from koord.runtime.motion.routes import Routes
 
 PACE = Pace(cruise_mps=1.0, accel_mps2=1.0, lateral_mps2=2.0)
-CAR_PACE = Pace(cruise_mps=1.0, accel_mps2=1.0, lateral_mps2=2.0, turns_about=True)
+CAR_PACE = Pace(
+    cruise_mps=1.0, accel_mps2=1.0, lateral_mps2=2.0, cusp_rad=math.radians(110), reverses=True
+)
 ONE = np.array([0])
 
 POINT = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(0, 3))

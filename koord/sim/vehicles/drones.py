@@ -1,0 +1,196 @@
+"""Squads of drones under cascaded control, at every level; and those that MuJoCo moves.
+
+Rotors of level ``mujoco`` stand at the corners of a square within the footprint.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, assert_never
+
+import numpy as np
+
+from koord.runtime.motion.arrays import Floats
+from koord.runtime.motion.bodies import Drone, Level
+from koord.runtime.motion.cascade import GRAVITY
+from koord.runtime.motion.flying import Flying, Reference
+from koord.runtime.motion.planning import Touched
+from koord.runtime.motion.world import Point
+from koord.sim.disturbances import Fixes, Gusts
+from koord.sim.squads import PLAN_MOST, STEP_S, STEPS, SquadSetup
+from koord.sim.vehicles import mjcf
+from koord.sim.vehicles.quadrotors import PointDrones, Quadrotors
+
+if TYPE_CHECKING:
+    from koord.sim.vehicles.physics import Arena
+
+
+def squad(setup: SquadSetup) -> DroneSquad:
+    """Drones that stand, or hover."""
+    return DroneSquad(setup, _drones(setup))
+
+
+def _drones(setup: SquadSetup) -> Quadrotors:
+    drone, start, engines = setup.model.body, setup.start, setup.engines
+    assert isinstance(drone, Drone)
+    match setup.model.level:
+        case Level.SIMPLE:
+            return PointDrones(drone, start, engines.world.ground)
+        case Level.FULL:
+            return Quadrotors(drone, start, engines.world.ground)
+        case Level.FAST:
+            from koord.sim.vehicles.compiled import CompiledQuadrotors
+
+            return CompiledQuadrotors(drone, start, engines.world.ground)
+        case Level.MUJOCO:
+            return PhysicalDrones(drone, start, engines.arena)
+        case _:
+            assert_never(setup.model.level)
+
+
+class DroneSquad:
+    """Drones that follow a reference."""
+
+    def __init__(self, setup: SquadSetup, vehicles: Quadrotors) -> None:
+        self.group, self.vehicles = setup.group, vehicles
+        start, disturbances = setup.start, setup.model.disturbances
+        self.flying = Flying(setup.group, start)
+        self._fixes = Fixes(disturbances.positioning, setup.noise, flat=False)
+        self._gusts = Gusts(disturbances.wind, setup.wind)
+        self._delay = setup.delay(np.concatenate([start, 0 * start, 0 * start], axis=1))
+        self._heading = np.zeros(len(start))  # drones keep their noses along x
+
+    def tick(self, now_s: float) -> None:
+        position, heading = self.fixes(now_s)
+        self.group.plan(self.flying.origin(position), heading, PLAN_MOST)
+        self.group.update(position, now_s)
+        reference = self.flying.command(position, STEPS * STEP_S)
+        sent = np.concatenate(
+            [reference.position, reference.velocity, reference.acceleration], axis=1
+        )
+        due = self._delay.pass_on(sent)
+        # What the drone is told may be off or late: its controller aims beside by as much.
+        aim = due[:, :3] - (position - self.truth()[0])
+        wind = self._gusts.blow(STEPS * STEP_S)
+        self.vehicles.advance(Reference(aim, due[:, 3:6], due[:, 6:]), wind, STEP_S, STEPS)
+
+    def fixes(self, now_s: float) -> tuple[Floats, Floats]:
+        return self._fixes.read(self.vehicles.state.position.T, self._heading, now_s)
+
+    def truth(self) -> tuple[Floats, Floats]:
+        return self.vehicles.state.position.T, self._heading
+
+    def attitude(self) -> Floats:
+        return self.vehicles.state.attitude.T
+
+
+# --- with rotors of MuJoCo ------------------------------------------------------------------------
+
+HEIGHT_M = 0.1
+
+#: Rotors are so far from the axes, as a share of what the footprint reaches along them.
+_ROTOR_SHARE = 0.63
+
+#: x, y and the sense in which a rotor turns, for a quadrotor in the form of an X.
+_ROTORS = ((1, -1, 1), (-1, -1, -1), (-1, 1, 1), (1, 1, -1))
+
+
+class PhysicalDrones(Quadrotors):
+    """Quadrotors of four rotors, under the controllers of the level ``full``.
+
+    Their position is the lowest point of a drone that hovers: on the ground it stands there.
+    """
+
+    flies = True
+
+    def __init__(self, drone: Drone, start: Floats, arena: Arena) -> None:
+        """``start`` has shape ``(n, 3)``."""
+        super().__init__(drone, start, arena.world.ground)
+        self._arena = arena
+        self.names = arena.join(self, "drone", len(start))
+        sense = np.array(_ROTORS, dtype=np.float64)
+        arm, twist = _rotor_arm_m(drone), _rotor_twist_m(drone)
+        # Rotor thrusts from the whole thrust and the torques about x, y and z.
+        self._mixer = np.column_stack(
+            [np.ones(4), sense[:, 1] / arm, -sense[:, 0] / arm, sense[:, 2] / twist]
+        ) / len(sense)
+        self._goal: tuple[Floats, Floats, Floats, Floats] | None = None
+
+    def advance(self, reference: Reference, wind: Floats, dt_s: float, steps: int) -> None:
+        """Fly for some steps. The reference moves on at its velocity; ``wind`` is ``(n, 3)``."""
+        velocity = np.ascontiguousarray(reference.velocity.T)
+        # The reference is for the end of these steps.
+        position = reference.position.T - velocity * (dt_s * steps)
+        self._goal = position, velocity, reference.acceleration.T, wind
+        self._arena.advance(self, dt_s, steps)
+
+    def touched(self, number: int) -> tuple[Touched, ...]:
+        return self._arena.touched(self.names[number])
+
+    def described(self) -> Iterator[mjcf.Described]:
+        for name, (x, y, z) in zip(self.names, self.state.position.T.tolist(), strict=True):
+            yield drone_described(name, self.drone, (x, y, z + HEIGHT_M / 2))
+
+    def settle(self, model: Any, data: Any) -> None:
+        from koord.sim.vehicles.physics import coordinates
+
+        self._bodies = np.array([model.body(name).id for name in self.names])
+        self._qpos, self._qvel = coordinates(model, self.names)
+        self._rotors = np.array(
+            [[model.actuator(f"{name} rotor {k}").id for k in range(4)] for name in self.names]
+        )
+        data.act[model.actuator_actadr[self._rotors]] = self.drone.mass_kg * GRAVITY / 4
+
+    def act(self, data: Any, dt_s: float) -> None:
+        assert self._goal is not None
+        goal, pace, gain, wind = self._goal
+        goal = goal + pace * dt_s
+        self._goal = goal, pace, gain, wind
+        thrust, tau, _ = self.control(goal, pace, gain, dt_s)
+        asked = np.vstack([self.drone.mass_kg * thrust, tau])
+        data.ctrl[self._rotors] = (self._mixer @ asked).T
+        drag = self.drone.drag_kgps * (wind - self.state.velocity.T)
+        data.xfrc_applied[self._bodies, :3] = drag
+
+    def look(self, data: Any) -> None:
+        q = data.qpos[self._qpos[:, None] + np.arange(7)].T
+        v = data.qvel[self._qvel[:, None] + np.arange(6)].T
+        s = self.state
+        s.position = q[:3].copy()
+        s.position[2] -= HEIGHT_M / 2
+        s.attitude, s.velocity, s.rates = q[3:].copy(), v[:3].copy(), v[3:].copy()
+
+
+def _rotor_arm_m(drone: Drone) -> float:
+    """How far a rotor is from the axes through the middle."""
+    return _ROTOR_SHARE * drone.radius_m / math.sqrt(2)
+
+
+def _rotor_twist_m(drone: Drone) -> float:
+    """A rotor's torque about its axis, per thrust: hovering, it can just be what a drone has."""
+    return drone.torque_nm[2] / (drone.mass_kg * GRAVITY)
+
+
+def drone_described(name: str, drone: Drone, at: Point) -> mjcf.Described:
+    """A quadrotor whose frame is in its middle."""
+    half, arm = drone.radius_m / math.sqrt(2), _rotor_arm_m(drone)
+    box = mjcf.numbers(half, half, HEIGHT_M / 2)
+    body = [
+        f'<body name="{name}" pos="{mjcf.numbers(*at)}"><freejoint/>',
+        f'<inertial pos="0 0 0" mass="{drone.mass_kg!r}" '
+        f'diaginertia="{mjcf.numbers(*drone.inertia_kgm2)}"/>',
+        f'<geom type="box" size="{box}" friction="{mjcf.BODY_GRIP}" {mjcf.SOLID}/>',
+    ]
+    most = drone.thrust_ratio * drone.mass_kg * GRAVITY / len(_ROTORS)
+    rotors = []
+    for k, (ahead, aside, sense) in enumerate(_ROTORS):
+        place = mjcf.numbers(ahead * arm, aside * arm, 0)
+        gear = mjcf.numbers(0, 0, 1, 0, 0, sense * _rotor_twist_m(drone))
+        body.append(f'<site name="{name} rotor {k}" pos="{place}"/>')
+        rotors.append(
+            f'<general name="{name} rotor {k}" site="{name} rotor {k}" gear="{gear}" '
+            f'ctrlrange="0 {most!r}" dyntype="filterexact" dynprm="{drone.rotor_lag_s!r}" '
+            'gainprm="1"/>'
+        )
+    return mjcf.Described([*body, "</body>"], [], rotors)
