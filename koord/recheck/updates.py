@@ -57,7 +57,7 @@ def overlap(v: Values, a: Write, b: Write) -> Term:
 def updated(effect: core.Block) -> Iterator[str]:
     """The allwrite variables that an effect updates outside of its atomic blocks."""
     flows = _flows(effect)
-    for s in _outside(effect):
+    for s in statements(effect, atomic=False):
         match s:
             case core.Assign(place=place, value=value) if place.variable.home is Home.ALLWRITE:
                 if _keeps_the_rest(place) or any(
@@ -77,19 +77,6 @@ def _keeps_the_rest(place: core.Place) -> bool:
     """Whether a write of a place writes an entry of a shared map, most of it as it was read."""
     keys = [n for n, step in enumerate(place.steps, 1) if isinstance(step, core.KeyStep)]
     return place.variable.home is Home.ALLWRITE and keys != [] and keys[0] < len(place.steps)
-
-
-def _outside(block: core.Block) -> Iterator[core.Stmt]:
-    """All statements that stand in no atomic block."""
-    for s in block:
-        yield s
-        match s:
-            case core.If(then=then, otherwise=otherwise):
-                yield from _outside((*then, *otherwise))
-            case core.ForRange(body=body) | core.ForEach(body=body):
-                yield from _outside(body)
-            case _:
-                pass
 
 
 def _flows(effect: core.Block) -> set[tuple[core.Variable, core.Variable]]:

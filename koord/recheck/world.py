@@ -12,7 +12,7 @@ from koord.recheck.values import Values
 from koord.syntax import core
 from koord.syntax.core import Direction, Home
 from koord.syntax.types import ArrayType, GrowingType, ListType, MapType, Type
-from koord.syntax.walk import nodes, written
+from koord.syntax.walk import blocks, nodes, written
 
 #: A variable: its home, the kind of robot (0 for shared ones), its slot.
 Key = tuple[Home, int, int]
@@ -113,16 +113,9 @@ def _places(block: core.Block, lock: int | None) -> Iterator[tuple[core.Place, i
     """The places that a block writes, each with the lock class around it."""
     for s in block:
         yield from ((place, lock) for place in written(s))
-        match s:
-            case core.If(then=then, otherwise=otherwise):
-                yield from _places(then, lock)
-                yield from _places(otherwise, lock)
-            case core.ForRange(body=body) | core.ForEach(body=body):
-                yield from _places(body, lock)
-            case core.Atomic(lock_class=inner, body=body):
-                yield from _places(body, inner)
-            case _:
-                pass
+        inner = s.lock_class if isinstance(s, core.Atomic) else lock
+        for below in blocks(s):
+            yield from _places(below, inner)
 
 
 def _by_events(program: core.Program) -> Iterator[tuple[Key, core.Place | None]]:

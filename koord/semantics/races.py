@@ -56,7 +56,7 @@ def updates(effect: core.Block) -> Iterator[tuple[int, Span]]:
     part of a map's entry, which writes the rest of the entry as it was read.
     """
     givers = _givers(effect)
-    for statement in _unlocked(effect):
+    for statement in statements(effect, atomic=False):
         match statement:
             case core.Assign(place=place, value=value):
                 if place.variable.home is Home.ALLWRITE and (
@@ -69,20 +69,6 @@ def updates(effect: core.Block) -> Iterator[tuple[int, Span]]:
                 into = statement.into if isinstance(statement, core.Pop) else None
                 if into is not None and into.variable.home is Home.ALLWRITE and into.is_below_key:
                     yield into.variable.slot, statement.span
-            case _:
-                pass
-
-
-def _unlocked(block: core.Block) -> Iterator[core.Stmt]:
-    """The statements of a block and of those in it, but not of its atomic blocks."""
-    for statement in block:
-        yield statement
-        match statement:
-            case core.If(then=then, otherwise=otherwise):
-                yield from _unlocked(then)
-                yield from _unlocked(otherwise)
-            case core.ForRange(body=body) | core.ForEach(body=body):
-                yield from _unlocked(body)
             case _:
                 pass
 

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, get_args
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.types import BaseType
+
+#: The fields of statements that hold blocks.
+_BLOCKS = ("then", "otherwise", "body")
+
+#: What stands in a statement and is not evaluated by it.
+_NO_OPERANDS = (core.Variable, *get_args(core.Stmt))
 
 #: What was looked up, by class: a program has many nodes of few classes.
 _BELOW: dict[type, tuple[str, ...] | None] = {}
@@ -26,7 +32,18 @@ def nodes(node: object) -> Iterator[object]:
         names = _below(type(part))
         if names is not None:
             yield part
-            waiting += [getattr(part, name) for name in reversed(names)]
+            waiting += _parts(part)
+
+
+def children(node: object) -> Iterator[Any]:
+    """The nodes directly below a node (or a tuple of them), in the order of the text."""
+    waiting: list[Any] = [node] if isinstance(node, tuple) else _parts(node)
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, tuple):
+            waiting += reversed(part)
+        elif _below(type(part)) is not None:
+            yield part
 
 
 def rebuilt(node: Any, part: Callable[[Any], Any]) -> Any:
@@ -59,15 +76,37 @@ def reached(program: core.Program, part: object) -> Iterator[object]:
                 pending.append(bodies.pop(node.function))
 
 
-def statements(block: core.Block) -> Iterator[core.Stmt]:
-    """The statements of a block and of the blocks in it, each before those below it."""
+def blocks(s: core.Stmt) -> tuple[core.Block, ...]:
+    """The blocks directly in a statement; all other parts of it are :func:`operands`."""
+    return tuple(getattr(s, name) for name in _BLOCKS if hasattr(s, name))
+
+
+def with_blocks(s: core.Stmt, of: Callable[[core.Block], core.Block]) -> core.Stmt:
+    """The statement with something else in the place of each block directly in it."""
+    made = {name: of(getattr(s, name)) for name in _BLOCKS if hasattr(s, name)}
+    return replace(s, **made) if made else s
+
+
+def operands(s: core.Stmt) -> Iterator[core.Expr | core.Place]:
+    """The expressions and places that a statement evaluates itself, in the order of the text.
+
+    Those of the blocks in it are not among them, nor are a loop's own variables.
+    """
+    for part in children(s):
+        if not isinstance(part, _NO_OPERANDS):
+            yield part
+
+
+def statements(block: core.Block, *, atomic: bool = True) -> Iterator[core.Stmt]:
+    """The statements of a block and of the blocks in it, each before those below it.
+
+    Those in ``atomic`` blocks are left out if it is False.
+    """
     for s in block:
         yield s
-        if isinstance(s, core.If):
-            yield from statements(s.then)
-            yield from statements(s.otherwise)
-        elif isinstance(s, core.ForRange | core.ForEach | core.Atomic):
-            yield from statements(s.body)
+        if atomic or not isinstance(s, core.Atomic):
+            for inner in blocks(s):
+                yield from statements(inner, atomic=atomic)
 
 
 def written(statement: object) -> Iterator[core.Place]:
@@ -84,6 +123,11 @@ def written(statement: object) -> Iterator[core.Place]:
                 yield into
         case _:
             pass
+
+
+def _parts(node: object) -> list[Any]:
+    """The values of the fields that may hold parts of a node, the last first."""
+    return [getattr(node, name) for name in reversed(_below(type(node)) or ())]
 
 
 def _below(class_: type) -> tuple[str, ...] | None:

@@ -356,9 +356,9 @@ VERIFY = (
     ),
     Mutant(
         "what is written in loops does not race",
-        "verify.encoding.races._unguarded",
-        "case core.ForRange(body=body) | core.ForEach(body=body):",
-        "case core.ForEach(body=body):",
+        "verify.encoding.races.racy_places",
+        "statements(event.effect, atomic=False)",
+        "event.effect",
         ("tests/verify/encoding/test_races.py",),
     ),
     Mutant(
@@ -518,8 +518,8 @@ VERIFY = (
     Mutant(
         "what is written in atomic blocks is never written",
         "syntax.walk.statements",
-        "core.ForRange | core.ForEach | core.Atomic",
-        "core.ForRange | core.ForEach",
+        "atomic or not isinstance(s, core.Atomic)",
+        "not isinstance(s, core.Atomic)",
         (FOOTPRINT,),
     ),
     Mutant(

@@ -92,8 +92,8 @@ CONE = (
     Mutant(
         "cone: a variable is auxiliary though branches read it",
         "syntax.analysis.auxiliary._Reading.statement",
-        "self.use(condition, kind)",
-        "pass",
+        "operands(s)",
+        "() if isinstance(s, core.If) else operands(s)",
         (AUXILIARY,),
     ),
     Mutant(

@@ -22,6 +22,7 @@ from msgspec.structs import replace
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.types import BOOL, FLOAT, FloatType, RecordType, Type
+from koord.syntax.walk import with_blocks
 
 
 class Side(Enum):
@@ -123,20 +124,12 @@ class Loosening(Struct):
                 if counts is Side.BOTH:
                     return s
                 return replace(s, value=self._loose(value, counts, variables))
-            case core.If(condition=condition, then=then, otherwise=otherwise):
+            case core.If(condition=condition, then=then):
                 counts = _side_of_condition(then, side)
                 if counts is not Side.BOTH:
                     condition = self._loose(condition, counts, variables)
-                return core.If(
-                    condition,
-                    self._block(then, side, variables),
-                    self._block(otherwise, side, variables),
-                    span=s.span,
-                )
-            case core.ForRange(body=body) | core.ForEach(body=body) | core.Atomic(body=body):
-                return replace(s, body=self._block(body, side, variables))
-            case _:
-                return s
+                s = replace(s, condition=condition)
+        return with_blocks(s, lambda block: self._block(block, side, variables))
 
 
 def loosened(program: core.Program, slack: Fraction) -> core.Program:

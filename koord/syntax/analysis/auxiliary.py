@@ -17,7 +17,7 @@ from koord.syntax.analysis.definedness import Sure
 from koord.syntax.analysis.possible_faults import Risks
 from koord.syntax.core import Home, slot_in
 from koord.syntax.system import System
-from koord.syntax.walk import reached, statements, written
+from koord.syntax.walk import operands, reached, statements, written
 
 
 class Var(Struct, frozen=True):
@@ -84,19 +84,10 @@ class _Reading(Struct, frozen=True):
         match s:
             case core.Assign(value=value) | core.Append(value=value) | core.Remove(value=value):
                 self._written(s, value, kind)
-            case core.If(condition=condition):
-                self.use(condition, kind)
-            case core.ForRange(low=low, high=high):
-                self.use((low, high), kind)
-            case core.ForEach(sequence=sequence):
-                self.use(sequence, kind)
-            case core.Output(values=values):
-                if self._matters(s, values, kind):
-                    self.use(values, kind)
-            case core.Pop(place=place, into=into):
-                self.use((place, into), kind)
-            case core.Atomic() | core.Break() | core.Return() | core.Stop() | core.TryStop():
+            case core.Output(values=values) if not self._matters(s, values, kind):
                 pass
+            case _:
+                self.use(tuple(operands(s)), kind)
 
     def promises(self, kind: int, agent: core.Agent) -> None:
         """Contracts, which some reading of a sensor meets whatever what they read is."""

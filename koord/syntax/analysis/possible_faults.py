@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from koord.syntax import core
 from koord.syntax.analysis.definedness import Sure
 from koord.syntax.core import Home
+from koord.syntax.walk import operands
 
 
 class Risks(Struct, frozen=True):
@@ -26,22 +27,14 @@ class Risks(Struct, frozen=True):
         match s:
             case core.Assign(place=place, value=value):
                 return self.expression(value) or self._writing(place)
-            case core.If(condition=condition):
-                return self.expression(condition)
-            case core.ForRange(low=low, high=high):
-                return self._any((low, high))
-            case core.ForEach(sequence=sequence):
-                return self.expression(sequence)
-            case core.Output(values=values):
-                return self._any(values)
             case core.Append(place=place, value=value) | core.Remove(place=place, value=value):
                 return self._any((value, core.Read(place)))
             case core.Pop():
                 return True
             case core.Return():
                 raise AssertionError("only functions return")
-            case core.Break() | core.Atomic() | core.Stop() | core.TryStop():
-                return False
+            case _:
+                return any(self.expression(e) for e in operands(s) if not isinstance(e, core.Place))
 
     def in_range(self, slot: int, low: core.Expr, high: core.Expr) -> Sure:
         """What is known in a loop over a range."""

@@ -8,6 +8,7 @@ from msgspec import Struct, field
 
 from koord.syntax import core
 from koord.syntax.core import Home, slot_in
+from koord.syntax.walk import children
 
 
 class Reads(Struct, frozen=True):
@@ -80,9 +81,6 @@ class _Reader(Struct):
 
     def visit(self, part: object) -> None:
         match part:
-            case tuple():
-                for item in part:
-                    self.visit(item)
             case core.Assign(place=place, value=value):
                 self.visit(value)
                 self._written(place)
@@ -103,14 +101,13 @@ class _Reader(Struct):
             case core.Stopped():
                 self.status = True
                 self.visit(part.robot)
-            case Struct() if not isinstance(part, core.Variable):
-                for name in part.__struct_fields__:
-                    if name not in ("type", "span"):
-                        self.visit(getattr(part, name))
+            case _:
+                for below in children(part):
+                    self.visit(below)
 
     def _read(self, place: core.Place) -> None:
         variable = place.variable
-        self.visit(place.robot)
+        self.visit((place.robot,))
         if variable.home is Home.ALLREAD and _is_own(place):
             self.entries.add(variable.slot)
             self.visit(place.steps[1:])

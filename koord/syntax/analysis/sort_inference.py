@@ -16,6 +16,7 @@ from koord.syntax.analysis.sorts import Entries, Items, Scalar, Shape, unify
 from koord.syntax.analysis.sorts_of_expressions import Expressions
 from koord.syntax.core import Start
 from koord.syntax.system import System
+from koord.syntax.walk import blocks, operands
 
 
 class Sorting:
@@ -93,10 +94,6 @@ class Sorting:
         match s:
             case core.Assign(place=place, value=value):
                 unify(self._expressions.place(place, body), self._expressions.shape(value, body))
-            case core.If(condition=condition, then=then, otherwise=otherwise):
-                self._expressions.shape(condition, body)
-                self._block(then, body)
-                self._block(otherwise, body)
             case core.ForRange():
                 self._for_range(s, body)
             case core.ForEach():
@@ -104,15 +101,14 @@ class Sorting:
             case core.Return(value=value):
                 if value is not None and body.result is not None:
                     unify(body.result, self._expressions.shape(value, body))
-            case core.Atomic(body=inner):
-                self._block(inner, body)
-            case core.Output(values=values):
-                for value in values:
-                    self._expressions.shape(value, body)
             case core.Append() | core.Remove() | core.Pop():
                 self._on_list(s, body)
-            case core.Break() | core.Stop() | core.TryStop():
-                pass
+            case _:
+                for part in operands(s):
+                    assert not isinstance(part, core.Place)
+                    self._expressions.shape(part, body)
+                for inner in blocks(s):
+                    self._block(inner, body)
 
     def _on_list(self, s: core.Append | core.Remove | core.Pop, body: Body) -> None:
         of = self._expressions.place(s.place, body)

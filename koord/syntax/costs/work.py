@@ -17,6 +17,7 @@ from koord.syntax import core
 from koord.syntax.costs.ranges import Range, Ranges, starting_lengths
 from koord.syntax.costs.sizes import Sizes
 from koord.syntax.source import Span
+from koord.syntax.walk import children
 
 #: Steps of one event, or of one statement about a configuration.
 MOST_STEPS = 10_000_000
@@ -43,6 +44,11 @@ class Work(Struct, frozen=True):
     def is_too_much(self) -> bool:
         return self.steps > MOST_STEPS or self.deep > MOST_DEEP
 
+
+#: Ranges of the loop variables around a place, by slot.
+Counters = Mapping[int, Range]
+
+_NO_COUNTERS: Counters = {}
 
 _ONE = Work(1, 1)
 
@@ -86,130 +92,77 @@ class Ledger:
         work = Work(before.steps + behind.steps, max(before.deep, behind.deep))
         return work, self._culprit
 
-    def all(self, parts: Iterable[core.Expr], counters: Mapping[int, Range] | None = None) -> Work:
-        """Several expressions, one beside the other, under one that is a step itself."""
-        steps, deep = 1, 0
-        for part in parts:
-            work = self.expr(part, counters or {})
-            steps += work.steps
-            deep = max(deep, work.deep)
-        return Work(steps, deep + 1)
+    def all(self, parts: Iterable[core.Node], counters: Counters = _NO_COUNTERS) -> Work:
+        """Several parts of a program, one beside the other, under one that is a step itself."""
+        return self._beside(*[self.of(part, counters) for part in parts])
 
-    def block(self, block: core.Block, counters: Mapping[int, Range] | None = None) -> Work:
+    def block(self, block: core.Block, counters: Counters = _NO_COUNTERS) -> Work:
         """Statements one after the other."""
-        steps, deep = 0, 0
-        for statement in block:
-            work = self.statement(statement, counters or {})
-            steps += work.steps
-            deep = max(deep, work.deep)
-        return Work(steps, deep)
+        work = self.all(block, counters)
+        return Work(work.steps - 1, work.deep - 1)
 
-    def statement(self, s: core.Stmt, counters: Mapping[int, Range]) -> Work:
-        """A statement with all that stands in it."""
+    def of(self, node: core.Node, counters: Counters) -> Work:
+        """A statement, expression, place or step, with all that stands in it."""
+        match node:
+            case core.FieldStep():
+                return _ONE
+            case core.IndexStep(index=index) | core.KeyStep(key=index):
+                return self.of(index, counters)
         self._count()
-        match s:
-            case core.Assign(place=place, value=value):
-                return self._beside(self.place(place, counters), self.expr(value, counters))
-            case core.If(condition=condition, then=then, otherwise=otherwise):
-                return self._beside(
-                    self.expr(condition, counters),
-                    self.block(then, counters),
-                    self.block(otherwise, counters),
-                )
+        match node:
+            case core.Read(place=place):
+                return self.of(place, counters)
+            case core.Place():
+                return self._place(node, counters)
+            case core.Call(function=name, arguments=items):
+                called = self._beside(self.all(items, counters), self.functions[name])
+                return self._noted(node, called)
+            case core.ExternalCall(function=name, arguments=items):
+                called = self._beside(self.all(items, counters), self.externals[name])
+                return self._noted(node, called)
+            case core.Quantified():
+                return self._quantified(node, counters)
+            case core.Ran(robot=robot) | core.Stopped(robot=robot):
+                return self._often(node, len(self.kinds), self.of(robot, counters), _ONE)
             case core.ForRange(variable=variable, low=low, high=high, body=body):
                 count, inner = self._ranges.trips(variable, low, high, counters)
-                return self._often(
-                    s, count, self.all((low, high), counters), self.block(body, inner)
-                )
+                bounds = self.all((low, high), counters)
+                return self._often(node, count, bounds, self.block(body, inner))
             case core.ForEach(sequence=sequence, key=key, body=body):
                 count = self._ranges.length(sequence) or 1
                 inner = dict(counters)
                 if key is not None:
                     inner[key.slot] = (0, max(0, count - 1))
-                return self._often(s, count, self.expr(sequence, counters), self.block(body, inner))
-            case core.Atomic(body=body):
-                return self._beside(self.block(body, counters))
-            case core.Return(value=value):
-                return self._beside(*(self.expr(e, counters) for e in (value,) if e is not None))
-            case core.Output(values=values):
-                return self.all(values, counters)
-            case core.Append(place=place, value=value) | core.Remove(place=place, value=value):
-                return self._beside(self.place(place, counters), self.expr(value, counters))
-            case core.Pop(place=place, into=into):
-                places = (place,) if into is None else (place, into)
-                return self._beside(*(self.place(p, counters) for p in places))
-            case core.Break() | core.Stop() | core.TryStop():
-                return _ONE
-        assert_never(s)
+                over = self.of(sequence, counters)
+                return self._often(node, count, over, self.block(body, inner))
+            case _:
+                return self.all(children(node), counters)
 
-    def expr(self, e: core.Expr, counters: Mapping[int, Range]) -> Work:
-        """An expression with all that stands in it."""
-        self._count()
-        match e:
-            case core.Const() | core.Pid() | core.NumAgents() | core.Delta():
-                return _ONE
-            case core.Read(place=place):
-                return self.place(place, counters)
-            case core.Select(base=base, step=step):
-                return self._beside(self.expr(base, counters), self._step(step, counters))
-            case core.Unary(operand=operand):
-                return self._beside(self.expr(operand, counters))
-            case core.Binary(left=left, right=right):
-                return self._beside(self.expr(left, counters), self.expr(right, counters))
-            case core.Builtin(arguments=items) | core.MakeList(items=items):
-                return self.all(items, counters)
-            case core.MakeRecord(fields=items):
-                return self.all(items, counters)
-            case core.MakeMap(entries=entries):
-                return self.all((part for entry in entries for part in entry), counters)
-            case core.Call(function=name, arguments=items):
-                return self._noted(e, self._beside(self.all(items, counters), self.functions[name]))
-            case core.ExternalCall(function=name, arguments=items):
-                return self._noted(e, self._beside(self.all(items, counters), self.externals[name]))
-            case core.Choose(low=low, high=high):
-                return self.all((low, high), counters)
-            case core.Quantified():
-                return self._quantified(e, counters)
-            case core.Ran(robot=robot) | core.Stopped(robot=robot):
-                return self._often(e, len(self.kinds), self.expr(robot, counters), _ONE)
-        assert_never(e)
-
-    def place(self, place: core.Place, counters: Mapping[int, Range]) -> Work:
+    def _place(self, place: core.Place, counters: Counters) -> Work:
         """A place that is read or written: as many steps as there are parts."""
-        self._count()
         if place.variable.home is core.Home.BOUND:
             self.bound.setdefault(id(place.variable), (place.variable, place.span))
         parts = self.sizes.of(place.type).parts
-        below = [self._step(step, counters) for step in place.steps]
-        if place.robot is not None:
-            below.append(self.expr(place.robot, counters))
-        work = self._beside(*below)
+        below = [*place.steps, *([] if place.robot is None else [place.robot])]
+        work = self.all(below, counters)
         return Work(work.steps - 1 + parts, work.deep)
 
-    def _step(self, step: core.Step, counters: Mapping[int, Range]) -> Work:
-        match step:
-            case core.IndexStep(index=inner) | core.KeyStep(key=inner):
-                return self.expr(inner, counters)
-            case core.FieldStep():
-                return _ONE
-        assert_never(step)
-
-    def _quantified(self, e: core.Quantified, counters: Mapping[int, Range]) -> Work:
+    def _quantified(self, e: core.Quantified, counters: Counters) -> Work:
         match e.domain:
             case core.RobotRange(agent=agent):
                 count = sum(agent is None or kind == agent for kind in self.kinds)
                 inner = {**counters, e.variable.slot: (0, len(self.kinds) - 1)}
-                return self._often(e, count, _ONE, self.expr(e.body, inner))
+                return self._often(e, count, _ONE, self.of(e.body, inner))
             case core.IntRange(low=low, high=high):
                 count, inner = self._ranges.trips(e.variable, low, high, counters)
                 bounds = self.all((low, high), counters)
-                return self._often(e, count, bounds, self.expr(e.body, inner))
+                return self._often(e, count, bounds, self.of(e.body, inner))
             case core.Elements(sequence=sequence):
                 count = self._ranges.length(sequence) or 1
-                over = self.expr(sequence, counters)
-                return self._often(e, count, over, self.expr(e.body, counters))
+                over = self.of(sequence, counters)
+                return self._often(e, count, over, self.of(e.body, counters))
             case core.AllValues():
-                return self._beside(self.expr(e.body, counters))
+                return self._beside(self.of(e.body, counters))
         assert_never(e.domain)
 
     # --- sums -----------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from msgspec import Struct
 
 from koord.syntax import core
+from koord.syntax.walk import nodes
 
 Key = tuple[core.Home, int | None, int]
 
@@ -39,55 +40,15 @@ def assumed(assumptions: Iterable[core.Assumption], kinds: int) -> Assumed:
 
 def places_read(expr: core.Expr) -> Iterator[tuple[core.Place, int | None]]:
     """Every place that the expression reads, with the kind of its robot where only one can be."""
-    stack: list[object] = [expr]
     kinds: dict[int, int | None] = {}
-    while stack:
-        node = stack.pop()
+    for node in nodes(expr):
         match node:
-            case core.Quantified(variable=variable, domain=domain):
-                if isinstance(domain, core.RobotRange):
-                    kinds[variable.slot] = domain.agent
-                stack.extend((node.body, domain))
-            case core.Place(robot=robot):
-                kind = None
-                if isinstance(robot, core.Read) and robot.place.variable.home is core.Home.BOUND:
-                    kind = kinds.get(robot.place.variable.slot)
-                yield node, kind
-                stack.extend(node.steps)
-                if robot is not None:
-                    stack.append(robot)
-            case core.Read(place=place):
-                stack.append(place)
-            case tuple():
-                stack.extend(node)
-            case _:
-                stack.extend(_children(node))
-
-
-def _children(node: object) -> list[object]:
-    match node:
-        case core.Unary(operand=operand):
-            return [operand]
-        case core.Binary(left=left, right=right):
-            return [right, left]
-        case core.Select(base=base, step=step):
-            return [step, base]
-        case core.IndexStep(index=inner) | core.KeyStep(key=inner):
-            return [inner]
-        case core.Builtin(arguments=items) | core.Call(arguments=items):
-            return [items]
-        case core.ExternalCall(arguments=items) | core.MakeList(items=items):
-            return [items]
-        case core.MakeRecord(fields=items) | core.MakeMap(entries=items):
-            return [items]
-        case core.Choose(low=low, high=high) | core.IntRange(low=low, high=high):
-            return [low, high]
-        case core.Elements(sequence=sequence):
-            return [sequence]
-        case core.Ran(robot=robot) | core.Stopped(robot=robot):
-            return [robot]
-        case _:
-            return []
+            case core.Quantified(variable=variable, domain=core.RobotRange(agent=agent)):
+                kinds[variable.slot] = agent
+            case core.Place(robot=core.Read(place=core.Place(variable=robot))):
+                yield node, kinds.get(robot.slot) if robot.home is core.Home.BOUND else None
+            case core.Place():
+                yield node, None
 
 
 def fixed_lengths(condition: core.Expr, kinds: int) -> dict[Key, int]:

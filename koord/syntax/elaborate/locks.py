@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import assert_never
 
 from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.elaborate.session import AtomicBlock
+from koord.syntax.walk import with_blocks
 
 
 def lock_classes(
@@ -62,35 +62,16 @@ def _event(event: core.Event, class_of: dict[int, int]) -> core.Event:
     return replace(event, effect=effect, lock_classes=frozenset(entered)) if entered else event
 
 
-def relabelled(statements: core.Block, class_of: dict[int, int], entered: set[int]) -> core.Block:
+def relabelled(block: core.Block, class_of: dict[int, int], entered: set[int]) -> core.Block:
     """The statements with lock classes in place of the numbers of blocks."""
-    return tuple(_relabelled(s, class_of, entered) for s in statements)
 
+    def inner(block: core.Block) -> core.Block:
+        return tuple(with_blocks(relabel(s), inner) for s in block)
 
-def _relabelled(s: core.Stmt, class_of: dict[int, int], entered: set[int]) -> core.Stmt:
-    match s:
-        case core.Atomic(lock_class=number, body=body):
-            entered.add(class_of[number])
-            return replace(s, lock_class=class_of[number], body=relabelled(body, class_of, entered))
-        case core.If(then=then, otherwise=otherwise):
-            return replace(
-                s,
-                then=relabelled(then, class_of, entered),
-                otherwise=relabelled(otherwise, class_of, entered),
-            )
-        case core.ForRange(body=body) | core.ForEach(body=body):
-            return replace(s, body=relabelled(body, class_of, entered))
-        case (
-            core.Assign()
-            | core.Break()
-            | core.Return()
-            | core.Stop()
-            | core.TryStop()
-            | core.Output()
-            | core.Append()
-            | core.Remove()
-            | core.Pop()
-        ):
+    def relabel(s: core.Stmt) -> core.Stmt:
+        if not isinstance(s, core.Atomic):
             return s
-        case _:
-            assert_never(s)
+        entered.add(class_of[s.lock_class])
+        return replace(s, lock_class=class_of[s.lock_class])
+
+    return inner(block)

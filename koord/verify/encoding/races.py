@@ -11,7 +11,7 @@ from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp
 from koord.syntax.types import BOOL
-from koord.syntax.walk import written
+from koord.syntax.walk import statements, written
 from koord.verify.encoding.terms import Term, Terms
 
 Before: TypeAlias = "dict[tuple[int, int], Term]"
@@ -30,22 +30,10 @@ def racy_places(program: core.Program) -> Iterator[core.Place]:
     """What events write of allwrite variables outside of ``atomic``."""
     for agent in program.agents:
         for event in agent.events:
-            yield from _unguarded(event.effect)
-
-
-def _unguarded(block: core.Block) -> Iterator[core.Place]:
-    for statement in block:
-        for place in written(statement):
-            if place.variable.home is Home.ALLWRITE:
-                yield place
-        match statement:
-            case core.If(then=then, otherwise=otherwise):
-                yield from _unguarded(then)
-                yield from _unguarded(otherwise)
-            case core.ForRange(body=body) | core.ForEach(body=body):
-                yield from _unguarded(body)
-            case _:
-                pass
+            for statement in statements(event.effect, atomic=False):
+                for place in written(statement):
+                    if place.variable.home is Home.ALLWRITE:
+                        yield place
 
 
 def winning(

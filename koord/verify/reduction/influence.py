@@ -18,7 +18,7 @@ from koord.syntax.analysis.definedness import Sure
 from koord.syntax.analysis.possible_faults import Risks
 from koord.syntax.core import Home
 from koord.syntax.system import System
-from koord.syntax.walk import nodes, reached, statements, written
+from koord.syntax.walk import children, nodes, operands, reached, statements, written
 from koord.verify.claims import Claim, ClaimKind
 
 
@@ -350,25 +350,8 @@ def _leaves(block: core.Block) -> bool:
 
 def _operands(statement: core.Stmt) -> Iterator[core.Expr]:
     """The expressions that a statement evaluates itself, those in its places included."""
-    match statement:
-        case core.Assign(value=value) | core.Append(value=value) | core.Remove(value=value):
-            yield value
-        case core.If(condition=condition):
-            yield condition
-        case core.ForRange(low=low, high=high):
-            yield from (low, high)
-        case core.ForEach(sequence=sequence):
-            yield sequence
-        case core.Output(values=values):
-            yield from values
-        case _:
-            pass
-    for place in written(statement):
-        for step in place.steps:
-            match step:
-                case core.IndexStep(index=index):
-                    yield index
-                case core.KeyStep(key=key):
-                    yield key
-                case core.FieldStep():
-                    pass
+    for part in operands(statement):
+        if isinstance(part, core.Place):
+            yield from (e for step in part.steps for e in children(step))
+        else:
+            yield part
