@@ -7,9 +7,11 @@ The checker reads the syntax tree of every file, so that an import inside a func
 from __future__ import annotations
 
 import ast
+import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from subprocess import run
 
 import pytest
 
@@ -33,7 +35,7 @@ ALLOWED = {
     ),
     "syntax": ("koord.syntax",),
     "semantics": ("koord.semantics", "koord.syntax"),
-    "traces": ("koord.traces", "koord.sampling", "koord.semantics", "koord.syntax"),
+    "traces": ("koord.traces", "koord.semantics", "koord.syntax"),
     "sampling": ("koord.sampling", "koord.traces", "koord.semantics", "koord.syntax"),
     "verify": ("koord.verify", "koord.sampling", "koord.traces", "koord.semantics", "koord.syntax"),
     # What is checked twice has to be thought of twice: neither the evaluator nor the encoding.
@@ -122,6 +124,9 @@ GUARDED = (
     ("rosbags", ("koord/sim/files/",), 1),
     ("viser", ("koord/sim/files/",), 1),
 )
+
+#: The kernel, and the judge of all runs.
+JUDGING = ("koord/semantics/", "koord/traces/")
 
 #: Where printing, reading ``argv`` and exiting belong.
 TALKING = ("koord/cli/", "koord/__main__.py")
@@ -266,6 +271,16 @@ def test_only_the_command_line_talks() -> None:
     assert [line for file in package_files() for line in talking(file)] == []
 
 
+def test_kernel_and_judge_import_no_engine_and_no_sampler() -> None:
+    """Whoever judges a trace has loaded nothing that could have found it."""
+    judging = [f.module for f in package_files() if f.path.startswith(JUDGING)]
+    program = f"import sys, {', '.join(judging)}\nprint(*sys.modules)"
+    ran = run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT)
+    rooms = {name.split(".")[1] for name in ran.stdout.split() if name.startswith("koord.")}
+    assert rooms == {"semantics", "syntax", "traces"}
+    assert "z3" not in ran.stdout.split()
+
+
 def test_every_folder_is_on_a_floor() -> None:
     floors = {path.name for path in (ROOT / "koord").iterdir() if path.is_dir()}
     assert floors - {"__pycache__"} <= {*ALLOWED, "cli"}
@@ -297,6 +312,7 @@ def test_every_folder_is_on_a_floor() -> None:
         ("koord/runtime/a.py", "from koord.semantics import rounds", "koord.semantics.rounds"),
         ("koord/semantics/a.py", "from koord.traces import trace", "koord.traces.trace"),
         ("koord/traces/a.py", "import koord.verify_of", "koord.verify_of"),
+        ("koord/traces/a.py", "from koord.sampling import values", "koord.sampling.values"),
         ("koord/sim/a.py", "import koord.verify", "koord.verify"),
         ("koord/__init__.py", "from koord.syntax import core", "koord.syntax.core"),
         ("koord/api/a.py", "from koord.cli.main import main", "koord.cli.main"),

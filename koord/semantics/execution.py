@@ -110,7 +110,11 @@ class RecordedInputs:
         return value
 
     def oracle(self, phase: Phase, robot: int) -> Oracle[Constant]:
-        return RecordedOracle(phase, robot, self._answers.get((phase, robot), {}), self.heard)
+        return RecordedOracle(phase, robot, self.answers(phase, robot), self.heard)
+
+    def answers(self, phase: Phase, robot: int) -> dict[Key, Answer]:
+        """What was recorded for one turn of one robot, by what asked."""
+        return self._answers.get((phase, robot), {})
 
 
 # --- execution ----------------------------------------------------------------------------------

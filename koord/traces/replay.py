@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
-from random import Random
+from typing import TypeAlias
 
 from msgspec import Struct
 
-from koord.sampling.sampled_inputs import SampledInputs
-from koord.sampling.values import Sampler
 from koord.semantics.configurations import Configuration, Written
 from koord.semantics.domain import Constant, Domain
-from koord.semantics.execution import RecordedInputs, Step, execute
+from koord.semantics.execution import RecordedInputs, RecordedOracle, Step, execute
 from koord.semantics.liveness import LIVENESS
-from koord.semantics.oracle import Phase
+from koord.semantics.oracle import Key, Oracle, Phase
 from koord.semantics.races import overlap, rewritten
-from koord.semantics.recording import Answer, Round
+from koord.semantics.recording import Answer, Concrete, Round
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.turns import holds_in, program_turn
 from koord.semantics.values import identical
@@ -37,6 +35,9 @@ from koord.traces.trace import (
     ViolationKind,
     emitted,
 )
+
+#: An external function, and what it is asked about.
+Question: TypeAlias = "tuple[str, tuple[Concrete, ...]]"
 
 
 class Planned(Struct, frozen=True):
@@ -130,7 +131,7 @@ class _Replay:
         self.plan = list(planned(trace))
         self.ends: list[Configuration[Constant]] = []  #: after INIT and after each round
         self.outputs = iter(trace.outputs)
-        self.inputs = SampledInputs(Sampler(trace.system, trace.numbers, Random(0)))
+        self.functions: dict[Question, Concrete] = {}
 
     def run(self, seen: Callable[[Step], None]) -> None:
         self.check_shape()
@@ -186,7 +187,7 @@ class _Replay:
                     raise self.refusal("SELECT", plan, f"the robot has no event {position}")
         for answer in self.answers():
             if answer.function is not None:
-                self.inputs.functions[answer.function, answer.arguments] = answer.value
+                self.functions[answer.function, answer.arguments] = answer.value
 
     def answers(self) -> Iterator[Answer]:
         """The answers of mathematical functions in the whole run: properties may ask again."""
@@ -196,14 +197,6 @@ class _Replay:
             for answer in answers:
                 if kinds.get(answer.function or "") is core.ExternalKind.FUNCTION:
                     yield answer
-
-    def answers_to_properties(self, number: int) -> None:
-        """Have the answers at hand that were given while properties were looked at."""
-        recording = self.trace.recording
-        holder = recording.opening if number == BEFORE_ROUNDS else recording.rounds[number]
-        self.inputs.answers = {
-            (a.phase, a.robot, a.key): a for a in holder.answers if a.phase is Phase.CHECK
-        }
 
     # --- step by step ---------------------------------------------------------------------------
 
@@ -293,15 +286,18 @@ class _Replay:
         at_round = stated.kind is PropertyKind.AT_ROUND
         if at_round and last.rule not in ("INIT", "ENV-TRANS"):
             return "PROP-ROUND", False
-        self.answers_to_properties(last.round)
-        holds, _ = holds_in(
-            self.d,
-            self.trace.system,
-            last.configuration,
-            stated.condition,
-            stated.bound,
-            self.inputs,
-        )
+        recording, at = self.trace.recording, last.configuration
+        seen = recording.opening if last.round == BEFORE_ROUNDS else recording.rounds[last.round]
+        inputs = _PropertyInputs(seen.answers, self.functions)
+        system, claim = self.trace.system, stated.condition
+        try:
+            holds, legality = holds_in(self.d, system, at, claim, stated.bound, inputs)
+        except IllegalStepError as error:
+            raise self.refusal(error.rule, self.plan[-1], error.reason) from None
+        for needed in legality:
+            if needed.condition is not True:
+                reason = f"{needed.what} ({needed.span})"
+                raise self.refusal(needed.rule, self.plan[-1], reason)
         return ("PROP-ROUND" if at_round else "PROP-INVARIANT"), holds is not True
 
     def update_lost(self, name: str) -> bool:
@@ -310,6 +306,27 @@ class _Replay:
             return False
         start, round_ = trace.configurations[-2], trace.recording.rounds[-1]
         return update_lost(self.d, trace.system, start, round_, name)
+
+
+class _PropertyInputs(RecordedInputs):
+    """What was answered while properties were looked at, and by functions in the whole run."""
+
+    def __init__(self, answers: Iterable[Answer], functions: Mapping[Question, Concrete]) -> None:
+        super().__init__(answers=answers)
+        self.functions = functions
+
+    def oracle(self, phase: Phase, robot: int) -> Oracle[Constant]:
+        return _PropertyOracle(phase, robot, self.answers(phase, robot), [], self.functions)
+
+
+class _PropertyOracle(RecordedOracle):
+    functions: Mapping[Question, Concrete]
+
+    def external(
+        self, function: core.External, key: Key, arguments: tuple[Concrete, ...]
+    ) -> Concrete:
+        known = self.functions.get((function.name, arguments))
+        return super().external(function, key, arguments) if known is None else known
 
 
 def update_lost(

@@ -44,8 +44,9 @@ def with_round(trace: Trace, number: int, **changed: object) -> Trace:
     """The trace with one round of its recording changed."""
 
     def change(rounds: tuple[Round, ...]) -> tuple[Round, ...]:
-        one = replace(rounds[number], **changed)
-        return (*rounds[:number], one, *rounds[number + 1 :])
+        return tuple(
+            replace(round_, **changed) if round_ is rounds[number] else round_ for round_ in rounds
+        )
 
     return with_rounds(trace, change)
 
@@ -432,6 +433,25 @@ def test_answers_to_properties_travel_with_the_trace() -> None:
     _, trace = played(b.program(), First(), rounds=50, robots=2)
     assert trace.violation is not None
     assert replay(trace).refused is None
+    silent = first_wrong(with_round(trace, -1, answers=()))
+    assert (silent.rule, silent.reason[:22]) == ("EXTERNAL", "no answer of lucky was")
+
+
+def test_an_answer_to_a_property_has_to_meet_its_summary() -> None:
+    """[REPLAY] [EXTERNAL]"""
+    b = Build()
+    n, good = bound("n", 0, INT), bound("result", 1, BOOL)
+    b.external("small", [n], good, ensures=[good.eq(n < 2)])
+    x = b.local("x", INT, 0)
+    b.event("Count", TRUE, x.set(x + 1))
+    b.invariant("Small", forall(I, b.ask("small", x.at(I))), bound=1)
+    _, trace = played(b.program(), First(), rounds=3, robots=1)
+    assert trace.violation is not None
+    assert replay(trace).refused is None
+    early = drive(b.program(), 1).round("Count").trace()
+    lie = Answer(Phase.CHECK, 0, (0, 0), "small", (1,), False)
+    forged = replace(early, violation=replace(trace.violation, round=0))
+    assert first_wrong(with_round(forged, -1, answers=(lie,))).rule == "EXTERNAL"
 
 
 def test_summaries_about_all_values_are_taken_on_trust() -> None:
