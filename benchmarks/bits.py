@@ -51,7 +51,8 @@ def work(how: str, path: str, robots: str, tasks: str, rounds: str, *names: str)
     from koord.syntax.source import Source
     from koord.syntax.system import dealt
     from koord.verify.claims import claims_of
-    from koord.verify.encoding.solver import Answer, Deadline
+    from koord.verify.effort import Deadline
+    from koord.verify.encoding.solver import Answer
     from koord.verify.engines.bits import ic3
     from koord.verify.engines.bits.checking import holds_always
     from koord.verify.engines.bits.circuit import circuit_of

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from subprocess import run
 
@@ -108,6 +109,73 @@ WORKING = {
     "verified",
 }
 
+#: What verification is about and what it answers, below all ways to find it out.
+_ANSWERS = tuple(
+    f"koord.verify.{name}"
+    for name in (
+        "claims",
+        "each_claim",
+        "effort",
+        "engine_names",
+        "failures",
+        "ledger",
+        "obstacles",
+        "processes",
+        "verdicts",
+    )
+)
+_ENCODING = (*_ANSWERS, "koord.verify.encoding")
+
+#: What engines share: from a model of the encoding to a run that was replayed.
+_WITNESSES = tuple(
+    f"koord.verify.{name}" for name in ("bounded_check", "lasso_witness", "promises", "witness")
+)
+_BELOW_ENGINES = (*_ENCODING, *_WITNESSES)
+_REDUCTION = (*_BELOW_ENGINES, "koord.verify.reduction", "koord.verify.reachability_goals")
+_ENGINES = (*_REDUCTION, "koord.verify.engines")
+_EVERYTHING = (*_ENGINES, "koord.verify.vacuity", "koord.verify")
+
+#: The floors within a room: what the modules of a prefix (the longest that fits) may import of the
+#: room besides each other. No engine imports another one.
+WITHIN = {
+    **dict.fromkeys(_ANSWERS, _ANSWERS),
+    "koord.verify.encoding": _ENCODING,
+    **dict.fromkeys(_WITNESSES, _BELOW_ENGINES),
+    "koord.verify.engines": _BELOW_ENGINES,
+    **{
+        f"koord.verify.engines.{path.name}": (*_BELOW_ENGINES, "koord.verify.engines.engine")
+        for path in (ROOT / "koord/verify/engines").iterdir()
+        if path.is_dir() and path.name != "__pycache__"
+    },
+    "koord.verify.reachability_goals": _ANSWERS,
+    "koord.verify.reduction": _REDUCTION,
+    "koord.verify.vacuity": _ENGINES,
+    "koord.verify.export": (*_REDUCTION, "koord.verify.engines.bits"),
+    "koord.verify.certificates": _ENGINES,
+    "koord.verify": _EVERYTHING,
+}
+
+#: Imports between floors of a room that are still to be cut. The list only gets shorter.
+UNCUT = {
+    (
+        "koord.verify.engines.bits.invariant_printer",
+        "koord.verify.engines.every_n.wording.number_worded",
+    ),
+    ("koord.verify.reduction.sliced_problems", "koord.verify.per_claim.ByRounds"),
+    ("koord.verify.reduction.sliced_problems", "koord.verify.resumption.Steps"),
+}
+
+#: Circles of imports between files that are still to be cut, each by its first file.
+CIRCLES = {
+    "koord.cli.fitting",
+    "koord.recheck.all_robots",
+    "koord.recheck.maps",
+    "koord.recheck.obligations",
+    "koord.refinement.generating.expressions",
+    "koord.semantics.expressions",
+    "koord.syntax.elaborate.body",
+}
+
 #: Libraries that stand behind few files: (library, prefixes of the files, at most so many).
 GUARDED = (
     ("z3", ("koord/verify/",), 4),
@@ -155,7 +223,12 @@ class Import:
     module: str
 
 
-def imports(file: File) -> Iterator[Import]:
+@cache
+def imports(file: File) -> tuple[Import, ...]:
+    return tuple(_imports(file))
+
+
+def _imports(file: File) -> Iterator[Import]:
     """Every module a file names in an import; ``from a import b`` names ``a`` and ``a.b``."""
     package = file.module.split(".")
     if not file.path.endswith("__init__.py"):
@@ -199,6 +272,47 @@ def upward_imports(file: File) -> Iterator[str]:
         yield f"{file.path}:{found.line}: {floor} must not import {found.module}"
 
 
+def imports_across(file: File) -> Iterator[tuple[str, str]]:
+    """Imports that the floors within a room do not allow: who imports, and what."""
+    fitting = [prefix for prefix in WITHIN if within(file.module, (prefix,))]
+    if not fitting:
+        return
+    own = max(fitting, key=len)
+    room = ".".join(own.split(".")[:2])
+    for found in imports(file):
+        if within(found.module, (room,)) and not within(found.module, (own, *WITHIN[own])):
+            yield file.module, found.module
+
+
+def circles(files: Sequence[File]) -> list[list[str]]:
+    """Files that import each other by some way: the strongly connected parts of more than one."""
+    modules = {file.module for file in files}
+    graph = {
+        file.module: {
+            next((name for name in names if name in modules), file.module)
+            for found in imports(file)
+            for names in [(found.module, found.module.rpartition(".")[0])]
+        }
+        - {file.module}
+        for file in files
+    }
+    reached: dict[str, set[str]] = {}
+    for module in graph:
+        seen: set[str] = set()
+        ahead = [module]
+        while ahead:
+            new = graph[ahead.pop()] - seen
+            seen |= new
+            ahead += new
+        reached[module] = seen
+    found = {
+        tuple(sorted(other for other in reached[module] if module in reached[other]))
+        for module in graph
+        if module in reached[module]
+    }
+    return sorted(map(list, found))
+
+
 def working(file: File) -> list[str]:
     """Imports by which a file of the command line does what the API is for."""
     allowed = ("koord.api", "koord.cli", "koord.__version__", *PLAIN)
@@ -240,6 +354,7 @@ def talking(file: File) -> Iterator[str]:
                 pass
 
 
+@cache
 def package_files() -> list[File]:
     return [
         File(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8"))
@@ -254,6 +369,16 @@ def test_imports_go_down_only() -> None:
     files = package_files()
     assert len(files) > 10
     assert [line for file in files for line in upward_imports(file)] == []
+
+
+def test_imports_within_a_room_go_down_only() -> None:
+    found = {pair for file in package_files() for pair in imports_across(file)}
+    assert found == UNCUT, "the list gets shorter"
+
+
+def test_no_files_import_each_other() -> None:
+    found = circles(package_files())
+    assert {circle[0] for circle in found} == CIRCLES, "the list gets shorter"
 
 
 def test_the_command_line_uses_the_api_alone() -> None:
@@ -340,6 +465,47 @@ def test_an_upward_import_is_found(path: str, text: str, blamed: str) -> None:
 )
 def test_a_downward_import_is_allowed(path: str, text: str) -> None:
     assert list(upward_imports(File(path, text))) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("koord/verify/engines/bits/a.py", "from koord.verify.engines.horn.b import c"),
+        ("koord/verify/engines/bits/a.py", "from koord.verify import strategy"),
+        ("koord/verify/encoding/a.py", "import koord.verify.engines.bits.graph"),
+        ("koord/verify/ledger.py", "from koord.verify.encoding.solver import Solver"),
+        ("koord/verify/reduction/a.py", "from koord.verify.vacuity.b import c"),
+    ],
+)
+def test_an_import_across_floors_of_a_room_is_found(path: str, text: str) -> None:
+    assert len(list(imports_across(File(path, text)))) == 1
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("koord/verify/engines/bits/a.py", "from koord.verify.engines.bits.b import c"),
+        ("koord/verify/engines/bits/a.py", "from koord.verify.encoding import terms"),
+        ("koord/verify/strategy.py", "from koord.verify.engines.bits.b import c"),
+        ("koord/verify/encoding/a.py", "from koord.verify.claims import Claim"),
+        ("koord/syntax/a.py", "from koord.syntax.b import c"),
+    ],
+)
+def test_an_import_down_a_room_is_allowed(path: str, text: str) -> None:
+    assert list(imports_across(File(path, text))) == []
+
+
+def test_a_circle_is_found() -> None:
+    texts = {
+        "a": "from koord.x import b",
+        "b": "if TYPE_CHECKING:\n    from koord.x.c import thing",
+        "c": "def f():\n    import koord.x.a\nimport koord.x.d",
+        "d": "from koord.x.e import thing",
+        "e": "import os",
+    }
+    files = [File(f"koord/x/{name}.py", text) for name, text in texts.items()]
+    assert circles(files) == [["koord.x.a", "koord.x.b", "koord.x.c"]]
+    assert circles(files[1:]) == []
 
 
 def test_a_stray_library_is_found() -> None:

@@ -131,8 +131,9 @@ def _named(system: System, request: Request) -> str:
 def _unanswered(system: System, request: Request, end: str) -> Asked:
     """What is known if the process of a system died."""
     from koord.verify.claims import claims_of, liveness_of
+    from koord.verify.engine_names import Engine
     from koord.verify.obstacles import Failed
-    from koord.verify.verdicts import Engine, Outcome, Report, Verdict
+    from koord.verify.verdicts import Outcome, Report, Verdict
 
     claims = (*claims_of(system), *liveness_of(system))
     failed = (Failed(Engine.NONE, end),)
@@ -157,7 +158,7 @@ def _asked(
 ) -> Asked:
     """The verdicts on one system: if any number of robots is asked for, an example of them."""
     from koord.verify.claims import claims_of, liveness_of
-    from koord.verify.encoding.solver import Deadline
+    from koord.verify.effort import Deadline
     from koord.verify.strategy import Choice
     from koord.verify.time_limits import verify_apart
     from koord.verify.verdicts import Report

@@ -10,7 +10,7 @@ from koord.api.files import write_atomically
 from koord.api.programs import Program
 from koord.syntax.system import System
 from koord.verify.certificates import Texts, certificate, shown_by
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.verdicts import Report
 
 

@@ -104,7 +104,7 @@ class _Asked(Struct, frozen=True):
 
 def _within(system: System, seconds: float | None) -> System:
     """A system of which nobody waits for longer."""
-    from koord.verify.encoding.solver import Deadline
+    from koord.verify.effort import Deadline
 
     return replace(system, patience=Patience(Deadline.after(seconds).passed))
 

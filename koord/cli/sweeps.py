@@ -16,7 +16,8 @@ from koord.cli.terminal import Paint, Style, visible
 from koord.cli.verdicts import PAINT, outcome_of
 from koord.syntax.problem import Problem
 from koord.syntax.system import System
-from koord.verify.verdicts import Engine, Outcome, Report
+from koord.verify.engine_names import Engine
+from koord.verify.verdicts import Outcome, Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

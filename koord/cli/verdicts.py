@@ -12,20 +12,19 @@ from koord.cli.terminal import Paint, Style, visible
 from koord.syntax.problem import Problem
 from koord.verify import obstacles
 from koord.verify.claims import ClaimKind
+from koord.verify.engine_names import Engine, engine_named
+from koord.verify.failures import Failure
 from koord.verify.vacuity.analysis import words
 from koord.verify.verdicts import (
     Bounds,
     Counterexample,
     Emptiness,
-    Engine,
-    Failure,
     Outcome,
     Report,
     Vacuity,
     Verdict,
     Ways,
     as_invariant,
-    engine_named,
 )
 
 if TYPE_CHECKING:

@@ -20,7 +20,8 @@ from koord.syntax.problem import Problem
 
 if TYPE_CHECKING:
     from koord.refinement.compiled_replay import Rerun
-    from koord.verify.verdicts import Counterexample, Failure, Verdict
+    from koord.verify.failures import Failure
+    from koord.verify.verdicts import Counterexample, Verdict
     from koord.verify.verdicts import Report as Verification
 
 

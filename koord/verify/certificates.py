@@ -23,14 +23,15 @@ from koord.syntax.source import Source
 from koord.syntax.stated import stated
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
-from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.unrolling import Unrolling, violations
+from koord.verify.engine_names import Engine
 from koord.verify.engines.every_n.candidates import candidates
 from koord.verify.engines.every_n.proving import GENEROUS, infer
 from koord.verify.engines.induction.engine import prove, step_scripts
 from koord.verify.engines.workers import MAX_DEPTH, PROOF_S
 from koord.verify.reduction.abstraction import abstracted
-from koord.verify.verdicts import Engine, Outcome, Report, as_invariant
+from koord.verify.verdicts import Outcome, Report, as_invariant
 
 FORMAT = "koord certificate"
 VERSION = 3

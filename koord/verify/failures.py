@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import traceback
+from typing import ClassVar
 
-from koord.verify.verdicts import Failure
+from koord.syntax.content import ByContent
 
 #: Who looks for what makes verdicts say less than they seem to.
 VACUITY = "the search for what never happens"
@@ -18,6 +19,27 @@ _PLACE = re.compile(r'File "[^"]*?(koord/[^"]+\.py)", line (\d+)')
 
 #: What is said of an error, in characters.
 _STORY = 160
+
+
+class Failure(ByContent, frozen=True):
+    """What an engine ran into: it gave no answer, and the others were asked instead of it; or what
+    something beside the engines ran into.
+
+    ``where`` is the place in koord that is to blame; there is none where memory is. ``trace`` is
+    how it came there.
+    """
+
+    ASIDE: ClassVar[frozenset[str]] = frozenset({"trace"})
+
+    who: str
+    what: str
+    where: str = ""
+    trace: str = ""
+    names: tuple[str, ...] = ()  #: of variables whose numbers have grown too long for it
+
+    def __str__(self) -> str:
+        place = f" ({self.where})" if self.where else ""
+        return f"{self.who} failed: {self.what}{place}"
 
 
 def failure_of(who: str, error: Exception) -> Failure:

@@ -27,12 +27,13 @@ from koord.syntax.system import System
 from koord.syntax.types import FLOAT, FloatType, Type, within
 from koord.syntax.walk import last_site, statements, written
 from koord.verify.claims import Claim, ClaimKind
+from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.solver import Answer as Solved
-from koord.verify.encoding.solver import Deadline, Effort
 from koord.verify.encoding.symbols import Symbolic, SymbolicInputs, SymbolicOracle
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling
-from koord.verify.failures import SHADOWS, failure_of
+from koord.verify.engine_names import Engine
+from koord.verify.failures import SHADOWS, Failure, failure_of
 from koord.verify.obstacles import Unshown
 from koord.verify.processes import was_interrupted
 from koord.verify.reduction.shadows import (
@@ -46,7 +47,7 @@ from koord.verify.reduction.shadows import (
 )
 from koord.verify.strategy import Choice
 from koord.verify.time_limits import verify_apart
-from koord.verify.verdicts import Bounds, Engine, Failure, Outcome, Report, Verdict
+from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 
 
 class Unsaid(Struct, frozen=True):

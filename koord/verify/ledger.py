@@ -20,8 +20,9 @@ from koord.syntax.budget import OutOfPatienceError
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.verify.claims import Claim, Phase
-from koord.verify.encoding.solver import Deadline
-from koord.verify.failures import failure_of
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
+from koord.verify.failures import Failure, failure_of
 from koord.verify.obstacles import (
     Beyond,
     Interrupted,
@@ -32,15 +33,7 @@ from koord.verify.obstacles import (
     gave_up,
 )
 from koord.verify.processes import was_interrupted
-from koord.verify.verdicts import (
-    Bounds,
-    BrokenStep,
-    Counterexample,
-    Engine,
-    Failure,
-    Outcome,
-    Verdict,
-)
+from koord.verify.verdicts import Bounds, BrokenStep, Counterexample, Outcome, Verdict
 
 #: How much work goes into proofs for all rounds where every round that was asked about is known.
 ANSWERED_ALL_S = 20.0

@@ -11,11 +11,12 @@ from msgspec.structs import replace
 
 from koord.syntax.system import System
 from koord.verify.claims import Claim, claims_of, liveness_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bits.liveness_engine import LiveByBits
 from koord.verify.engines.explicit.limits import FEW_STATES, Limits
 from koord.verify.engines.explicit.liveness_engine import FEW_EDGES, LiveBySearch
-from koord.verify.failures import VACUITY
+from koord.verify.failures import VACUITY, Failure
 from koord.verify.ledger import Ledger, Reach, Said
 from koord.verify.obstacles import Unreplayed, WholeRuns, what
 from koord.verify.processes import Pool, Progress
@@ -25,14 +26,7 @@ from koord.verify.reduction.sliced_problems import Doubts
 from koord.verify.reduction.slices import Slices
 from koord.verify.resumption import Steps
 from koord.verify.vacuity.vacuous_goals import hollow
-from koord.verify.verdicts import (
-    Bounds,
-    Engine,
-    Failure,
-    Outcome,
-    Vacuity,
-    Verdict,
-)
+from koord.verify.verdicts import Bounds, Outcome, Vacuity, Verdict
 
 
 class Ways(Enum):

@@ -10,8 +10,9 @@ from typing import TypeAlias, assert_never
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.verify.encoding.solver import Deadline
-from koord.verify.verdicts import Engine, Failure, engine_named
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine, engine_named
+from koord.verify.failures import Failure
 
 
 class TimeUp(Struct, frozen=True):

@@ -7,17 +7,20 @@ Effort is counted in work, not in time: what is asked singly is the same on ever
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 
 from msgspec import Struct
 
+from koord.verify.bounded_check import AFTERWARDS_S, ByUnrolling
 from koord.verify.claims import Claim
-from koord.verify.encoding.solver import Effort
-from koord.verify.engines.workers import AFTERWARDS_S, ByUnrolling
+from koord.verify.each_claim import note_end
+from koord.verify.effort import Effort
+from koord.verify.engine_names import Engine
+from koord.verify.failures import Failure
 from koord.verify.ledger import Ledger, Said, Works, reach_of
 from koord.verify.processes import Job, Pool, Progress, Teller, can_fork
-from koord.verify.verdicts import Engine, Failure, Outcome, Verdict
+from koord.verify.verdicts import Outcome, Verdict
 
 
 class _Slice(Struct, frozen=True):
@@ -140,7 +143,7 @@ class ByRounds(Struct, frozen=True):
         with ledger.waiting():
             for claim, looked in self.pool.answers(jobs):
                 if looked is None:
-                    _note_end(ledger, claim, self.name, jobs[claim].end)
+                    note_end(ledger, claim, self.name, jobs[claim].end)
                     continue
                 ledger.take(looked.said)
                 if looked.unreplayed is not None:
@@ -158,48 +161,6 @@ def _slices(ledger: Ledger) -> Sequence[_Slice]:
         # Nobody waits long for the others.
         return [_Slice(AFTERWARDS_S / max(1, wanting), False)]
     return [*SLICES, AT_LAST] if wanting > 1 else [AT_LAST]
-
-
-def _note_end(ledger: Ledger, claim: Claim, who: str, end: str) -> None:
-    """The process that was to work on a claim is gone."""
-    died = ledger.of([claim], ledger.report)
-    died.fail(Failure(who, end))
-    ledger.take(died.said([claim]))
-
-
-def singly(
-    ledger: Ledger,
-    claims: Sequence[Claim],
-    pool: Pool,
-    work: Callable[[Ledger, Claim], None],
-    who: str,
-) -> None:
-    """Have an engine work on each of some claims, each on a ledger on which it alone is open."""
-    if not can_fork() or len(claims) < 2:
-        for claim in claims:
-            own = ledger.of([claim], ledger.report)
-            try:
-                with own.enduring(who):
-                    work(own, claim)
-            finally:
-                ledger.take(own.said([claim]))
-        return
-
-    def ask(claim: Claim, tell: Progress) -> Said:
-        own = ledger.of([claim], tell)
-        with own.stopping(), own.enduring(who):
-            work(own, claim)
-        return own.said([claim])
-
-    jobs = {claim: pool.hand_in(claim.name, partial(ask, claim)) for claim in claims}
-    with ledger.waiting():
-        for claim, said in pool.answers(jobs):
-            if said is None:
-                _note_end(ledger, claim, who, jobs[claim].end)
-            else:
-                ledger.take(said)
-    if ledger.interrupted:
-        raise KeyboardInterrupt
 
 
 def asked(

@@ -15,16 +15,18 @@ from msgspec.structs import replace
 
 from koord.syntax.analysis.premises import Premise, premises, without
 from koord.syntax.system import System
+from koord.verify.bounded_check import ByUnrolling
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bits.engine import ByBits
 from koord.verify.engines.every_n.engine import ByEveryN, ByInference
 from koord.verify.engines.every_n.proving import SPARING
 from koord.verify.engines.explicit.limits import Limits
-from koord.verify.engines.workers import ByInduction, BySearch, ByUnrolling
+from koord.verify.engines.workers import ByInduction, BySearch
 from koord.verify.ledger import Ledger, Subject, Works
 from koord.verify.reduction.abstraction import abstracted
-from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome, Verdict
+from koord.verify.verdicts import Bounds, Counterexample, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
 
 

@@ -8,9 +8,11 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.syntax.budget import OutOfPatienceError
+from koord.verify.engine_names import engine_named
+from koord.verify.failures import Failure
 from koord.verify.ledger import Ledger, Reach, reach_of
 from koord.verify.obstacles import TimeUp
-from koord.verify.verdicts import Failure, Outcome, Verdict, engine_named
+from koord.verify.verdicts import Outcome, Verdict
 
 
 class Step(Struct, frozen=True):

@@ -13,8 +13,10 @@ from msgspec.structs import replace
 
 from koord.syntax.budget import Patience
 from koord.syntax.system import System
+from koord.verify.bounded_check import ByUnrolling
 from koord.verify.claims import Claim, claims_of, liveness_of
-from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.effort import Deadline, Effort
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc.counterexample_enumeration import others
 from koord.verify.engines.every_n.engine import FEW, ByEveryN, ByInference
 from koord.verify.engines.every_n.proving import HASTY, SPARING
@@ -29,9 +31,8 @@ from koord.verify.engines.workers import (
     BySearch,
     ByShallowSearch,
     ByStep,
-    ByUnrolling,
 )
-from koord.verify.failures import VACUITY, failure_of
+from koord.verify.failures import VACUITY, Failure, failure_of
 from koord.verify.ledger import Ledger, Subject, Works, reach_of
 from koord.verify.per_claim import ByRounds
 from koord.verify.processes import Job, Pool, Progress, was_interrupted
@@ -43,8 +44,6 @@ from koord.verify.vacuity.analysis import Hollow, Looked, look, of_any_number, u
 from koord.verify.verdicts import (
     Bounds,
     Counterexample,
-    Engine,
-    Failure,
     Outcome,
     Report,
     Unlooked,

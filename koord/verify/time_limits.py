@@ -21,12 +21,13 @@ from msgspec.structs import replace
 
 from koord.syntax.system import System
 from koord.verify.claims import claims_of, liveness_of
-from koord.verify.encoding.solver import GRACE, GRACE_S, Deadline
+from koord.verify.effort import GRACE, GRACE_S, Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.obstacles import Interrupted, Obstacle, TimeUp, failed_at
 from koord.verify.processes import Pool, Teller
 from koord.verify.resumption import Past
 from koord.verify.strategy import Choice, verify
-from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 
 
 def verify_apart(

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import TYPE_CHECKING, ClassVar
 
 from msgspec import Struct
 
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
 from koord.semantics.recording import Recording
-from koord.syntax.content import ByContent
 from koord.syntax.source import Span
+from koord.syntax.system import System
 from koord.verify.claims import Claim, Phase
-
-if TYPE_CHECKING:
-    from koord.verify.obstacles import Obstacle
+from koord.verify.engine_names import Engine
+from koord.verify.failures import Failure
+from koord.verify.obstacles import Obstacle
 
 #: What stands before a found invariant that is one of the ends of rounds alone.
 AT_ROUND = "at round: "
@@ -32,24 +31,6 @@ class Outcome(Enum):
     HOLDS = "holds"
     VIOLATED = "violated"
     UNKNOWN = "unknown"
-
-
-class Engine(Enum):
-    """What gave a verdict."""
-
-    EVERY_N = "every N"  #: for every number of robots at once
-    INDUCTION = "induction"
-    SEARCH = "search"
-    SPACER = "spacer"  #: constrained Horn clauses
-    BITS = "bits"  #: and-inverter graphs, SAT and IC3
-    ABC = "abc"  #: the same, with PDR by abc
-    BMC = "bmc"
-    NONE = "none"
-
-
-def engine_named(name: str) -> Engine:
-    """The engine of that name; NONE for what is none."""
-    return next((engine for engine in Engine if engine.value == name), Engine.NONE)
 
 
 class Bounds(Struct, frozen=True):
@@ -171,27 +152,6 @@ class Unlooked(Struct, frozen=True):
     subject: str
 
 
-class Failure(ByContent, frozen=True):
-    """What an engine ran into: it gave no answer, and the others were asked instead of it; or what
-    something beside the engines ran into.
-
-    ``where`` is the place in koord that is to blame; there is none where memory is. ``trace`` is
-    how it came there.
-    """
-
-    ASIDE: ClassVar[frozenset[str]] = frozenset({"trace"})
-
-    who: str
-    what: str
-    where: str = ""
-    trace: str = ""
-    names: tuple[str, ...] = ()  #: of variables whose numbers have grown too long for it
-
-    def __str__(self) -> str:
-        place = f" ({self.where})" if self.where else ""
-        return f"{self.who} failed: {self.what}{place}"
-
-
 class Report(Struct, frozen=True):
     """All verdicts on one system; on systems of every size if ``every_n``."""
 
@@ -221,3 +181,11 @@ class Report(Struct, frozen=True):
             if worst in outcomes:
                 return worst
         return Outcome.HOLDS
+
+
+def no_fair_run(system: System) -> Vacuity:
+    """That no run is fair: what is claimed of whole runs holds for no reason."""
+    detail = "no run without end does all that is expected"
+    if not system.program.expectations:
+        detail = "no fair run goes on for ever: each ends in a fault, or where contracts contradict"
+    return Vacuity(Emptiness.ASSUMPTIONS, "", detail, certain=True)

@@ -26,14 +26,15 @@ from koord.traces.codec import decode, encode
 from koord.traces.replay import replay
 from koord.traces.trace import Numbers, traced
 from koord.verify.claims import Claim, ClaimKind, claims_of
-from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.effort import Deadline, Effort
+from koord.verify.engine_names import Engine
 from koord.verify.engines.every_n.proving import SPARING, prove
 from koord.verify.engines.explicit.findings import Exhausted, Subject, Violated
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
 from koord.verify.strategy import Choice
-from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
+from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from tests.generators.large import large
 from tests.generators.staged import staged
 from tests.sampling import first

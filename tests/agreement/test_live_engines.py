@@ -18,7 +18,7 @@ from koord.syntax.system import System
 from koord.syntax.types import MapType
 from koord.syntax.walk import nodes
 from koord.traces.trace import Numbers, traced
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.liveness_strategy import Ways, settled
 from koord.verify.verdicts import Bounds, Emptiness, Outcome
 from tests.agreement.test_lassos import LIVELY, searched, with_liveness

@@ -15,7 +15,7 @@ import pytest
 from koord.refinement.compiled_replay import rerun
 from koord.refinement.generating.programs import system
 from koord.traces.trace import Numbers, traced
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.explicit.findings import Exhausted
 from koord.verify.liveness_strategy import Ways, settled
 from koord.verify.verdicts import Bounds, Outcome

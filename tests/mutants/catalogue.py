@@ -384,7 +384,7 @@ VERIFY = (
     ),
     Mutant(
         "the replay is not consulted",
-        "verify.engines.bmc.engine._look",
+        "verify.bounded_check._look",
         "judge(recording, claim, moment.phase)",
         'Counterexample(recording, moment.configuration.round, moment.phase, "")',
         (PORTFOLIO, ABSTRACTION),
@@ -643,14 +643,14 @@ VERIFY = (
     ),
     Mutant(
         "robots change places whatever is said of them",
-        "verify.vacuity.reachability_goals._with",
+        "verify.reachability_goals._with",
         "(*program.properties, *stated)",
         "program.properties",
         (VACUITY,),
     ),
     Mutant(
         "invariants suppose nothing between the ends of rounds",
-        "verify.vacuity.reachability_goals._suppositions",
+        "verify.reachability_goals._suppositions",
         "stated.kind is PropertyKind.INVARIANT",
         "False",
         (VACUITY,),
@@ -664,7 +664,7 @@ VERIFY = (
     ),
     Mutant(
         "what contracts suppose is looked at after the turn",
-        "verify.vacuity.reachability_goals._is_before",
+        "verify.reachability_goals._is_before",
         "node.primed",
         "False",
         (VACUITY,),

@@ -128,7 +128,7 @@ EVERY_N = (
     Mutant(
         "every N: trips do not fault",
         "verify.engines.every_n.loops.Loop._log_faults",
-        "self._d.is_valid(self.crowd.book.glimpse(quiet))",
+        "self._d.is_valid(self.facts.book.glimpse(quiet))",
         "self._d is not None",
         (LOOPS,),
     ),

@@ -51,7 +51,7 @@ HORN = (
     ),
     Mutant(
         "fewest: a list that may be longer breaks nothing sooner",
-        "verify.engines.bmc.engine.Bounded.check",
+        "verify.bounded_check.Bounded.check",
         "has_fewest(shown, self.covered)",
         "True",
         ("tests/agreement/test_fewest.py",),

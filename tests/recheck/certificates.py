@@ -17,7 +17,7 @@ from koord.syntax.source import Source
 from koord.syntax.system import dealt
 from koord.verify.certificates import Shown, Texts, certificate, digest
 from koord.verify.claims import claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 

@@ -14,7 +14,7 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.verify.certificates import Texts, certificate, shown_by
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits.abc import installed
 from koord.verify.strategy import Choice, verify
 from koord.verify.verdicts import Bounds

@@ -15,9 +15,9 @@ from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
+from koord.verify.bounded_check import Bounded
 from koord.verify.claims import Claim, Phase, claims_of
-from koord.verify.encoding.solver import Deadline
-from koord.verify.engines.bmc.engine import Bounded
+from koord.verify.effort import Deadline
 from koord.verify.engines.induction.engine import prove
 from koord.verify.strategy import Choice, verify
 from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Verdict

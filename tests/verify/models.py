@@ -15,8 +15,9 @@ from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import System
 from koord.syntax.types import INT, ArrayType, RecordType, Robots, Type
+from koord.verify.effort import Deadline
 from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer, Deadline, Model
+from koord.verify.encoding.solver import Answer, Model
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling
 from koord.verify.witness import Reader

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from koord.verify import ledger
+from koord.verify.engine_names import Engine
 from koord.verify.obstacles import TimeUp
 from koord.verify.strategy import verify
-from koord.verify.verdicts import Bounds, Engine, Outcome, Report
+from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.verify.asking import of_text
 
 #: Sums of squares are no 7, which no engine here proves.

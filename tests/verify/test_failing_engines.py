@@ -12,21 +12,15 @@ import pytest
 import z3
 
 from koord.verify import resumption
+from koord.verify.bounded_check import ByUnrolling
 from koord.verify.claims import claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits.engine import ByBits
 from koord.verify.engines.bits.liveness_engine import LiveByBits
 from koord.verify.engines.every_n.engine import ByEveryN, ByInference
 from koord.verify.engines.explicit.liveness_engine import LiveBySearch
 from koord.verify.engines.horn.engine import BySpacer, KeptBack
-from koord.verify.engines.workers import (
-    ByGlance,
-    ByInduction,
-    BySearch,
-    ByShallowSearch,
-    ByStep,
-    ByUnrolling,
-)
+from koord.verify.engines.workers import ByGlance, ByInduction, BySearch, ByShallowSearch, ByStep
 from koord.verify.ledger import Ledger, Subject
 from koord.verify.per_claim import ByRounds
 from koord.verify.strategy import Choice, verify

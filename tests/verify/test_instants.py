@@ -20,7 +20,7 @@ from koord.semantics.rounds import evolved
 from koord.semantics.turns import holds_in
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.instants import Shadowed, instant_of, shadowed, verified
 from koord.verify.strategy import Choice, verify
 from koord.verify.verdicts import Bounds, Outcome, Verdict

@@ -9,9 +9,10 @@ from koord.syntax.load import load
 from koord.syntax.source import NOWHERE, Source
 from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.ledger import Ledger, Reach, Subject
-from koord.verify.verdicts import Bounds, Engine, Outcome, Verdict
+from koord.verify.verdicts import Bounds, Outcome, Verdict
 
 TEXT = """
 local:

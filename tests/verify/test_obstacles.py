@@ -17,13 +17,14 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify import obstacles
 from koord.verify.claims import claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import engine as bits_engine
 from koord.verify.ledger import Ledger
 from koord.verify.obstacles import NotInductive, TimeUp, TooLong, Values, WholeRuns
 from koord.verify.reduction.problems import plain_subject
 from koord.verify.strategy import Choice, verify
-from koord.verify.verdicts import Bounds, Engine, Outcome, Verdict
+from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.generators.large import large
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs" / "examples"

@@ -16,14 +16,15 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify import per_claim, processes
 from koord.verify.claims import Claim, claims_of
-from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.effort import Deadline, Effort
+from koord.verify.engine_names import Engine
 from koord.verify.engines import workers
 from koord.verify.engines.bits import liveness_engine
 from koord.verify.ledger import Ledger, Reach, Subject, Works
 from koord.verify.per_claim import ByRounds
 from koord.verify.processes import Pool, can_fork
 from koord.verify.strategy import Choice, verify
-from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="one process only")
 

@@ -15,8 +15,9 @@ from koord.syntax.system import dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ListType
 from koord.verify import strategy
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.encoding.unknowns import LIST_CAPACITY
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc import counterexample_enumeration
 from koord.verify.ledger import Ledger, Reach, Subject, reach_of
 from koord.verify.obstacles import GaveUp, WholeRuns
@@ -25,7 +26,6 @@ from koord.verify.verdicts import (
     Bounds,
     Counterexample,
     Emptiness,
-    Engine,
     Outcome,
     Report,
     Vacuity,

@@ -16,11 +16,12 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify import processes, time_limits
 from koord.verify.claims import claims_of, liveness_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.resumption import Step
 from koord.verify.strategy import Choice, verify
 from koord.verify.time_limits import verify_apart
-from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 
 #: More than anything here takes, on any machine.
 AMPLE = Bounds(rounds=6, claim_s=600.0)

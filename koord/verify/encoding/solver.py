@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from enum import Enum
 from fractions import Fraction
 
@@ -13,6 +11,7 @@ from msgspec import Struct
 
 from koord.semantics.domain import Constant
 from koord.syntax.types import BoolType, OpaqueType, StreamType, StringType, Type
+from koord.verify.effort import PER_SECOND, Deadline, Effort
 from koord.verify.encoding.symbols import Unknowns
 from koord.verify.encoding.terms import Term, Terms
 
@@ -23,13 +22,6 @@ _INTERRUPTED = frozenset({"interrupted from keyboard", "interrupted", "canceled"
 _FOR_EVER = 2**32 - 1
 
 
-#: What part of its time somebody may take longer to end in good order, and in seconds at least.
-GRACE, GRACE_S = 0.05, 0.1
-
-#: The same of somebody's share of the time, while others wait.
-OVERTIME = 0.2
-
-
 class Answer(Enum):
     """What a solver says of a question."""
 
@@ -38,75 +30,6 @@ class Answer(Enum):
     UNKNOWN = "unknown"
 
 
-class Deadline(Struct):
-    """A moment after which no question is asked any more; None: never.
-
-    ``cpu_at`` is one in the time of this process' own work, which passes no faster where others
-    work as well.
-    """
-
-    at: float | None = None
-    cpu_at: float | None = None
-
-    @staticmethod
-    def after(seconds: float | None) -> Deadline:
-        return Deadline(None if seconds is None else time.monotonic() + seconds)
-
-    def left_s(self) -> float | None:
-        left = []
-        if self.at is not None:
-            left.append(self.at - time.monotonic())
-        if self.cpu_at is not None:
-            left.append(self.cpu_at - time.process_time())
-        return max(0.0, min(left)) if left else None
-
-    def is_near(self) -> bool:
-        """Whether a solver that stops now may have done so because of it."""
-        left = self.left_s()
-        return left is not None and left < 0.05
-
-    def passed(self) -> bool:
-        left = self.left_s()
-        return left is not None and left <= 0
-
-    @contextmanager
-    def sharing(self, part: float) -> Iterator[float | None]:
-        """While this lasts, for all who know of it, a part of what is left is all that is left.
-
-        It yields the moment when somebody is to be ended who does not look at the clock.
-        """
-        whole = self.at
-        ended = None
-        if whole is not None:
-            now = time.monotonic()
-            share = part * max(0.0, whole - now)
-            self.at, ended = now + share, now + (1 + OVERTIME) * share
-        try:
-            yield ended
-        finally:
-            self.at = whole
-
-    def at_last(self) -> float | None:
-        """When somebody is ended who does not look at the clock, so that others can still tell."""
-        left = self.left_s()
-        if self.at is None or left is None:
-            return None
-        return self.at + max(GRACE_S, GRACE * left) / 2
-
-    def sooner(self, seconds: float) -> Deadline:
-        """The one of two moments that comes first: this one, or so many seconds from now."""
-        soon = time.monotonic() + seconds
-        return Deadline(soon if self.at is None else min(self.at, soon), self.cpu_at)
-
-    def of_work(self, seconds: float) -> Deadline:
-        """The same moment, or when this process has worked for so many seconds."""
-        soon = time.process_time() + seconds
-        return Deadline(self.at, soon if self.cpu_at is None else min(self.cpu_at, soon))
-
-
-#: Roughly what a solver does in a second, in its own units.
-PER_SECOND = 10_000_000
-
 #: How many times longer a question may take than its effort is meant for. Reals that are multiplied
 #: keep a solver busy for minutes that it counts as a second of work.
 AT_MOST_TIMES = 10
@@ -114,24 +37,6 @@ AT_MOST_TIMES = 10
 #: How long a single question may take where there are others to ask, and where nobody said how long
 #: all may take: then nobody would hear of anything else.
 LONGEST_S, LONGEST_UNLIMITED_S = 10.0, 60.0
-
-
-class Effort(Struct):
-    """Work that a solver may still do, in its own units: the same on every machine, loaded or not.
-
-    So whether a proof is found does not depend on how fast it is looked for.
-    """
-
-    left: int
-
-    @staticmethod
-    def of_seconds(seconds: float) -> Effort:
-        """About what a solver does in that time."""
-        return Effort(int(seconds * PER_SECOND))
-
-    def limit(self, at_most: int) -> int:
-        """What one question may use up: all that is left, or ``at_most`` of it (0: all)."""
-        return min(self.left, at_most or self.left)
 
 
 class Layer(Struct, frozen=True):

@@ -12,25 +12,22 @@ from msgspec.structs import replace
 from koord.semantics.machine import NotFiniteError
 from koord.syntax import core
 from koord.syntax.budget import OutOfPatienceError
-from koord.syntax.diagnostics import KoordError
+from koord.verify.bounded_check import AFTERWARDS_S, ByUnrolling
 from koord.verify.claims import Claim
-from koord.verify.encoding.solver import Effort
-from koord.verify.engines.bmc.engine import Bounded
+from koord.verify.effort import Effort
+from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.limits import HANDFUL, Limits
 from koord.verify.engines.induction.engine import prove
 from koord.verify.ledger import Ledger, Reach, Subject
 from koord.verify.obstacles import (
     Beyond,
-    Elsewhere,
-    GaveUp,
-    Lengths,
     NotInductive,
     Obstacle,
     Unreplayed,
     Values,
     gave_up,
 )
-from koord.verify.verdicts import BrokenStep, Engine, Outcome
+from koord.verify.verdicts import BrokenStep, Outcome
 
 if TYPE_CHECKING:
     from koord.verify.engines.explicit.engine import Searching
@@ -56,95 +53,9 @@ GLANCE_S = 3.0
 #: The same where nothing longer was tried yet, with the rounds that it is about.
 FIRST_GLANCE_S, FIRST_ROUNDS = 0.5, 1
 
-#: What other claims may cost where one is violated, so that nobody waits long to see it.
-AFTERWARDS_S = 10.0
 
 #: What a proof for all rounds may cost where all claims were seen to hold as far as was asked.
 ANSWERED_S = 5.0
-
-
-class ByUnrolling(Struct):
-    """Bounded model checking, which goes on from where it stopped."""
-
-    bounded: Bounded | None = None
-    relying: bool = True  #: takes for granted what is proved
-    late: bool = False  #: it was stopped by the clock, and not by what there is to be done
-    afterwards: Effort = field(default_factory=lambda: Effort.of_seconds(AFTERWARDS_S))
-
-    @property
-    def name(self) -> str:
-        return Engine.BMC.value
-
-    def work(self, ledger: Ledger) -> None:
-        if ledger.wanting():
-            self.through(ledger, ledger.bounds.rounds)
-
-    def of(self, ledger: Ledger) -> Bounded:
-        if self.late and not ledger.deadline.is_near():  # there is time again
-            self.bounded, self.late = None, False
-        if self.bounded is None:
-            self.bounded = Bounded(ledger.system, ledger.subject.judge, ledger.seed)
-        return self.bounded
-
-    @property
-    def suspected(self) -> int | None:
-        """The last round with a candidate violation that was none; None without one."""
-        completed = self.bounded.unreplayed.values() if self.bounded is not None else ()
-        return max((0 if last is None else last + 1 for _, last in completed), default=None)
-
-    def through(self, ledger: Ledger, rounds: int, effort: Effort | None = None) -> None:
-        """Settle what is violated within so many rounds, as far as the effort goes."""
-        bounded = self.of(ledger)
-        try:
-            self._through(bounded, ledger, rounds, effort)
-        except NotFiniteError as error:
-            bounded.beyond = str(error)
-        except (KoordError, OutOfPatienceError):
-            raise
-        except Exception:
-            self.bounded = None  # it may be half done: nobody relies on it any more
-            raise
-        finally:
-            self.late = bool(bounded.reason) and ledger.deadline.is_near()
-            self._leave(bounded, ledger)
-
-    def _through(
-        self, bounded: Bounded, ledger: Ledger, rounds: int, effort: Effort | None
-    ) -> None:
-        while not (bounded.reason or bounded.beyond) and (claims := self._pending(bounded, ledger)):
-            number = 0 if bounded.completed is None else bounded.completed + 1
-            if number > rounds:
-                return
-            ledger.progress(f"bmc, round {number} of {ledger.bounds.rounds}")
-            most = effort or (self.afterwards if ledger.is_violated else None)
-            proved = ledger.proved() if self.relying else []
-            ledger.settle(bounded.check(claims, proved, number, ledger.deadline, most))
-            self._leave(bounded, ledger)  # known from now on, however this ends
-            if bounded.tired:
-                return
-
-    def _pending(self, bounded: Bounded, ledger: Ledger) -> list[Claim]:
-        return [claim for claim in ledger.open() if claim not in bounded.unreplayed]
-
-    def _leave(self, bounded: Bounded, ledger: Ledger) -> None:
-        reason = bounded.reason
-        obstacle: Obstacle | None = None
-        if bounded.tired:
-            reason = "another claim is violated, and this one takes long"
-            obstacle = Elsewhere(Engine.BMC) if ledger.is_violated else GaveUp(Engine.BMC)
-        elif bounded.beyond:
-            reason, obstacle = bounded.beyond, Beyond(Engine.BMC, bounded.beyond)
-        elif reason:
-            obstacle = gave_up(Engine.BMC, ledger.deadline)
-        if not reason and bounded.limits:
-            reason = f"not covered: {'; '.join(bounded.limits)}"
-            obstacle = Lengths(Engine.BMC, tuple(bounded.limits))
-        reach = Reach(Engine.BMC, bounded.covered, reason, bounded.seconds, obstacle=obstacle)
-        ledger.leave(self._pending(bounded, ledger), reach)
-        for claim, (why, rounds) in bounded.unreplayed.items():
-            through = bounded.covered if bounded.limits else rounds
-            astray = Unreplayed(Engine.BMC)
-            ledger.leave([claim], Reach(Engine.BMC, through, why, bounded.seconds, obstacle=astray))
 
 
 class ByGlance(Struct):

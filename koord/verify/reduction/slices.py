@@ -14,10 +14,10 @@ from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.verify.claims import Claim, claims_of, liveness_of
+from koord.verify.reachability_goals import Aim, wishes_of
 from koord.verify.reduction.influence import Answers, Cone, Happens, Influence, Part
 from koord.verify.reduction.problems import Identity, identity
 from koord.verify.reduction.slicing import sliced
-from koord.verify.vacuity.reachability_goals import Aim, wishes_of
 
 
 class Slices(Struct, frozen=True, dict=True):

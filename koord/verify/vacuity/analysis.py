@@ -15,17 +15,18 @@ from koord.syntax.core import Home
 from koord.syntax.system import System
 from koord.syntax.walk import reached
 from koord.verify.claims import NO_FAULT, Claim, Findings, Phase
+from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer, Deadline, Effort
+from koord.verify.encoding.solver import Answer
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engines.induction.representatives import representatives
 from koord.verify.ledger import Ledger
+from koord.verify.reachability_goals import Aim, Wish, Wishes, supposes, wishes_of
 from koord.verify.vacuity import any_number
 from koord.verify.vacuity.contradictory_summaries import unanswerable
 from koord.verify.vacuity.dead_ends import dead_end
 from koord.verify.vacuity.reachability import Unbroken, unbroken
-from koord.verify.vacuity.reachability_goals import Aim, Wish, Wishes, supposes, wishes_of
 from koord.verify.vacuity.unreachable import unmet
 from koord.verify.verdicts import Emptiness, Outcome, Unlooked, Vacuity
 

@@ -19,7 +19,8 @@ from koord.syntax.system import System
 from koord.syntax.types import BoolType, EnumType, FloatType, IntType
 from koord.syntax.walk import reached
 from koord.traces.rendering import show_value
-from koord.verify.encoding.solver import Answer, Deadline, Effort, Solver
+from koord.verify.effort import Deadline, Effort
+from koord.verify.encoding.solver import Answer, Solver
 from koord.verify.encoding.symbols import Symbolic, SymbolicInputs, Unknowns
 from koord.verify.encoding.terms import Term, Terms
 

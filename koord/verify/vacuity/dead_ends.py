@@ -21,7 +21,8 @@ from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import Status, System
 from koord.syntax.types import is_flat
 from koord.syntax.walk import reached
-from koord.verify.encoding.solver import Answer, Deadline, Effort, Solver
+from koord.verify.effort import Deadline, Effort
+from koord.verify.encoding.solver import Answer, Solver
 from koord.verify.encoding.symbols import Symbolic, SymbolicInputs, Unknowns
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.vacuity.reachability import runs_of

@@ -21,8 +21,9 @@ from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.traces.trace import Numbers
 from koord.verify.claims import Claim, Phase
+from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer, Deadline, Effort
+from koord.verify.encoding.solver import Answer
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engines.explicit.limits import FEW_STATES, Limits

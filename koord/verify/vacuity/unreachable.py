@@ -14,8 +14,9 @@ from msgspec.structs import replace
 from koord.syntax.analysis.premises import without
 from koord.syntax.system import System
 from koord.verify.claims import Claim
-from koord.verify.encoding.solver import Effort
+from koord.verify.effort import Effort
 from koord.verify.ledger import Ledger
+from koord.verify.reachability_goals import Aim, Wish, wishes_of
 from koord.verify.vacuity.reachability import (
     Unbroken,
     broken_between,
@@ -23,7 +24,6 @@ from koord.verify.vacuity.reachability import (
     never_broken,
     unbroken,
 )
-from koord.verify.vacuity.reachability_goals import Aim, Wish, wishes_of
 from koord.verify.verdicts import Emptiness, Vacuity
 
 #: Proofs are of one round or two, and rest on what is so in the first ones.

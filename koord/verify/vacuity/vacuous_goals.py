@@ -9,7 +9,8 @@ from koord.semantics.liveness import responses
 from koord.syntax import core
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind
-from koord.verify.encoding.solver import Answer, Deadline, Effort
+from koord.verify.effort import Deadline, Effort
+from koord.verify.encoding.solver import Answer
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.vacuity.analysis import never_changes
 from koord.verify.verdicts import Emptiness, Outcome, Vacuity, Verdict

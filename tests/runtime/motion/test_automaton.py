@@ -143,7 +143,7 @@ ORDERS = st.lists(st.sampled_from(Orders.__struct_fields__), max_size=2, unique=
 
 
 @given(st.lists(st.tuples(ORDERS, st.sampled_from([0.0, 0.3, 3.0])), max_size=25))
-def test_many_robots_behave_as_each_alone(told: list[tuple[list[str], float]]) -> None:
+def test_many_robots_behave_as_singly(told: list[tuple[list[str], float]]) -> None:
     """The arrays hold nothing together but the clock; and the step leaves its inputs alone."""
     alone = initial(1)
     many = initial(3)

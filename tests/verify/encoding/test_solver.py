@@ -14,15 +14,8 @@ from koord.semantics.domain import Constant
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import BOOL, FLOAT, INT, STRING, EnumType, OpaqueType, Type
-from koord.verify.encoding.solver import (
-    LONGEST_S,
-    LONGEST_UNLIMITED_S,
-    Answer,
-    Deadline,
-    Effort,
-    Solver,
-    cases,
-)
+from koord.verify.effort import Deadline, Effort
+from koord.verify.encoding.solver import LONGEST_S, LONGEST_UNLIMITED_S, Answer, Solver, cases
 from koord.verify.encoding.symbols import Unknowns
 from koord.verify.encoding.terms import Term, Terms
 

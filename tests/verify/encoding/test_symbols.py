@@ -25,7 +25,8 @@ from koord.syntax.types import (
     Robots,
     Type,
 )
-from koord.verify.encoding.solver import Answer, Deadline, Solver
+from koord.verify.effort import Deadline
+from koord.verify.encoding.solver import Answer, Solver
 from koord.verify.encoding.symbols import LIST_CAPACITY, Symbolic, SymbolicInputs, Unknowns
 from koord.verify.encoding.terms import Term, Terms
 from tests.semantics.building import TRUE, Build, I, bound, forall, lst

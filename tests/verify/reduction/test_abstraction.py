@@ -23,9 +23,9 @@ from koord.syntax.types import (
     Type,
 )
 from koord.syntax.walk import nodes
+from koord.verify.bounded_check import Bounded
 from koord.verify.claims import Claim, Phase, claims_of
-from koord.verify.encoding.solver import Deadline
-from koord.verify.engines.bmc.engine import Bounded
+from koord.verify.effort import Deadline
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.reduction.concretion import Concretion
 from koord.verify.strategy import Choice, verify

@@ -10,9 +10,10 @@ from koord.cli.main import main
 from koord.sampling.run_extension import extended
 from koord.sampling.values import Sampler
 from koord.semantics.recording import Recording
+from koord.verify.engine_names import Engine
 from koord.verify.reduction import problems
 from koord.verify.strategy import Choice
-from koord.verify.verdicts import Engine, Outcome
+from koord.verify.verdicts import Outcome
 from tests.verify.asking import ask, of_text
 
 JUNK = """

@@ -7,7 +7,7 @@ import pytest
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.ledger import Ledger
 from koord.verify.strategy import verify
 from koord.verify.vacuity import analysis

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit_files import aiger_of, machine_asking
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.ic3 import Cube, Invariant, Question, Reached, Unfinished

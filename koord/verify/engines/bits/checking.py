@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits.clauses import OTHER, Clauses
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.ic3 import Cube, Question

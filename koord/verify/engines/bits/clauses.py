@@ -11,7 +11,8 @@ import pysolvers
 from pysat.solvers import Solver
 
 from koord.syntax.budget import OutOfPatienceError
-from koord.verify.encoding.solver import Answer, Deadline
+from koord.verify.effort import Deadline
+from koord.verify.encoding.solver import Answer
 from koord.verify.engines.bits.graph import Graph
 
 #: In which directions a node's clauses are needed: where it is true, where it is false.

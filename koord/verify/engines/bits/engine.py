@@ -15,6 +15,7 @@ from koord.syntax.types import FloatType
 from koord.syntax.walk import nodes
 from koord.verify.claims import Claim, Phase
 from koord.verify.encoding.solver import Answer
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import abc, ic3
 from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.circuit import LEVELS, Circuit, circuit_of
@@ -27,7 +28,7 @@ from koord.verify.engines.bits.robot_permutations import images
 from koord.verify.engines.bits.unrolling import Copy, Unrolled
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Lengths, NoInvariant, Obstacle, Unreplayed, Values, gave_up
-from koord.verify.verdicts import Engine, Outcome, Verdict, has_fewest
+from koord.verify.verdicts import Outcome, Verdict, has_fewest
 from koord.verify.witness import NotReplayedError
 
 #: So many rounds are unrolled before a proof is tried.

@@ -13,7 +13,7 @@ from heapq import heappop, heappush
 
 from msgspec import Struct, field
 
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.clauses import BOTH_SIDES, QUICK, TRUE_SIDE, Clauses, NoAnswerError
 from koord.verify.engines.bits.graph import FALSE, Graph

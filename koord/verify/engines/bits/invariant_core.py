@@ -12,7 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.verify.claims import Claim, Phase
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits.checking import keeps
 from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses

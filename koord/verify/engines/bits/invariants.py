@@ -9,7 +9,7 @@ from msgspec import Struct
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.system import System
 from koord.verify.claims import Claim
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.clauses import NoAnswerError
 from koord.verify.engines.bits.ic3 import Cube, Question

@@ -11,7 +11,8 @@ from koord.semantics.recording import Recording
 from koord.syntax.budget import OutOfPatienceError
 from koord.syntax.system import System
 from koord.verify.claims import Phase
-from koord.verify.encoding.solver import Answer, Deadline
+from koord.verify.effort import Deadline
+from koord.verify.encoding.solver import Answer
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.clauses import TRUE_SIDE
 from koord.verify.engines.bits.domain import Bits, literal

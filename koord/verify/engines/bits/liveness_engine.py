@@ -19,6 +19,8 @@ from koord.syntax.core import QuantifierKind
 from koord.syntax.system import System
 from koord.syntax.walk import asks
 from koord.verify.claims import Claim, Phase
+from koord.verify.each_claim import each_alone
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import ic3
 from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.circuit import LEVELS
@@ -28,12 +30,10 @@ from koord.verify.engines.bits.fairness_monitors import NOTHING, Watched, Watchi
 from koord.verify.engines.bits.lasso_unrolling import Loops
 from koord.verify.engines.bits.liveness_to_safety import Counting, counted, counting, settles
 from koord.verify.engines.bits.robot_permutations import images, speaking_last
-from koord.verify.engines.explicit.liveness_engine import no_fair_run
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Beyond, Lengths, Obstacle, Unreplayed, Values, gave_up
-from koord.verify.per_claim import singly
 from koord.verify.processes import Pool
-from koord.verify.verdicts import Engine, Outcome, Vacuity, Verdict
+from koord.verify.verdicts import Outcome, Vacuity, Verdict, no_fair_run
 from koord.verify.witness import NotReplayedError, OnlyOfSliceError
 
 #: Lassos with so many rounds are looked for before a proof is tried.
@@ -93,7 +93,7 @@ class LiveByBits(Struct):
                 return
             work = partial(self._work, watching, started)
             left = [claim for claim in claims if claim not in ledger.verdicts]
-            singly(ledger, left, self.pool, work, self.name)
+            each_alone(ledger, left, self.pool, work, self.name)
             circuit = watching.circuit
             held = [c for c in claims if c in ledger.verdicts]
             if held and expected(ledger.system) and not self.empty:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from msgspec import Struct
 
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.clauses import OTHER, QUICK, Clauses
 from koord.verify.engines.bits.constraint_selection import related

@@ -14,7 +14,7 @@ from math import perm, prod
 
 from msgspec import Struct
 
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits import numbers
 from koord.verify.engines.bits.clauses import QUICK, TRUE_SIDE, Clauses
 from koord.verify.engines.bits.domain import BitDomain

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from msgspec import Struct, field
 
 from koord.verify.claims import Claim, Phase
-from koord.verify.encoding.solver import Answer, Deadline
+from koord.verify.effort import Deadline
+from koord.verify.encoding.solver import Answer
 from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.clauses import OTHER, TRUE_SIDE, Clauses
 from koord.verify.engines.bits.graph import FALSE, TRUE, Graph

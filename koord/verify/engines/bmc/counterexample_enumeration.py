@@ -14,8 +14,9 @@ from koord.syntax.budget import OutOfPatienceError
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import System
 from koord.verify.claims import Claim, Phase
+from koord.verify.effort import Effort
 from koord.verify.encoding.moments import Moment, SymbolicRound
-from koord.verify.encoding.solver import Answer, Effort
+from koord.verify.encoding.solver import Answer
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.ledger import Ledger

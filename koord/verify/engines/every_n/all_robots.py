@@ -18,6 +18,7 @@ from koord.syntax.types import INT, EnumType
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.functions import Functions, FunctionTerms
 from koord.verify.engines.every_n.instantiation import Book
+from koord.verify.engines.every_n.loops import Facts, Loop
 from koord.verify.engines.every_n.sums import Sums
 
 
@@ -89,9 +90,7 @@ class Everyone(Struct):
         body: Callable[[Machine[Term], Term], None],
         span: Span,
     ) -> None:
-        from koord.verify.engines.every_n.loops import Loop
-
-        Loop(self, m, low, high, body, span).run()
+        Loop(Facts(self.book, self.sums, self.overlooked), m, low, high, body, span).run()
 
 
 class World(Struct):

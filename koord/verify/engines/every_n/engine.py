@@ -6,12 +6,13 @@ import time
 
 from msgspec import Struct
 
-from koord.verify.encoding.solver import Effort
+from koord.verify.effort import Effort
+from koord.verify.engine_names import Engine
 from koord.verify.engines.every_n.candidates import candidates
 from koord.verify.engines.every_n.proving import AFTER_INIT, GENEROUS, Thrift, infer, prove
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import gave_up
-from koord.verify.verdicts import Engine, Outcome, Verdict
+from koord.verify.verdicts import Outcome, Verdict
 
 #: So few likely invariants are tried before other engines get their turn: in about 0.1 s.
 FEW = 64

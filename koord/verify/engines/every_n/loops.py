@@ -9,7 +9,7 @@ afterwards, so that a proof never rests on it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from msgspec import Struct
 
@@ -24,9 +24,8 @@ from koord.syntax.source import NOWHERE, Span
 from koord.syntax.types import FLOAT
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.functions import FunctionTerms, TripOracle
-
-if TYPE_CHECKING:
-    from koord.verify.engines.every_n.all_robots import Everyone
+from koord.verify.engines.every_n.instantiation import Book
+from koord.verify.engines.every_n.sums import Sums
 
 #: Where a scalar is in a memory: the list or field, the slot, then the way down.
 Path: TypeAlias = "tuple[str | int, ...]"
@@ -39,19 +38,30 @@ EXITS = (("broke",), ("returned",))
 MOST_LOOKS = 5
 
 
+class Facts(Struct, frozen=True):
+    """What is known of all robots, where loops over them say more.
+
+    ``overlooked`` are loops that were not understood: what they change may then be anything.
+    """
+
+    book: Book
+    sums: Sums
+    overlooked: list[Span]
+
+
 class Loop:
     """A loop in a machine, to be run."""
 
     def __init__(
         self,
-        crowd: Everyone,
+        facts: Facts,
         m: Machine[Term],
         low: Term,
         high: Term,
         body: Callable[[Machine[Term], Term], None],
         span: Span,
     ) -> None:
-        self.crowd = crowd
+        self.facts = facts
         self.m = m
         self.low = low
         self.high = high
@@ -81,7 +91,7 @@ class Loop:
 
     @property
     def _d(self) -> FunctionTerms:
-        return self.crowd.book.unknowns.terms
+        return self.facts.book.unknowns.terms
 
     # --- trips ----------------------------------------------------------------------------------
 
@@ -96,18 +106,18 @@ class Loop:
 
     def _trip_from(self, memory: Memory[Term], number: Term) -> Machine[Term]:
         inner = self.m.apart()
-        inner.oracle = TripOracle(self.crowd.unknowns)
+        inner.oracle = TripOracle(self.facts.book.unknowns)
         inner.memory = memory.copied()
         self.body(inner, number)
         if inner.entered or inner.allread_masks or inner.allwrite_masks:
             what = "a loop over all robots writes shared variables"
             raise NotFiniteError(self.span, what)
         for needed in inner.legality:
-            self.crowd.assume(needed.condition)
+            self.facts.book.note(needed.condition)
         return inner
 
     def _glimpse(self, of: Callable[[Machine[Term]], Term]) -> Term:
-        return self.crowd.book.glimpse(lambda number: of(self._trip(number)))
+        return self.facts.book.glimpse(lambda number: of(self._trip(number)))
 
     def _find_changes(self) -> None:
         """Which scalars the body changes, with a new term for each."""
@@ -146,14 +156,14 @@ class Loop:
 
     def _log_faults(self, exits: Term) -> None:
         """A trip that faults, if the loop comes to it. [FAULT]"""
-        m, inside = self.m, self.crowd.book.between
+        m, inside = self.m, self.facts.book.between
 
         def quiet(number: Term) -> Term:
             faults = [fault for fault, _ in self._trip(number).faults]
             there = inside(self.low, number, self.high)
             return m.negated(m.both(there, disjunction(m.d, faults)))
 
-        if self._d.is_valid(self.crowd.book.glimpse(quiet)):
+        if self._d.is_valid(self.facts.book.glimpse(quiet)):
             return
 
         def sound(number: Term) -> Term:
@@ -165,7 +175,7 @@ class Loop:
                 raise NotFiniteError(self.span, "a loop over all robots may fault by and by")
             return m.negated(m.both(faults, self._stays(exits, number)))
 
-        safe = self.crowd.every(self.low, self.high, sound)
+        safe = self.facts.book.every(self.low, self.high, sound)
         m.fault_unless(safe, FaultKind.UNSET, self.span, "in a loop over all robots")
 
     def _stays(self, exits: Term, number: Term) -> Term:
@@ -176,13 +186,13 @@ class Loop:
         def goes_on(earlier: Term) -> Term:
             return self.m.negated(self._leaves(self._trip(earlier).memory))
 
-        return self.crowd.every(self.low, number, goes_on)
+        return self.facts.book.every(self.low, number, goes_on)
 
     # --- leaving --------------------------------------------------------------------------------
 
     def _leave(self) -> None:
         """A loop that changes nothing but in the trip in which it is left. [S-BREAK] [S-RETURN]"""
-        m, d, book = self.m, self._d, self.crowd.book
+        m, d, book = self.m, self._d, self.facts.book
         if not self._only_when_left():
             self._poison()
             return
@@ -190,10 +200,10 @@ class Loop:
         def goes_on(number: Term) -> Term:
             return m.negated(self._leaves(self._trip(number).memory))
 
-        through = self.crowd.every(self.low, self.high, goes_on)
+        through = self.facts.book.every(self.low, self.high, goes_on)
         last = d.fresh_like("witness", 0)
         book.name(last)
-        before = self.crowd.every(self.low, last, goes_on)
+        before = self.facts.book.every(self.low, last, goes_on)
         at_last = [book.between(self.low, last, self.high), m.negated(goes_on(last)), before]
         book.note(m.either(through, conjunction(d, at_last)))
         start = m.memory
@@ -243,7 +253,7 @@ class Loop:
 
     def _poison(self) -> None:
         """Anything may be in what the loop changes, and it may have been left."""
-        self.crowd.overlooked.append(self.span)
+        self.facts.overlooked.append(self.span)
         self._put_all(self._anything)
         if self._glimpse_returns():
             raise NotFiniteError(self.span, "a loop over all robots returns in a way of its own")
@@ -262,7 +272,7 @@ class Loop:
         flag = self._d.is_boolean(self._any[path])
         found = change.as_flag() if flag else change.as_number()
         if found is None:
-            self.crowd.overlooked.append(self.span)
+            self.facts.overlooked.append(self.span)
             return self._anything(path)
         return found
 
@@ -284,18 +294,18 @@ class Change(Struct):
             stays = self._with(True)
             if self._reads_changes(stays):
                 return None
-            return m.both(self._old, self.loop.crowd.every(low, high, stays))
+            return m.both(self._old, self.loop.facts.book.every(low, high, stays))
         if self._is(self._put(self._seen(), True), True):
             comes = self._with(False)
             if self._reads_changes(comes):
                 return None
-            never = self.loop.crowd.every(low, high, lambda k: m.negated(comes(k)))
+            never = self.loop.facts.book.every(low, high, lambda k: m.negated(comes(k)))
             return m.either(self._old, m.negated(never))
         return None
 
     def as_number(self) -> Term | None:
         """A number that grows by something in each trip, or the least or greatest of some."""
-        d = self.loop.crowd.book.unknowns.terms
+        d = self.loop.facts.book.unknowns.terms
         zero = 0 if d.is_integer(self._any) else d.const(0, FLOAT)
         added = self._with(zero)
         if not self._reads_changes(added):
@@ -305,7 +315,7 @@ class Change(Struct):
                 )
             )
             if d.is_valid(grown):
-                total = self.loop.crowd.summed(self.loop.low, self.loop.high, added)
+                total = self.loop.facts.sums.of(self.loop.low, self.loop.high, added)
                 return d.binary(BinaryOp.ADD, self._old, total)
         for op in (BinaryOp.MIN, BinaryOp.MAX):
             found = self._extreme(op)
@@ -316,7 +326,7 @@ class Change(Struct):
     # --- extremes -------------------------------------------------------------------------------
 
     def _extreme(self, op: BinaryOp) -> Term | None:
-        d, m, book = self._d, self.loop.m, self.loop.crowd.book
+        d, m, book = self._d, self.loop.m, self.loop.facts.book
         for position in range(_MOST_PARTS):
             found = self._shape(op, position)
             if found is None:
@@ -330,7 +340,7 @@ class Change(Struct):
                 pair = (best, value) if op is BinaryOp.MIN else (value, best)
                 return d.binary(BinaryOp.IMPLIES, takes, d.binary(BinaryOp.LE, *pair))
 
-            book.note(self.loop.crowd.every(self.loop.low, self.loop.high, bounded))
+            book.note(self.loop.facts.book.every(self.loop.low, self.loop.high, bounded))
             first = (best, self._old) if op is BinaryOp.MIN else (self._old, best)
             book.note(d.binary(BinaryOp.LE, *first))
             takes, value = found(witness)
@@ -368,7 +378,7 @@ class Change(Struct):
 
     @property
     def _d(self) -> FunctionTerms:
-        return self.loop.crowd.book.unknowns.terms
+        return self.loop.facts.book.unknowns.terms
 
     @property
     def _any(self) -> Term:
@@ -389,7 +399,7 @@ class Change(Struct):
         return self._glimpse(self._after)
 
     def _glimpse(self, of: Callable[[Term], Term]) -> Term:
-        return self.loop.crowd.book.glimpse(of)
+        return self.loop.facts.book.glimpse(of)
 
     def _put(self, term: Term, value: Term) -> Term:
         found: Term = self._d.with_values(term, [(self._any, value)])

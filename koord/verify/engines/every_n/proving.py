@@ -23,7 +23,8 @@ from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT, ArrayType, Robots, within
 from koord.syntax.walk import nodes
 from koord.verify.claims import Claim, ClaimKind, Phase
-from koord.verify.encoding.solver import Answer, Deadline, Effort, Solver
+from koord.verify.effort import Deadline, Effort
+from koord.verify.encoding.solver import Answer, Solver
 from koord.verify.encoding.terms import Term
 from koord.verify.engines.every_n.all_robots import World
 from koord.verify.engines.every_n.initial_states import Anywhere, Opening

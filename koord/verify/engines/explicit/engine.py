@@ -11,7 +11,8 @@ from msgspec.structs import replace
 from koord.semantics.recording import Recording
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, Phase
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.findings import Claim as Searched
 from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds, Subject, Violated
 from koord.verify.engines.explicit.finiteness import NotFinite
@@ -19,7 +20,7 @@ from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import begun
 from koord.verify.ledger import Judge
 from koord.verify.obstacles import Beyond, Obstacle, Values
-from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict
+from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
 
 _SUBJECTS = {

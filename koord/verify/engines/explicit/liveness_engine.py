@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from msgspec import Struct, field
 
-from koord.syntax.system import System
 from koord.verify.claims import Claim, Phase
+from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.engine import in_the_way
 from koord.verify.engines.explicit.fair_search import Fairness, Lively, lively
 from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds
@@ -16,7 +16,7 @@ from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Obstacle, Unreplayed, gave_up
-from koord.verify.verdicts import Emptiness, Engine, Outcome, Vacuity, Verdict
+from koord.verify.verdicts import Outcome, Vacuity, Verdict, no_fair_run
 from koord.verify.witness import NotReplayedError
 
 #: So many ways to go on are looked at where other engines wait for their turn.
@@ -61,14 +61,6 @@ class LiveBySearch(Struct, frozen=True):
             ledger.leave([claim], Reach(Engine.SEARCH, None, why, seconds, obstacle=obstacle))
         if found.is_empty:
             self.empty.append(no_fair_run(ledger.system))
-
-
-def no_fair_run(system: System) -> Vacuity:
-    """That no run is fair: what is claimed of whole runs holds for no reason."""
-    detail = "no run without end does all that is expected"
-    if not system.program.expectations:
-        detail = "no fair run goes on for ever: each ends in a fault, or where contracts contradict"
-    return Vacuity(Emptiness.ASSUMPTIONS, "", detail, certain=True)
 
 
 def _settled(

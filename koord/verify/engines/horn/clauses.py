@@ -17,7 +17,8 @@ from koord.semantics.domain import Constant
 from koord.semantics.parameterised import NotFiniteError
 from koord.syntax.core import BinaryOp
 from koord.syntax.source import NOWHERE
-from koord.verify.encoding.solver import Deadline, Effort, spent_by
+from koord.verify.effort import Deadline, Effort
+from koord.verify.encoding.solver import spent_by
 from koord.verify.encoding.terms import Term, Terms, parts_of
 
 #: The values of a state's unknowns, in order.

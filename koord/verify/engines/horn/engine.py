@@ -18,18 +18,20 @@ from koord.semantics.parameterised import NotFiniteError
 from koord.syntax.core import UnaryOp
 from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
+from koord.verify.bounded_check import Bounded
 from koord.verify.claims import Claim, Findings, Phase
+from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer, Deadline, Effort
+from koord.verify.encoding.solver import Answer
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unrolling import Unrolling, assumed, violations
-from koord.verify.engines.bmc.engine import Bounded
+from koord.verify.engine_names import Engine
 from koord.verify.engines.horn.clauses import Clauses, Reached, Safe, constants
 from koord.verify.engines.horn.states import scalars
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Beyond, Obstacle, Unreplayed, gave_up
-from koord.verify.verdicts import Counterexample, Engine, Outcome, Verdict, has_fewest
+from koord.verify.verdicts import Counterexample, Outcome, Verdict, has_fewest
 from koord.verify.witness import NotReplayedError, Reader, recording_of
 
 #: What proofs may cost, about so many seconds: before others are asked, and after them.

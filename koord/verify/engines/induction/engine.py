@@ -17,14 +17,16 @@ from koord.semantics.domain import disjunction
 from koord.syntax.core import UnaryOp
 from koord.syntax.system import System
 from koord.verify.claims import Claim, Findings, Phase
+from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer, Deadline, Effort, Model, cases
+from koord.verify.encoding.solver import Answer, Model, cases
 from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling, violations
+from koord.verify.engine_names import Engine
 from koord.verify.engines.induction.broken_steps import broken_step
 from koord.verify.engines.induction.representatives import representatives
-from koord.verify.verdicts import BrokenStep, Engine, Outcome, Verdict
+from koord.verify.verdicts import BrokenStep, Outcome, Verdict
 from koord.verify.witness import Reader
 
 #: What a claim may cost as one question (about half a second) before it is asked case by case.

@@ -6,7 +6,7 @@ from functools import partial
 
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits.engine import ByBits
 from koord.verify.ledger import Ledger, Subject
 from koord.verify.verdicts import Bounds

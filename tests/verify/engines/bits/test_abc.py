@@ -8,10 +8,11 @@ import pytest
 
 from koord.cli import main as frame
 from koord.cli.exits import Exit
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import abc
 from koord.verify.engines.bits.ic3 import Invariant
 from koord.verify.strategy import Choice, verify
-from koord.verify.verdicts import Bounds, Engine, Outcome, Verdict
+from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.verify.asking import of_text
 
 needs_abc = pytest.mark.skipif(

@@ -6,7 +6,8 @@ from itertools import combinations
 
 import pytest
 
-from koord.verify.encoding.solver import Answer, Deadline
+from koord.verify.effort import Deadline
+from koord.verify.encoding.solver import Answer
 from koord.verify.engines.bits.clauses import OTHER, QUICK, Clauses, NoAnswerError
 from koord.verify.engines.bits.graph import Graph
 

@@ -10,12 +10,13 @@ from koord.syntax.elaborate.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.ic3 import Cube, Invariant, Question
 from koord.verify.strategy import Choice, verify
-from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 from tests.verify.engines.bits.asking import on_bits
 
 

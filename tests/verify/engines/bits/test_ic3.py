@@ -11,7 +11,7 @@ from random import Random
 import pysolvers
 import pytest
 
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.clauses import FALSE_SIDE, OTHER, QUICK, TRUE_SIDE, Clauses

@@ -16,7 +16,7 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
-from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.explicit.findings import Exhausted, Subject
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey

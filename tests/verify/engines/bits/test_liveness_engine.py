@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.liveness_to_safety import settling

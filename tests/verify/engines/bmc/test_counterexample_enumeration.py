@@ -19,7 +19,7 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.claims import claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.bmc import counterexample_enumeration
 from koord.verify.engines.bmc.counterexample_enumeration import is_variant, others
 from koord.verify.ledger import Ledger

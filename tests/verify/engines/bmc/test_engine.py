@@ -15,12 +15,12 @@ from koord.semantics.execution import execute
 from koord.syntax import core
 from koord.syntax.system import Status, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ListType, MapType, Type
+from koord.verify import bounded_check
+from koord.verify.bounded_check import Bounded
 from koord.verify.claims import Phase, claims_of
+from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Deadline, Effort
 from koord.verify.encoding.unrolling import Unrolling
-from koord.verify.engines.bmc import engine
-from koord.verify.engines.bmc.engine import Bounded
 from tests.semantics import programs
 from tests.semantics.building import (
     PID,
@@ -386,13 +386,13 @@ def test_an_update_in_a_round_that_faults_is_not_lost() -> None:
 
 def test_a_check_goes_on_from_where_it_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
     looks: list[Moment] = []
-    look = engine._look
+    look = bounded_check._look
 
     def counted(unrolling: Unrolling, moment: Moment, *rest: Any) -> Any:
         looks.append(moment)
         return look(unrolling, moment, *rest)
 
-    monkeypatch.setattr(engine, "_look", counted)
+    monkeypatch.setattr(bounded_check, "_look", counted)
     system = dealt(programs.late_violation(4), 2)
     check = Bounded(system, partial(judged, system))
     claims = claims_of(system)

@@ -9,7 +9,7 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.claims import claims_of
-from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.every_n.candidates import candidates
 from koord.verify.engines.every_n.proving import SPARING, Inferred, Proof, Thrift, infer, prove
 from koord.verify.engines.explicit.findings import Subject

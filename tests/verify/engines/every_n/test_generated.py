@@ -15,7 +15,7 @@ from koord.refinement.generating.programs import system
 from koord.semantics.machine import NotFiniteError
 from koord.syntax.system import System, dealt
 from koord.verify.claims import claims_of
-from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.every_n.proving import SPARING, prove
 from koord.verify.engines.explicit.findings import Claim as Searched
 from koord.verify.engines.explicit.findings import Exhausted, Subject

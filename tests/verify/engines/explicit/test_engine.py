@@ -9,13 +9,14 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, Phase, claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.engine import Searching, exhaust
 from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
 from koord.verify.strategy import Choice, verify
-from koord.verify.verdicts import Bounds, Counterexample, Engine, Outcome
+from koord.verify.verdicts import Bounds, Counterexample, Outcome
 from koord.verify.witness import replayed
 from tests.verify.asking import of_text
 

@@ -10,14 +10,15 @@ from msgspec.structs import replace
 from koord.syntax.budget import Patience
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
-from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.effort import Deadline, Effort
+from koord.verify.engine_names import Engine
 from koord.verify.engines.every_n.candidates import candidates
 from koord.verify.engines.every_n.proving import HASTY, infer
 from koord.verify.engines.workers import FIRST_LOOK, ByShallowSearch
 from koord.verify.ledger import Ledger
 from koord.verify.reduction.problems import plain_subject
 from koord.verify.strategy import verify
-from koord.verify.verdicts import Bounds, Engine, Outcome, Report
+from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.verify.asking import of_text
 
 EXAMPLES = Path(__file__).parents[4] / "specs" / "examples"

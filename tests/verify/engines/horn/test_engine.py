@@ -12,12 +12,13 @@ from msgspec.structs import replace
 
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.engines.horn.clauses import Clauses, Reached, Safe
 from koord.verify.engines.horn.engine import _first
 from koord.verify.ledger import Ledger, Reach, Subject
 from koord.verify.strategy import Choice, verify
-from koord.verify.verdicts import Bounds, Engine, Outcome, Report, Verdict
+from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 from tests.verify.asking import bounded, judged, of_text
 
 EXAMPLES = Path(__file__).parents[4] / "specs" / "examples"

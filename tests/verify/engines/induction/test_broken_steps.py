@@ -14,7 +14,7 @@ from koord.syntax import core
 from koord.syntax.system import System, dealt
 from koord.syntax.types import INT
 from koord.verify.claims import Claim, Findings, Phase, broken, claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.induction.engine import prove
 from koord.verify.strategy import Choice
 from koord.verify.verdicts import BrokenStep, Outcome

@@ -11,11 +11,11 @@ from koord.semantics.recording import Recording
 from koord.syntax import core
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, RecordType
+from koord.verify.bounded_check import Bounded, ByUnrolling
 from koord.verify.claims import Claim, Phase, claims_of
-from koord.verify.encoding.solver import PER_SECOND, Deadline, Effort
-from koord.verify.engines.bmc.engine import Bounded
+from koord.verify.effort import PER_SECOND, Deadline, Effort
 from koord.verify.engines.induction.engine import Inductive, prove
-from koord.verify.engines.workers import ANSWERED_S, PROOF_S, ByInduction, ByUnrolling
+from koord.verify.engines.workers import ANSWERED_S, PROOF_S, ByInduction
 from koord.verify.ledger import Ledger, Subject
 from koord.verify.reduction.problems import plain_subject
 from koord.verify.verdicts import Bounds, Counterexample

@@ -18,7 +18,7 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, claims_of
-from koord.verify.encoding.solver import Deadline
+from koord.verify.effort import Deadline
 from koord.verify.engines.induction import engine
 from koord.verify.engines.induction.engine import Inductive, prove
 from koord.verify.engines.induction.representatives import representatives

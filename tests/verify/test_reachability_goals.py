@@ -15,10 +15,10 @@ from koord.semantics.recording import Recording
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
 from koord.verify.claims import Claim, Phase, claims_of
-from koord.verify.encoding.solver import Deadline, Effort
+from koord.verify.effort import Deadline, Effort
 from koord.verify.ledger import Ledger, Subject
+from koord.verify.reachability_goals import Wishes, wishes_of
 from koord.verify.vacuity.analysis import look
-from koord.verify.vacuity.reachability_goals import Wishes, wishes_of
 from koord.verify.vacuity.unreachable import unmet
 from koord.verify.verdicts import Bounds, Counterexample
 from tests.verify.reference import Explorer, TooManyError

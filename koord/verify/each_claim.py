@@ -1,0 +1,53 @@
+"""Work on single claims, each on a ledger of its own, in several processes at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from koord.verify.claims import Claim
+from koord.verify.failures import Failure
+from koord.verify.ledger import Ledger, Said
+from koord.verify.processes import Pool, Progress, can_fork
+
+
+def note_end(ledger: Ledger, claim: Claim, who: str, end: str) -> None:
+    """The process that was to work on a claim is gone."""
+    died = ledger.of([claim], ledger.report)
+    died.fail(Failure(who, end))
+    ledger.take(died.said([claim]))
+
+
+def each_alone(
+    ledger: Ledger,
+    claims: Sequence[Claim],
+    pool: Pool,
+    work: Callable[[Ledger, Claim], None],
+    who: str,
+) -> None:
+    """Have an engine work on each of some claims, each on a ledger on which it alone is open."""
+    if not can_fork() or len(claims) < 2:
+        for claim in claims:
+            own = ledger.of([claim], ledger.report)
+            try:
+                with own.enduring(who):
+                    work(own, claim)
+            finally:
+                ledger.take(own.said([claim]))
+        return
+
+    def ask(claim: Claim, tell: Progress) -> Said:
+        own = ledger.of([claim], tell)
+        with own.stopping(), own.enduring(who):
+            work(own, claim)
+        return own.said([claim])
+
+    jobs = {claim: pool.hand_in(claim.name, partial(ask, claim)) for claim in claims}
+    with ledger.waiting():
+        for claim, said in pool.answers(jobs):
+            if said is None:
+                note_end(ledger, claim, who, jobs[claim].end)
+            else:
+                ledger.take(said)
+    if ledger.interrupted:
+        raise KeyboardInterrupt
