@@ -13,8 +13,8 @@ from koord.sampling.sampled_inputs import SampledInputs
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.expressions import evaluate
-from koord.semantics.machine import machine
 from koord.semantics.oracle import Phase
+from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.syntax import core
 from koord.syntax.core import Direction

@@ -6,8 +6,8 @@ from koord.sampling.property_parts import Part, called, parts_of
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.expressions import statement
-from koord.semantics.machine import machine
 from koord.semantics.oracle import NoOracle, Oracle
+from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.syntax import core
 from koord.syntax.system import System

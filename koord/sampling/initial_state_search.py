@@ -14,10 +14,11 @@ from koord.sampling.stand_ins import driven
 from koord.semantics.configurations import Configuration, Robot
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.expressions import statement
-from koord.semantics.machine import Legality, Machine, machine
+from koord.semantics.machine import Legality, Machine
 from koord.semantics.oracle import Phase
 from koord.semantics.quantifiers import instances
 from koord.semantics.rounds import Stepped, initialised
+from koord.semantics.statements import machine
 from koord.semantics.storage import contents, held, stored
 from koord.semantics.turns import environment_turn
 from koord.syntax import core

@@ -14,8 +14,8 @@ from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.execution import Step
 from koord.semantics.expressions import statement
-from koord.semantics.machine import machine
 from koord.semantics.oracle import Inputs, Phase
+from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.semantics.turns import holds_in
 from koord.syntax import core

@@ -1,7 +1,6 @@
 """Evaluation of expressions: the rules of chapter 2, each cited where it stands.
 
-Those about places, lists and quantifiers have files of their own, which come back here for the
-expressions inside.
+Those about places, lists and quantifiers have files of their own, below this one.
 """
 
 from __future__ import annotations
@@ -12,13 +11,12 @@ from koord.semantics import lists, places, quantifiers
 from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import NumberTooLongError
 from koord.semantics.machine import Machine
-from koord.semantics.storage import (
-    held,
-)
+from koord.semantics.storage import Cell, held
 from koord.semantics.values import (
     Rec,
     Table,
     Value,
+    default,
     equal,
     insert,
     listed,
@@ -60,16 +58,13 @@ def evaluate(m: Machine[V], e: core.Expr) -> Value[V]:
         case core.MakeMap():
             return make_map(m, e)
         case core.Call():
-            # Calls run statements, so their rule stands with them.
-            from koord.semantics.statements import call
-
             return call(m, e)
         case core.ExternalCall():
             return external_call(m, e)
         case core.Choose():
             return choose(m, e)
         case core.Quantified():
-            return quantifiers.quantified(m, e)
+            return quantified(m, e)
         case core.Ran():
             return places.ran(m, e)
         case core.Stopped():
@@ -141,6 +136,27 @@ def make_map(m: Machine[V], e: core.MakeMap) -> Value[V]:
     return made
 
 
+def call(m: Machine[V], e: core.Call) -> Value[V]:
+    """A call of a function defined in Koord: its body on bound slots of its own. [E-CALL]"""
+    function = m.system.program.function(e.function)
+    arguments = [held(m.d, evaluate(m, argument)) for argument in e.arguments]
+    caller = m.memory
+    outer = (caller.bound, caller.broke, caller.returned, caller.result)
+    caller.bound = [*arguments, *[None] * (function.bound - len(arguments))]
+    caller.broke = caller.returned = m.truth(False)
+    caller.result = None
+    m.trail.append(e.site)
+    m.run(function.body)
+    m.trail.pop()
+    result = m.memory.result
+    m.memory.bound, m.memory.broke, m.memory.returned, m.memory.result = outer
+    if result is None:
+        result = Cell(m.truth(False), default(m.d, e.type, m.system.size))
+    assert isinstance(result, Cell)
+    m.fault_unless(result.is_set, FaultKind.UNSET, e.span, f"{e.function} returned nothing")
+    return result.value
+
+
 # --- what is left open --------------------------------------------------------------------------
 
 
@@ -183,3 +199,16 @@ def external_call(m: Machine[V], e: core.ExternalCall) -> Value[V]:
     m.in_summary = False
     m.memory.bound = bound
     return answer
+
+
+def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
+    """[E-QUANT]; of all values of a type, which only summaries speak of, the oracle knows."""
+    if not isinstance(e.domain, core.AllValues):
+        return quantifiers.quantified(m, e)
+
+    def body(value: Value[V]) -> V:
+        m.memory.bound[e.variable.slot] = held(m.d, value)
+        return statement(m, e.body)
+
+    assert e.quantifier is core.QuantifierKind.FORALL
+    return m.oracle.every(e.domain.type, body)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TypeVar, assert_never
 
-from koord.semantics import expressions
 from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import disjunction
 from koord.semantics.machine import Machine
@@ -36,13 +35,13 @@ def builtin(m: Machine[V], e: core.Builtin) -> Value[V]:
         # A fixed array's length is known without reading what may still be unset.
         size = first.type.size
         return m.count() if size is Robots.ALL else m.d.const(size, INT)
-    value = expressions.evaluate(m, first)
+    value = m.value(first)
     match e.op:
         case ListOp.LENGTH:
             assert isinstance(value, Seq | Table)
             return value.length
         case ListOp.CONTAINS:
-            return contains(m, value, expressions.evaluate(m, e.arguments[1]))
+            return contains(m, value, m.value(e.arguments[1]))
         case ListOp.ANY | ListOp.ALL:
             return any_or_all(m, e.op, sequence(value))
         case ListOp.MIN | ListOp.MAX:

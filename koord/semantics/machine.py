@@ -3,6 +3,10 @@
 A machine runs one robot's turn (or evaluates one property). Its memory changes in place; what it
 found out (faults, conditions of legality) is logged together with the condition of the path, the
 ``guard``, so that a domain that follows two branches at once loses nothing.
+
+Expressions call functions, whose bodies are statements, and every rule about lists, places and
+quantifiers evaluates operands. So a machine carries the rules of chapters 2 and 3: what stands
+below them asks :meth:`Machine.value` and :meth:`Machine.run`.
 """
 
 from __future__ import annotations
@@ -13,13 +17,14 @@ from typing import Generic, TypeVar
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.semantics.configurations import Configuration, Fault, FaultKind, Store, Written
+from koord.semantics.configurations import Configuration, Fault, FaultKind, Written
 from koord.semantics.domain import Domain
 from koord.semantics.masks import Mask
 from koord.semantics.oracle import Oracle
-from koord.semantics.parameterised import Crowd, NotFiniteError
+from koord.semantics.parameterised import Crowd
 from koord.semantics.storage import Storage, merge_storage, set_only_if
 from koord.semantics.values import Value
+from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.source import Span
 from koord.syntax.system import System
@@ -99,7 +104,8 @@ class Legality(Struct, Generic[V], frozen=True):
 class Machine(Struct, Generic[V]):
     """A domain, a system, a robot, an oracle; a memory; and the log of what was found out.
 
-    ``view`` is the configuration that a property is about (None in a robot's turn).
+    ``view`` is the configuration that a property is about (None in a robot's turn). ``evaluator``
+    and ``runner`` are the rules of expressions and of statements (:func:`statements.machine`).
     """
 
     d: Domain[V]
@@ -108,6 +114,8 @@ class Machine(Struct, Generic[V]):
     oracle: Oracle[V]
     memory: Memory[V]
     guard: V
+    evaluator: Callable[[Machine[V], core.Expr], Value[V]]
+    runner: Callable[[Machine[V], core.Block], None]
     view: Configuration[V] | None = None
     in_environment: bool = False
     in_summary: bool = False
@@ -120,6 +128,16 @@ class Machine(Struct, Generic[V]):
     allread_masks: dict[int, Mask[V]] = field(default_factory=dict)
     allwrite_masks: dict[int, Mask[V]] = field(default_factory=dict)
     output: list[tuple[V, Written[V]]] = field(default_factory=list)
+
+    # --- rules ----------------------------------------------------------------------------------
+
+    def value(self, e: core.Expr) -> Value[V]:
+        """The value of an expression, by the rules of chapter 2."""
+        return self.evaluator(self, e)
+
+    def run(self, block: core.Block) -> None:
+        """Run statements, by the rules of chapter 3."""
+        self.runner(self, block)
 
     # --- paths ----------------------------------------------------------------------------------
 
@@ -210,37 +228,3 @@ class Machine(Struct, Generic[V]):
 
     def negated(self, value: V) -> V:
         return self.d.unary(UnaryOp.NOT, value)
-
-
-def machine(
-    d: Domain[V],
-    system: System,
-    oracle: Oracle[V],
-    *,
-    robot: int | None = None,
-    locals: tuple[Storage[V], ...] = (),
-    ports: tuple[Storage[V], ...] = (),
-    copy: Store[V] | None = None,
-    after: tuple[Storage[V], ...] = (),
-    bound: int = 0,
-    view: Configuration[V] | None = None,
-) -> Machine[V]:
-    """A machine at the start of a body that needs ``bound`` bound slots."""
-    system.patience.spend()
-    never = d.const(False, BOOL)
-    memory: Memory[V] = Memory(
-        list(locals),
-        list(ports),
-        list(copy.allread) if copy is not None else [],
-        list(copy.allwrite) if copy is not None else [],
-        list(after),
-        [None] * bound,
-        never,
-        never,
-        never,
-        never,
-    )
-    return Machine(d, system, robot, oracle, memory, d.const(True, BOOL), view)
-
-
-__all__ = ["Legality", "Machine", "Memory", "NotFiniteError", "machine"]

@@ -1,14 +1,10 @@
-"""Places: what a robot, or a property, reads where. [LOOKUP] [E-SELECT] [PROP-READ]
-
-Indices are expressions, and expressions read places: the two files name each other.
-"""
+"""Places: what a robot, or a property, reads where. [LOOKUP] [E-SELECT] [PROP-READ]"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TypeVar, assert_never
 
-from koord.semantics import expressions
 from koord.semantics.configurations import FaultKind, Robot
 from koord.semantics.domain import disjunction
 from koord.semantics.machine import Machine
@@ -73,15 +69,15 @@ def located(m: Machine[V], step: core.Step) -> Location[V]:
         case core.FieldStep():
             return AtField(step.position)
         case core.IndexStep():
-            return AtIndex(scalar(expressions.evaluate(m, step.index)))
+            return AtIndex(scalar(m.value(step.index)))
         case core.KeyStep():
-            return AtKey(expressions.evaluate(m, step.key))
+            return AtKey(m.value(step.key))
     assert_never(step)
 
 
 def select(m: Machine[V], e: core.Select) -> Value[V]:
     """A part of a computed value. [E-SELECT]"""
-    return parts(m, expressions.evaluate(m, e.base), (e.step,))
+    return parts(m, m.value(e.base), (e.step,))
 
 
 # --- whose variable -----------------------------------------------------------------------------
@@ -117,7 +113,7 @@ def viewed(m: Machine[V], place: core.Place) -> Storage[V]:
     if variable.home is Home.ALLWRITE:
         return m.view.store.allwrite[variable.slot]
     assert place.robot is not None
-    index = scalar(expressions.evaluate(m, place.robot))
+    index = scalar(m.value(place.robot))
     known = m.d.known(index)
     if isinstance(known, int) and 0 <= known < len(m.view.robots):
         storage = _of_robot(m, variable, m.view.robots[known])
@@ -168,7 +164,7 @@ def _of_robot(m: Machine[V], variable: core.Variable, robot: Robot[V]) -> Storag
 def ran(m: Machine[V], e: core.Ran) -> Value[V]:
     """[PROP-RAN]: the robot's last program turn ran one of these events."""
     assert m.view is not None
-    index = scalar(expressions.evaluate(m, e.robot))
+    index = scalar(m.value(e.robot))
     holds = []
     for here, robot in those_at(m, index):
         for kind, position in e.events:
@@ -181,7 +177,7 @@ def ran(m: Machine[V], e: core.Ran) -> Value[V]:
 def stopped(m: Machine[V], e: core.Stopped) -> Value[V]:
     """[PROP-STOPPED]"""
     assert m.view is not None
-    index = scalar(expressions.evaluate(m, e.robot))
+    index = scalar(m.value(e.robot))
     holds = []
     for here, robot in those_at(m, index):
         done = m.d.binary(BinaryOp.EQ, robot.status, m.d.const(int(Status.STOPPED), INT))

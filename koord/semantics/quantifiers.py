@@ -1,15 +1,14 @@
-"""Quantifiers over robots, ranges, elements, and all values of a type. [E-QUANT]"""
+"""Quantifiers over robots, ranges and elements. [E-QUANT]"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from typing import TypeAlias, TypeVar
 
-from koord.semantics import expressions
 from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import disjunction
-from koord.semantics.machine import Machine, NotFiniteError
-from koord.semantics.parameterised import Crowd
+from koord.semantics.machine import Machine
+from koord.semantics.parameterised import Crowd, NotFiniteError
 from koord.semantics.storage import (
     held,
 )
@@ -35,14 +34,6 @@ Range: TypeAlias = "tuple[V, V, Callable[[V], Value[V]], Callable[[V], V]]"
 def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
     """[E-QUANT]: over finitely many values, one after the other."""
     slot = e.variable.slot
-    if isinstance(e.domain, core.AllValues):
-
-        def body(value: Value[V]) -> V:
-            m.memory.bound[slot] = held(m.d, value)
-            return expressions.statement(m, e.body)
-
-        assert e.quantifier is core.QuantifierKind.FORALL
-        return m.oracle.every(e.domain.type, body)
     if m.system.crowd is not None and (over := span_of(m, e.domain)) is not None:
         return quantified_over(m, e, *over)
     universal = e.quantifier is core.QuantifierKind.FORALL
@@ -56,7 +47,7 @@ def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
         m.memory.bound[slot] = held(m.d, value)
         relevant = m.both(undecided, here)
         m.trail.append(label)
-        holds = scalar(m.within(relevant, lambda: expressions.evaluate(m, e.body)))
+        holds = scalar(m.within(relevant, lambda: m.value(e.body)))
         m.trail.pop()
         if universal:
             result = m.both(result, m.d.binary(BinaryOp.IMPLIES, here, holds))
@@ -81,12 +72,12 @@ def span_of(m: Machine[V], over: core.QuantifierDomain) -> Range[V] | None:
 
             return crowd.first, crowd.count, lambda i: i, counts
         case core.IntRange(low=low, high=high):
-            start, end = scalar(expressions.evaluate(m, low)), scalar(expressions.evaluate(m, high))
+            start, end = scalar(m.value(low)), scalar(m.value(high))
             if listable(m, low, high, start, end):
                 return None
             return start, end, lambda i: i, lambda i: m.truth(True)
         case core.Elements(sequence=elements):
-            items = sequence(expressions.evaluate(m, elements))
+            items = sequence(m.value(elements))
             if not isinstance(items, Family):
                 return None
             return crowd.first, crowd.count, items.at, lambda i: m.truth(True)
@@ -133,7 +124,7 @@ def looked_at(m: Machine[V], e: core.Quantified, value: Value[V]) -> tuple[V, li
     """The body of a quantifier for one value: what it gives, and the conditions of its faults."""
     inner = m.apart()
     inner.memory.bound[e.variable.slot] = held(m.d, value)
-    holds = scalar(expressions.evaluate(inner, e.body))
+    holds = scalar(inner.value(e.body))
     crowd: Crowd[V] | None = m.system.crowd
     assert crowd is not None
     for needed in inner.legality:
@@ -152,13 +143,13 @@ def instances(m: Machine[V], e: core.Quantified) -> Iterator[tuple[int, V, Value
         case core.IntRange(low=low, high=high):
             yield from integers(m, low, high)
         case core.Elements(sequence=over):
-            items = sequence(expressions.evaluate(m, over))
+            items = sequence(m.value(over))
             for k, item in enumerate(items.items):
                 here = inside(m.d, k, items.length)
                 if m.d.known(here) is not False:
                     yield k, here, item
         case core.AllValues():
-            raise AssertionError("handled by the caller")
+            raise AssertionError("expressions ask the oracle")
 
 
 def integers(m: Machine[V], low: core.Expr, high: core.Expr) -> Iterator[tuple[int, V, V]]:
@@ -166,7 +157,7 @@ def integers(m: Machine[V], low: core.Expr, high: core.Expr) -> Iterator[tuple[i
 
     First as Python's own, which the keys of answers are made of. [RECORDING]
     """
-    start, end = scalar(expressions.evaluate(m, low)), scalar(expressions.evaluate(m, high))
+    start, end = scalar(m.value(low)), scalar(m.value(high))
     first, last = limit(m, low, start, least=True), limit(m, high, end, least=False)
     for k in range(first, last):
         m.system.patience.spend()
@@ -199,14 +190,14 @@ def limit(m: Machine[V], e: core.Expr, value: V, *, least: bool) -> int:
         case core.Builtin(op=ListOp.LENGTH, arguments=(over,)):
             if least:
                 return 0
-            items = expressions.evaluate(m, over)
+            items = m.value(over)
             assert isinstance(items, Seq | Table)
             return len(items.items if isinstance(items, Seq) else items.entries)
         case core.Binary(op=BinaryOp.ADD, left=left, right=right):
-            values = scalar(expressions.evaluate(m, left)), scalar(expressions.evaluate(m, right))
+            values = scalar(m.value(left)), scalar(m.value(right))
             return limit(m, left, values[0], least=least) + limit(m, right, values[1], least=least)
         case core.Binary(op=BinaryOp.SUB, left=left, right=right):
-            values = scalar(expressions.evaluate(m, left)), scalar(expressions.evaluate(m, right))
+            values = scalar(m.value(left)), scalar(m.value(right))
             return limit(m, left, values[0], least=least) - limit(
                 m, right, values[1], least=not least
             )

@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TypeVar, assert_never
 
-from koord.semantics.configurations import FaultKind, Written
-from koord.semantics.domain import NumberTooLongError
+from koord.semantics.configurations import Configuration, FaultKind, Store, Written
+from koord.semantics.domain import Domain, NumberTooLongError
 from koord.semantics.expressions import condition, evaluate, variables_in
-from koord.semantics.machine import Machine
+from koord.semantics.machine import Machine, Memory
 from koord.semantics.masks import marked
+from koord.semantics.oracle import Oracle
 from koord.semantics.places import located
 from koord.semantics.quantifiers import integers, listable
 from koord.semantics.room import in_room
@@ -48,7 +49,8 @@ from koord.semantics.values import (
 )
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home
-from koord.syntax.types import INT, MapType, QueueType
+from koord.syntax.system import System
+from koord.syntax.types import BOOL, INT, MapType, QueueType
 
 V = TypeVar("V")
 
@@ -344,27 +346,6 @@ def atomic(m: Machine[V], s: core.Atomic) -> None:
     run(m, s.body)
 
 
-def call(m: Machine[V], e: core.Call) -> Value[V]:
-    """A call of a function defined in Koord: its body on bound slots of its own. [E-CALL]"""
-    function = m.system.program.function(e.function)
-    arguments = [held(m.d, evaluate(m, argument)) for argument in e.arguments]
-    caller = m.memory
-    outer = (caller.bound, caller.broke, caller.returned, caller.result)
-    caller.bound = [*arguments, *[None] * (function.bound - len(arguments))]
-    caller.broke = caller.returned = m.truth(False)
-    caller.result = None
-    m.trail.append(e.site)
-    run(m, function.body)
-    m.trail.pop()
-    result = m.memory.result
-    m.memory.bound, m.memory.broke, m.memory.returned, m.memory.result = outer
-    if result is None:
-        result = Cell(m.truth(False), default(m.d, e.type, m.system.size))
-    assert isinstance(result, Cell)
-    m.fault_unless(result.is_set, FaultKind.UNSET, e.span, f"{e.function} returned nothing")
-    return result.value
-
-
 # --- lists --------------------------------------------------------------------------------------
 
 
@@ -435,4 +416,35 @@ def pop(m: Machine[V], s: core.Pop) -> None:
         assign(m, s.into, taken)
 
 
-__all__ = ["assign", "call", "execute", "run"]
+# --- where bodies start ---------------------------------------------------------------------------
+
+
+def machine(
+    d: Domain[V],
+    system: System,
+    oracle: Oracle[V],
+    *,
+    robot: int | None = None,
+    locals: tuple[Storage[V], ...] = (),
+    ports: tuple[Storage[V], ...] = (),
+    copy: Store[V] | None = None,
+    after: tuple[Storage[V], ...] = (),
+    bound: int = 0,
+    view: Configuration[V] | None = None,
+) -> Machine[V]:
+    """A machine at the start of a body that needs ``bound`` bound slots."""
+    system.patience.spend()
+    never = d.const(False, BOOL)
+    memory: Memory[V] = Memory(
+        list(locals),
+        list(ports),
+        list(copy.allread) if copy is not None else [],
+        list(copy.allwrite) if copy is not None else [],
+        list(after),
+        [None] * bound,
+        never,
+        never,
+        never,
+        never,
+    )
+    return Machine(d, system, robot, oracle, memory, d.const(True, BOOL), evaluate, run, view)

@@ -19,10 +19,10 @@ from koord.semantics.configurations import (
 )
 from koord.semantics.domain import Domain, conjunction
 from koord.semantics.expressions import condition, evaluate, statement
-from koord.semantics.machine import Legality, Machine, machine
+from koord.semantics.machine import Legality, Machine
 from koord.semantics.masks import Mask, joined
 from koord.semantics.oracle import Inputs, Phase
-from koord.semantics.statements import assign, run
+from koord.semantics.statements import assign, machine, run
 from koord.semantics.storage import Storage, stored, unset
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, Start

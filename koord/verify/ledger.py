@@ -14,7 +14,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.semantics.domain import NumberTooLongError
-from koord.semantics.machine import NotFiniteError
+from koord.semantics.parameterised import NotFiniteError
 from koord.semantics.recording import Recording
 from koord.syntax.budget import OutOfPatienceError
 from koord.syntax.diagnostics import KoordError

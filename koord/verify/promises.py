@@ -16,9 +16,9 @@ from msgspec import Struct
 from koord.sampling.values import values_within
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.expressions import statement
-from koord.semantics.machine import machine
 from koord.semantics.oracle import Key
 from koord.semantics.recording import Answer, Concrete
+from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.semantics.values import default
 from koord.syntax import core

@@ -12,12 +12,12 @@ from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import RecordedInputs, Step, execute, until
 from koord.semantics.expressions import condition, statement
-from koord.semantics.machine import machine
 from koord.semantics.oracle import Phase as Asked
 from koord.semantics.quantifiers import instances
 from koord.semantics.races import overlap, updates
 from koord.semantics.recording import Answer, Opening, Reading, Recording, Round, Start
 from koord.semantics.rounds import IllegalStepError
+from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.semantics.turns import program_turn
 from koord.semantics.values import Rec, Seq, Table, Value

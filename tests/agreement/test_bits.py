@@ -15,8 +15,8 @@ from typing import Any, cast
 import pytest
 
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.machine import NotFiniteError
 from koord.semantics.oracle import Inputs
+from koord.semantics.parameterised import NotFiniteError
 from koord.semantics.turns import committed, environment_turn, holds_in, program_turn
 from koord.syntax import core
 from koord.syntax.types import (

@@ -13,8 +13,8 @@ import pytest
 
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import RecordedInputs
-from koord.semantics.machine import NotFiniteError
 from koord.semantics.oracle import Inputs
+from koord.semantics.parameterised import NotFiniteError
 from koord.semantics.turns import (
     committed,
     declared,

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
-from koord.semantics.machine import NotFiniteError
+from koord.semantics.parameterised import NotFiniteError
 from koord.semantics.recording import Recording
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from msgspec import Struct, field
 
 from koord.semantics.expressions import statement
-from koord.semantics.machine import machine
 from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core

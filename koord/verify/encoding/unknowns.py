@@ -11,9 +11,9 @@ from msgspec import Struct
 
 from koord.semantics.domain import conjunction
 from koord.semantics.expressions import statement
-from koord.semantics.machine import machine
 from koord.semantics.oracle import Key
 from koord.semantics.room import how_many
+from koord.semantics.statements import machine
 from koord.semantics.storage import Cell, Storage, Tree, held
 from koord.semantics.values import Rec, Seq, Table, Value, equal, listed
 from koord.syntax import core

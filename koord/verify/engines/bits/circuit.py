@@ -8,7 +8,7 @@ from typing import Any, cast
 from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration
-from koord.semantics.machine import NotFiniteError
+from koord.semantics.parameterised import NotFiniteError
 from koord.syntax import core
 from koord.syntax.core import BinaryOp
 from koord.syntax.source import NOWHERE

@@ -10,7 +10,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.semantics.liveness import Response, expected, reads_ran, responses
-from koord.semantics.machine import NotFiniteError
+from koord.semantics.parameterised import NotFiniteError
 from koord.semantics.recording import Recording
 from koord.syntax import core
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of

@@ -7,8 +7,8 @@ from msgspec import Struct
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import conjunction
 from koord.semantics.expressions import statement
-from koord.semantics.machine import machine
 from koord.semantics.oracle import Phase
+from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.syntax import core
 from koord.syntax.core import QuantifierKind, UnaryOp

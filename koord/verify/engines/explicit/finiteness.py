@@ -11,8 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.machine import Machine, machine
+from koord.semantics.machine import Machine
 from koord.semantics.oracle import NoOracle
+from koord.semantics.statements import machine
 from koord.syntax import core
 from koord.syntax.core import Direction, ExternalKind, Home, PropertyKind, Start
 from koord.syntax.source import Span
