@@ -46,7 +46,7 @@ def asked(how: str, file: str, robots: int, tasks: int, rounds: int, *claims: st
 
 def work(how: str, path: str, robots: str, tasks: str, rounds: str, *names: str) -> str:
     """What the process does: the answer in a word."""
-    from koord.syntax.elaborate.settings import Settings
+    from koord.syntax.elaboration.settings import Settings
     from koord.syntax.load import load
     from koord.syntax.source import Source
     from koord.syntax.system import dealt

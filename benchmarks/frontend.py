@@ -166,9 +166,9 @@ def program(lines: int) -> str:
 
 def phases(path: str) -> dict[str, object]:
     """CPU seconds of parsing, checking (without parsing) and printing a file."""
-    from koord.syntax.elaborate import elaborate
-    from koord.syntax.parser import parse
-    from koord.syntax.printer import print_program
+    from koord.syntax.elaboration import elaborate
+    from koord.syntax.parsing.parser import parse
+    from koord.syntax.printing.program import print_program
     from koord.syntax.source import Source
 
     parse(Source("warm", "local:\n    int x = 0\n"))  # the parser's tables are made once

@@ -100,7 +100,7 @@ def spin(robots: int, tasks: int, rounds: int, patience_s: float) -> tuple[Measu
 
 def work(robots: int, tasks: int, rounds: int, patience_s: float) -> int:
     """What SPIN's process does: translate, compile, search. Exit code 3 if it gave up."""
-    from koord.syntax.elaborate.settings import Settings
+    from koord.syntax.elaboration.settings import Settings
     from koord.syntax.load import load
     from koord.syntax.source import Source
     from koord.syntax.system import dealt

@@ -75,7 +75,7 @@ def searched(
 ) -> dict[str, Any]:
     """One search to its end, or for so many seconds of CPU time, with all reductions or none."""
     from koord.semantics.liveness import LIVENESS
-    from koord.syntax.elaborate.settings import Settings
+    from koord.syntax.elaboration.settings import Settings
     from koord.syntax.load import load
     from koord.syntax.source import Source
     from koord.syntax.system import dealt

@@ -179,7 +179,7 @@ CIRCLES = {
 #: Libraries that stand behind few files: (library, prefixes of the files, at most so many).
 GUARDED = (
     ("z3", ("koord/verify/",), 4),
-    ("lark", ("koord/syntax/parser",), 3),
+    ("lark", ("koord/syntax/parsing/",), 3),
     ("cvc5", ("koord/recheck/",), 1),
     ("ompl", ("koord/runtime/motion/",), 1),
     ("osqp", ("koord/runtime/motion/",), 1),
@@ -460,7 +460,7 @@ def test_an_upward_import_is_found(path: str, text: str, blamed: str) -> None:
         ("koord/traces/a.py", "from koord.semantics import values"),
         ("koord/refinement/a.py", "from koord.semantics import rounds\nimport koord.runtime.robot"),
         ("koord/verify/a.py", "from koord.semantics import rounds\nfrom . import b\nimport os"),
-        ("koord/syntax/elaborate/a.py", "from ..core import Expr\nfrom koord import __version__"),
+        ("koord/syntax/elaboration/a.py", "from ..core import Expr\nfrom koord import __version__"),
     ],
 )
 def test_a_downward_import_is_allowed(path: str, text: str) -> None:
@@ -514,7 +514,9 @@ def test_a_stray_library_is_found() -> None:
         "koord/semantics/a.py:2: z3 must be imported in koord/verify/ only"
     ]
     assert len(list(guarded_imports([File("koord/syntax/types.py", "import lark")]))) == 1
-    assert list(guarded_imports([File("koord/syntax/parser.py", "import lark.lexer")])) == []
+    assert (
+        list(guarded_imports([File("koord/syntax/parsing/parser.py", "import lark.lexer")])) == []
+    )
     many = [File(f"koord/verify/{letter}.py", "import z3") for letter in "abcde"]
     assert list(guarded_imports(many[:4])) == []
     assert "more than 4" in next(guarded_imports(many))

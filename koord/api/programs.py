@@ -15,7 +15,7 @@ from koord.api.results import ArgumentError, Result, diagnostics_dict, html_tabl
 from koord.syntax import core
 from koord.syntax import load as texts
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.elaboration.settings import Settings
 from koord.syntax.literals import ParamValue
 from koord.syntax.problem import Problem, told
 from koord.syntax.source import Source, normalise, whole_file

@@ -10,8 +10,8 @@ from msgspec import Struct
 
 from koord.api.results import ArgumentError
 from koord.syntax import core
+from koord.syntax.analysis.limits import excesses
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_ROBOTS
-from koord.syntax.costs import excesses
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System, dealt
 

@@ -11,7 +11,7 @@ from koord.api.growing import part_of
 from koord.api.programs import Program, no_program
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load as elaborate
 from koord.syntax.source import Source
 from koord.traces.codec import decode_document, encode, load_embedded

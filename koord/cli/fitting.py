@@ -30,7 +30,7 @@ from koord.runtime.motion.world import World
 from koord.syntax import core
 from koord.syntax.collector import uncollected
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.elaboration.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source, Span
 from koord.syntax.types import POS, ArrayType, ListType, RecordType, Type

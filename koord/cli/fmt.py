@@ -17,7 +17,7 @@ from koord.cli.exits import Exit, gravest
 from koord.cli.files import DASH, read_program
 from koord.cli.terminal import Paint, Style, style_of
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.format import format_source
+from koord.syntax.printing.program import format_source
 
 
 class Task(Enum):

@@ -12,7 +12,7 @@ from koord.cli.arguments import settings
 from koord.cli.diagnostics import Report
 from koord.cli.files import name_of, read_program
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.elaboration.settings import Settings
 from koord.syntax.source import Source
 
 

@@ -17,7 +17,7 @@ from koord.runtime.robot import Host
 from koord.sim.running import Cast
 from koord.sim.scene import POINT_SLACK_M
 from koord.sim.staging import Staged
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.elaboration.settings import Settings
 from koord.syntax.source import Source
 
 

@@ -14,7 +14,7 @@ from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host
 from koord.runtime.shapes import Shape
 from koord.sim.running import Simulation
-from koord.syntax.costs import excesses
+from koord.syntax.analysis.limits import excesses
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.traces.trace import Trace

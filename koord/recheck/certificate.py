@@ -15,7 +15,7 @@ from msgspec import Struct
 from koord.recheck.claims import Kind
 from koord.syntax.core import MOST_ROBOTS
 from koord.syntax.diagnostics import KoordError, refusal
-from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.elaboration.settings import ParamValue, Settings
 from koord.syntax.literals import MOST_PLACES
 from koord.syntax.source import Source, visible
 

@@ -16,11 +16,11 @@ from koord.recheck.statements import INVARIANTS, Premise, Statement, premises, s
 from koord.recheck.world import World
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Diagnostic, Severity, refusal
-from koord.syntax.elaborate import elaborate
-from koord.syntax.parser import parse
+from koord.syntax.elaboration import elaborate
+from koord.syntax.parsing.parser import parse
+from koord.syntax.printing.stated import Stated, stated, with_invariants
 from koord.syntax.problem import Problem
 from koord.syntax.source import Source
-from koord.syntax.stated import Stated, stated, with_invariants
 
 
 class Meant(Struct, frozen=True):

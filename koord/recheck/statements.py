@@ -18,9 +18,9 @@ from koord.recheck.claims import Kind
 from koord.syntax import ast, core
 from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import refusal
-from koord.syntax.printer import print_program
+from koord.syntax.printing.program import print_program
+from koord.syntax.printing.stated import stated
 from koord.syntax.source import NOWHERE, Span
-from koord.syntax.stated import stated
 
 #: Statements about configurations.
 INVARIANTS = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)

@@ -15,9 +15,9 @@ from koord.runtime.configuration.reading import problem
 from koord.runtime.motion.world import Disc, Obstacle, Point, World
 from koord.sim.hosting import GOALS, WAYS, plain_name
 from koord.syntax import core
+from koord.syntax.analysis.folding import constant
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.elaborate.folding import constant
-from koord.syntax.elaborate.library import LIBRARY
+from koord.syntax.elaboration.library import LIBRARY
 from koord.syntax.types import POS
 from koord.syntax.walk import nodes
 

@@ -6,9 +6,9 @@ import re
 
 from koord.syntax import ast
 from koord.syntax.diagnostics import Diagnostic, Severity
-from koord.syntax.elaborate import Elaborated, Settings, elaborate
-from koord.syntax.elaborate.findings import Findings
-from koord.syntax.parser import parse
+from koord.syntax.elaboration import Elaborated, Settings, elaborate
+from koord.syntax.elaboration.findings import Findings
+from koord.syntax.parsing.parser import parse
 from koord.syntax.source import Source, Span
 
 _DEFAULTS = Settings()

@@ -25,7 +25,7 @@ from koord.traces.trace import Numbers, Sources, Trace, digest
 from koord.traces.value_codec import Json, decode_fraction, encode_fraction
 
 if TYPE_CHECKING:
-    from koord.syntax.elaborate.settings import ParamValue
+    from koord.syntax.elaboration.settings import ParamValue
 
 FORMAT = "koord trace"
 
@@ -261,7 +261,7 @@ def _tasks(reader: Reader) -> tuple[tuple[Fraction, Fraction, Fraction], ...] | 
 
 def load_embedded(sources: Sources) -> core.Program:
     """The program of the texts that a trace holds. Raises KoordError."""
-    from koord.syntax.elaborate.settings import Settings
+    from koord.syntax.elaboration.settings import Settings
     from koord.syntax.load import load
 
     settings = Settings(dict(sources.params), sources.tasks)

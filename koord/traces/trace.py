@@ -24,7 +24,7 @@ from koord.syntax.source import Source
 from koord.syntax.system import System
 
 if TYPE_CHECKING:
-    from koord.syntax.elaborate.settings import ParamValue
+    from koord.syntax.elaboration.settings import ParamValue
 
 #: The round of what INIT does: it belongs to none.
 BEFORE_ROUNDS = -1

@@ -15,12 +15,12 @@ from msgspec.structs import replace
 from koord.semantics.domain import disjunction
 from koord.syntax import ast, core
 from koord.syntax.core import PropertyKind
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.elaboration.settings import Settings
 from koord.syntax.literals import encoded
 from koord.syntax.load import load
-from koord.syntax.parser import parse
+from koord.syntax.parsing.parser import parse
+from koord.syntax.printing.stated import stated
 from koord.syntax.source import Source
-from koord.syntax.stated import stated
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
 from koord.verify.effort import Deadline, Effort

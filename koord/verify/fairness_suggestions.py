@@ -17,12 +17,12 @@ from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.recording import Recording
 from koord.syntax import ast, core
-from koord.syntax.elaborate import Settings
+from koord.syntax.elaboration import Settings
 from koord.syntax.load import load
-from koord.syntax.parser import parse
-from koord.syntax.printer import print_program
-from koord.syntax.printer_conditions import conjuncts
-from koord.syntax.printer_exprs import print_expr
+from koord.syntax.parsing.parser import parse
+from koord.syntax.printing.conditions import conjuncts
+from koord.syntax.printing.expressions import print_expr
+from koord.syntax.printing.program import print_program
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.syntax.walk import reached

@@ -29,19 +29,19 @@ from koord.semantics.domain import EXACT, LONGEST_NUMBER_BITS, Constant, NumberT
 from koord.semantics.parameterised import NotFiniteError
 from koord.semantics.storage import Cell
 from koord.semantics.values import MOST_ROOM, Seq, put_at
+from koord.syntax.analysis.limits import DEEPEST_TYPE, MOST_PARTS
+from koord.syntax.analysis.work import MOST_DEEP, MOST_STEPS
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, BinaryOp
-from koord.syntax.costs import MOST_DEEP, MOST_PARTS, MOST_STEPS
-from koord.syntax.costs.limits import DEEPEST_TYPE
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.elaborate import Settings
-from koord.syntax.elaborate.body import MAX_DEPTH
-from koord.syntax.elaborate.resolve_types import MAX_SIZE
-from koord.syntax.layout import MAX_BLOCKS
-from koord.syntax.lines import MAX_BRACKETS
+from koord.syntax.elaboration import Settings
+from koord.syntax.elaboration.body import MAX_DEPTH
+from koord.syntax.elaboration.resolve_types import MAX_SIZE
 from koord.syntax.literals import MOST_DIGITS, MOST_PLACES
 from koord.syntax.load import load
-from koord.syntax.parser import MAX_CHARACTERS, parse
-from koord.syntax.parser_lines import MAX_DEPTH as MAX_OPERATORS
+from koord.syntax.parsing.layout import MAX_BLOCKS
+from koord.syntax.parsing.line_forms import MAX_DEPTH as MAX_OPERATORS
+from koord.syntax.parsing.lines import MAX_BRACKETS
+from koord.syntax.parsing.parser import MAX_CHARACTERS, parse
 from koord.syntax.source import Source
 from koord.syntax.types import INT, ListType
 from koord.traces import enumeration

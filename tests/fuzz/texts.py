@@ -12,10 +12,10 @@ from koord.cli.diagnostics import Report
 from koord.syntax.catalogue import of_programs
 from koord.syntax.diagnostics import Diagnostic, Severity
 from koord.syntax.load import load
-from koord.syntax.parser import parse
-from koord.syntax.printer import print_program
+from koord.syntax.parsing.parser import parse
+from koord.syntax.parsing.tokens import KEYWORDS
+from koord.syntax.printing.program import print_program
 from koord.syntax.source import Source, normalise
-from koord.syntax.tokens import KEYWORDS
 
 ROOT = Path(__file__).parents[2]
 NAME = "fuzzed.krd"

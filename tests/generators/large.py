@@ -11,8 +11,8 @@ from msgspec.structs import replace
 from koord.refinement.generating.profiles import FINITE, Profile
 from koord.refinement.generating.programs import system
 from koord.syntax import core
+from koord.syntax.analysis.limits import excesses
 from koord.syntax.core import BinaryOp
-from koord.syntax.costs.limits import excesses
 from koord.syntax.system import System
 from koord.syntax.types import FLOAT, INT
 from tests.generators.wellformed import complaints

@@ -114,7 +114,7 @@ SHOWN = (
     ),
     Mutant(
         "of two names of a port the last one counts",
-        "syntax.elaborate.survey.mentioned.note",
+        "syntax.elaboration.library.mentioned.note",
         "(span.line, span.column) < (first.line, first.column)",
         "(span.line, span.column) > (first.line, first.column)",
         ("tests/semantics/test_port_names.py",),
@@ -233,7 +233,7 @@ SHOWN = (
     ),
     Mutant(
         "misspelt names of other languages suggest nothing",
-        "syntax.elaborate.suggest.did_you_mean",
+        "syntax.elaboration.phrases.did_you_mean",
         "closest(name, known) or _misspelt(name, known)",
         "closest(name, known)",
         ("tests/syntax/test_cures.py",),

@@ -187,7 +187,7 @@ FAILING = (
     ),
     Mutant(
         "a program states rounds of any length",
-        "syntax.elaborate.instance._delta",
+        "syntax.elaboration.instance._delta",
         "LEAST_DELTA_S <= value <= MOST_DELTA_S",
         "value <= MOST_DELTA_S",
         (LIMITS,),

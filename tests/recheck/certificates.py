@@ -11,7 +11,7 @@ from typing import Any
 
 from koord.recheck.certificate import read
 from koord.recheck.checking import Rechecked, recheck
-from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.elaboration.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import dealt

@@ -10,7 +10,7 @@ from functools import cache
 from random import Random
 from typing import Any
 
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import dealt

@@ -9,7 +9,7 @@ import pytest
 
 from koord.recheck.checking import Outcome
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System

@@ -13,7 +13,7 @@ from random import Random
 import pytest
 
 from koord.recheck.checking import Outcome, Rechecked
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt

@@ -33,7 +33,7 @@ from koord.semantics.recording import Concrete
 from koord.semantics.values import Seq
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt

@@ -18,7 +18,7 @@ from koord.sim.recording import Recording
 from koord.sim.running import Cast, Simulation, run
 from koord.sim.scene import Scene
 from koord.sim.squads import DeviceModel
-from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.elaboration.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 

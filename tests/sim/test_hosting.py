@@ -28,7 +28,7 @@ from koord.sim.hosting import Hosted
 from koord.sim.lidar import Lidar, Scanner
 from koord.sim.separation import nearest
 from koord.sim.squads import DeviceModel
-from koord.syntax.elaborate.settings import ParamValue, Settings
+from koord.syntax.elaboration.settings import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 

@@ -6,7 +6,7 @@ from textwrap import dedent
 
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, Severity
-from koord.syntax.elaborate import ParamValue, Settings
+from koord.syntax.elaboration import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from tests.generators.wellformed import complaints

@@ -5,7 +5,7 @@ from __future__ import annotations
 from textwrap import dedent
 
 from koord.syntax import ast
-from koord.syntax.parser import Parsed, parse
+from koord.syntax.parsing.parser import Parsed, parse
 from koord.syntax.source import Source, normalise
 
 _BEFORE = "E:\n  eff:\n"

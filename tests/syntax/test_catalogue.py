@@ -11,7 +11,7 @@ import pytest
 import koord
 from koord.syntax.catalogue import Entry, entries, of_programs
 from koord.syntax.diagnostics import Severity
-from koord.syntax.elaborate import Elaborated, Settings
+from koord.syntax.elaboration import Elaborated, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 

@@ -11,14 +11,12 @@ from koord.sampling.sampled_inputs import SampledInputs
 from koord.semantics.domain import EXACT
 from koord.semantics.turns import program_turn
 from koord.syntax import core
+from koord.syntax.analysis.limits import count, excesses
+from koord.syntax.analysis.trips import starting_lengths
+from koord.syntax.analysis.work import MOST_DEEP, Ledger, Sizes
 from koord.syntax.budget import ENDLESS, Patience
-from koord.syntax.costs import MOST_DEEP, excesses
-from koord.syntax.costs.limits import count
-from koord.syntax.costs.ranges import starting_lengths
-from koord.syntax.costs.sizes import Sizes
-from koord.syntax.costs.work import Ledger
 from koord.syntax.diagnostics import Severity
-from koord.syntax.elaborate import ParamValue, Settings
+from koord.syntax.elaboration import ParamValue, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System
@@ -335,7 +333,7 @@ def test_sizes_of_types() -> None:
 
 def test_a_program_of_too_many_places_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     made = program("local:\n  int x = 0\nGo:\n  eff: x = x + 1\n")
-    monkeypatch.setattr("koord.syntax.costs.work.MOST_NODES", 5)
+    monkeypatch.setattr("koord.syntax.analysis.work.MOST_NODES", 5)
     (found,) = excesses(made, (0,))
     assert found.code == "K247"
     assert isinstance(made, core.Program)

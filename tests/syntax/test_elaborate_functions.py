@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from koord.syntax import ast, core
-from koord.syntax.elaborate.library import library, library_names
+from koord.syntax.elaboration.library import library, library_names
 from koord.syntax.types import BOOL, FLOAT, INT, POS, ListType
 from tests.syntax.elaborating import effect, errors, only, program, value
 

@@ -10,7 +10,7 @@ import pytest
 from koord.syntax import core
 from koord.syntax.core import Parameter
 from koord.syntax.diagnostics import Severity
-from koord.syntax.elaborate.suggest import closest
+from koord.syntax.elaboration.phrases import closest
 from koord.syntax.types import BOOL, INT, POS, ArrayType, EnumType, ListType, Robots
 from tests.syntax.elaborating import codes, diagnostics, effect, errors, only, program, value
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koord.syntax import core
-from koord.syntax.elaborate import Elaborated, Settings
+from koord.syntax.elaboration import Elaborated, Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.types import BOOL, FLOAT, INT

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from koord.syntax import ast
 from koord.syntax.diagnostics import Severity
-from koord.syntax.elaborate import Elaborated, elaborate
-from koord.syntax.parser import parse
+from koord.syntax.elaboration import Elaborated, elaborate
+from koord.syntax.parsing.parser import parse
 from koord.syntax.source import Source
 from tests.generators.wellformed import complaints
 from tests.syntax.trees import programs

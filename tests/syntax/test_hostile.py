@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from msgspec import Struct
 
 from koord.syntax import ast
-from koord.syntax.lines import MAX_BRACKETS
-from koord.syntax.parser import MAX_CHARACTERS, Parsed, parse
-from koord.syntax.parser_lines import MAX_DEPTH
-from koord.syntax.printer import print_program
+from koord.syntax.parsing.line_forms import MAX_DEPTH
+from koord.syntax.parsing.lines import MAX_BRACKETS
+from koord.syntax.parsing.parser import MAX_CHARACTERS, Parsed, parse
+from koord.syntax.parsing.tokens import words
+from koord.syntax.printing.program import print_program
 from koord.syntax.source import Source, Span
-from koord.syntax.tokens import words
 
 #: CPU seconds for one text; the slowest takes a third of it on a slow machine.
 PATIENCE_S = 6.0

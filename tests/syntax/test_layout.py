@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from koord.syntax import ast
-from koord.syntax.parser import parse
+from koord.syntax.parsing.parser import parse
 from koord.syntax.source import Source, normalise
 from tests.syntax.reading import codes, effect, program, read, section, told
 

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 import koord
 from koord.syntax import ast
-from koord.syntax.parser import parse
+from koord.syntax.parsing.parser import parse
 from koord.syntax.source import NOWHERE, Source
 from tests import strategies
 from tests.syntax.reading import effect, expression, program, section, statement

@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 
 import koord
 from koord.syntax import ast
-from koord.syntax.format import format_source
-from koord.syntax.parser import parse
-from koord.syntax.printer import print_expr, print_program, print_type
-from koord.syntax.printer_conditions import rows
+from koord.syntax.parsing.parser import parse
+from koord.syntax.printing.conditions import rows
+from koord.syntax.printing.program import format_source, print_expr, print_program, print_type
 from koord.syntax.source import Source
 from tests import strategies
 from tests.syntax.reading import expression, program, section
@@ -82,7 +81,7 @@ def test_a_condition_in_rows_reads_back_as_itself(tree: ast.Expr, room: int) -> 
 @settings(max_examples=200)
 @given(strategies.programs(), st.integers(20, 60))
 def test_programs_on_narrow_pages_read_back_as_themselves(tree: ast.Program, width: int) -> None:
-    with patch("koord.syntax.printer_statements.WIDTH", width):
+    with patch("koord.syntax.printing.statements.WIDTH", width):
         text = formatted(print_program(tree))
     assert program(text) == tree
 
@@ -92,7 +91,7 @@ def test_programs_on_narrow_pages_read_back_as_themselves(tree: ast.Program, wid
 def test_comments_and_blank_lines_anywhere_are_kept(
     tree: ast.Program, width: int, data: st.DataObject
 ) -> None:
-    with patch("koord.syntax.printer_statements.WIDTH", width):
+    with patch("koord.syntax.printing.statements.WIDTH", width):
         _with_comments(tree, data)
 
 
@@ -167,7 +166,7 @@ def test_guards_and_contracts_may_have_several_lines() -> None:
         f"E:\n    pre:\n        {A}\n        {B}\n        {C}\n    eff: stop\n"
     )
     text = f"def fun f(int a) -> int: extern\n    ensures:\n        {A}\n            or {B}\n"
-    with patch("koord.syntax.printer_statements.WIDTH", 60):
+    with patch("koord.syntax.printing.statements.WIDTH", 60):
         assert formatted(f"def fun f(int a) -> int: extern\n  ensures: {A} or {B}\n") == text
 
 

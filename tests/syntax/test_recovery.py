@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from koord.syntax import ast
-from koord.syntax.report import MAX_ERRORS
+from koord.syntax.parsing.report import MAX_ERRORS
 from tests.syntax.reading import effect, read, section, told, told_in_effect
 
 #: Lines of an event, and what is told of them: code, line, column.

@@ -179,7 +179,7 @@ def test_texts_and_settings_come_back() -> None:
 
 def test_a_trace_is_self_contained() -> None:
     """[TRACE]: the program is made again from the text in the trace."""
-    from koord.syntax.elaborate.settings import Settings
+    from koord.syntax.elaboration.settings import Settings
     from koord.syntax.load import load
 
     source = Source("app.krd", TEXT)

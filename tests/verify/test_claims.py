@@ -7,7 +7,7 @@ import pytest
 from koord.recheck.updates import updated as updated_again
 from koord.semantics.races import rewritten
 from koord.syntax import core
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt

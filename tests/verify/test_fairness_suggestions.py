@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from koord.semantics.domain import EXACT
 from koord.semantics.execution import execute
-from koord.syntax.elaborate import Settings
+from koord.syntax.elaboration import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt

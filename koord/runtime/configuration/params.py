@@ -7,7 +7,7 @@ from typing import Any
 from koord.runtime.configuration.model import Configuration
 from koord.runtime.configuration.reading import problem
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.elaborate.settings import ParamValue
+from koord.syntax.elaboration.settings import ParamValue
 from koord.syntax.literals import NumberOutOfRangeError, is_number, read_number
 
 

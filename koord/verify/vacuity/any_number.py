@@ -12,8 +12,8 @@ from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.analysis.footprint import footprint
+from koord.syntax.analysis.limits import excesses
 from koord.syntax.core import Home, PropertyKind, Start
-from koord.syntax.costs import excesses
 from koord.syntax.system import System
 from koord.syntax.types import BOOL
 from koord.syntax.walk import reached, statements, written

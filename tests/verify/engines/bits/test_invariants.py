@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.cli.verdicts import MOST_SHOWN
-from koord.syntax.elaborate.settings import Settings
+from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System

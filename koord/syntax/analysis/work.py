@@ -1,0 +1,233 @@
+"""How much work a body is: a sum over its statements, with loops and calls counted as often as
+they happen at most.
+
+A *step* is a statement, an operator, or a part of a value that is read or written. Both branches
+of an ``if`` count, as the verifier takes both. A list counts with the length that is known when the
+program starts; nobody knows how it grows, so what loops over it takes may be more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import assert_never
+
+from msgspec import Struct, field
+
+from koord.syntax import core
+from koord.syntax.analysis.trips import Range, Ranges, starting_lengths
+from koord.syntax.source import Span
+from koord.syntax.types import ArrayType, RecordType, Robots, Type
+from koord.syntax.walk import children
+
+#: Steps of one event, or of one statement about a configuration.
+MOST_STEPS = 10_000_000
+
+#: Expressions, blocks and calls stand inside each other at most so deep, calls followed; a loop and
+#: a quantifier count twice.
+MOST_DEEP = 160
+
+#: Places of a program that are looked at before it counts as too large to be looked through.
+MOST_NODES = 4_000_000
+
+
+class TooLargeError(Exception):
+    """A program has more places than anybody looks through."""
+
+
+class Work(Struct, frozen=True):
+    """``steps`` of a body, and how ``deep`` its parts stand inside each other, calls followed."""
+
+    steps: int
+    deep: int
+
+    @property
+    def is_too_much(self) -> bool:
+        return self.steps > MOST_STEPS or self.deep > MOST_DEEP
+
+
+#: Ranges of the loop variables around a place, by slot.
+Counters = Mapping[int, Range]
+
+_NO_COUNTERS: Counters = {}
+
+_ONE = Work(1, 1)
+
+
+class Ledger:
+    """The work of a program's bodies, for robots of these kinds. Functions are worked out once.
+
+    ``bound`` are the variables inside of bodies that were met on the way.
+    """
+
+    def __init__(self, program: core.Program, kinds: tuple[int, ...], sizes: Sizes) -> None:
+        self.program = program
+        self.kinds = kinds
+        self.sizes = sizes
+        self.functions: dict[str, Work] = {}
+        self.externals: dict[str, Work] = {}
+        self.bound: dict[int, tuple[core.Variable, Span]] = {}
+        self._culprit: Span | None = None
+        self._nodes = 0
+        self._ranges = Ranges(starting_lengths(self.program), len(self.kinds))
+        # In a summary, external functions are asked without their own summaries.
+        self.externals = {external.name: _ONE for external in self.program.externals}
+        self._work_out_functions()
+        self.externals = {
+            external.name: self.all((*external.requires, *external.ensures))
+            for external in self.program.externals
+        }
+        self._work_out_functions()
+
+    def _work_out_functions(self) -> None:
+        """Each stands behind those that it calls, so that nobody has to follow a chain of calls."""
+        for function in self.program.functions:
+            self.functions[function.name] = self.block(function.body)
+
+    # --- bodies ---------------------------------------------------------------------------------
+
+    def body(self, parts: tuple[core.Expr, ...], block: core.Block) -> tuple[Work, Span | None]:
+        """Expressions and a block that are evaluated as one, and where that becomes too much."""
+        self._culprit = None
+        before, behind = self.all(parts), self.block(block)
+        work = Work(before.steps + behind.steps, max(before.deep, behind.deep))
+        return work, self._culprit
+
+    def all(self, parts: Iterable[core.Node], counters: Counters = _NO_COUNTERS) -> Work:
+        """Several parts of a program, one beside the other, under one that is a step itself."""
+        return self._beside(*[self.of(part, counters) for part in parts])
+
+    def block(self, block: core.Block, counters: Counters = _NO_COUNTERS) -> Work:
+        """Statements one after the other."""
+        work = self.all(block, counters)
+        return Work(work.steps - 1, work.deep - 1)
+
+    def of(self, node: core.Node, counters: Counters) -> Work:
+        """A statement, expression, place or step, with all that stands in it."""
+        match node:
+            case core.FieldStep():
+                return _ONE
+            case core.IndexStep(index=index) | core.KeyStep(key=index):
+                return self.of(index, counters)
+        self._count()
+        match node:
+            case core.Read(place=place):
+                return self.of(place, counters)
+            case core.Place():
+                return self._place(node, counters)
+            case core.Call(function=name, arguments=items):
+                called = self._beside(self.all(items, counters), self.functions[name])
+                return self._noted(node, called)
+            case core.ExternalCall(function=name, arguments=items):
+                called = self._beside(self.all(items, counters), self.externals[name])
+                return self._noted(node, called)
+            case core.Quantified():
+                return self._quantified(node, counters)
+            case core.Ran(robot=robot) | core.Stopped(robot=robot):
+                return self._often(node, len(self.kinds), self.of(robot, counters), _ONE)
+            case core.ForRange(variable=variable, low=low, high=high, body=body):
+                count, inner = self._ranges.trips(variable, low, high, counters)
+                bounds = self.all((low, high), counters)
+                return self._often(node, count, bounds, self.block(body, inner))
+            case core.ForEach(sequence=sequence, key=key, body=body):
+                count = self._ranges.length(sequence) or 1
+                inner = dict(counters)
+                if key is not None:
+                    inner[key.slot] = (0, max(0, count - 1))
+                over = self.of(sequence, counters)
+                return self._often(node, count, over, self.block(body, inner))
+            case _:
+                return self.all(children(node), counters)
+
+    def _place(self, place: core.Place, counters: Counters) -> Work:
+        """A place that is read or written: as many steps as there are parts."""
+        if place.variable.home is core.Home.BOUND:
+            self.bound.setdefault(id(place.variable), (place.variable, place.span))
+        parts = self.sizes.of(place.type).parts
+        below = [*place.steps, *([] if place.robot is None else [place.robot])]
+        work = self.all(below, counters)
+        return Work(work.steps - 1 + parts, work.deep)
+
+    def _quantified(self, e: core.Quantified, counters: Counters) -> Work:
+        match e.domain:
+            case core.RobotRange(agent=agent):
+                count = sum(agent is None or kind == agent for kind in self.kinds)
+                inner = {**counters, e.variable.slot: (0, len(self.kinds) - 1)}
+                return self._often(e, count, _ONE, self.of(e.body, inner))
+            case core.IntRange(low=low, high=high):
+                count, inner = self._ranges.trips(e.variable, low, high, counters)
+                bounds = self.all((low, high), counters)
+                return self._often(e, count, bounds, self.of(e.body, inner))
+            case core.Elements(sequence=sequence):
+                count = self._ranges.length(sequence) or 1
+                over = self.of(sequence, counters)
+                return self._often(e, count, over, self.of(e.body, counters))
+            case core.AllValues():
+                return self._beside(self.of(e.body, counters))
+        assert_never(e.domain)
+
+    # --- sums -----------------------------------------------------------------------------------
+
+    def _beside(self, *parts: Work) -> Work:
+        return Work(
+            1 + sum(part.steps for part in parts),
+            1 + max((part.deep for part in parts), default=0),
+        )
+
+    def _often(self, node: core.Node, count: int, once: Work, body: Work) -> Work:
+        steps = 1 + once.steps + count * (1 + body.steps)
+        # A loop takes the room of two other statements on the stack of whoever evaluates it.
+        return self._noted(node, Work(steps, 2 + max(once.deep, body.deep)))
+
+    def _noted(self, node: core.Node, work: Work) -> Work:
+        """Note the innermost place at which a body becomes too much."""
+        if self._culprit is None and work.is_too_much:
+            self._culprit = node.span
+        return work
+
+    def _count(self) -> None:
+        self._nodes += 1
+        if self._nodes > MOST_NODES:
+            raise TooLargeError
+
+
+class Size(Struct, frozen=True):
+    """``parts`` counts scalars, and a list as if it had one element; ``depth`` counts types."""
+
+    parts: int
+    depth: int
+
+
+_SCALAR = Size(1, 1)
+
+
+class Sizes(Struct):
+    """Sizes of types for a number of robots.
+
+    They are remembered by identity: records may share their parts so often that whoever walks
+    through all of them (as hashing does) comes to no end.
+    """
+
+    robots: int
+    _known: dict[int, tuple[Type, Size]] = field(default_factory=dict)
+
+    def of(self, type_: Type) -> Size:
+        """The size of a type; of types that are made of each other, whatever their depth."""
+        waiting = [type_]
+        while waiting:
+            current = waiting[-1]
+            missing = [part for part in current.parts if id(part) not in self._known]
+            if missing:
+                waiting += missing
+                continue
+            waiting.pop()
+            self._known[id(current)] = (current, self._size(current))
+        return self._known[id(type_)][1]
+
+    def _size(self, type_: Type) -> Size:
+        below = [self._known[id(part)][1] for part in type_.parts]
+        if not below:
+            return Size(1, 1) if isinstance(type_, RecordType) else _SCALAR
+        parts = sum(size.parts for size in below)
+        if isinstance(type_, ArrayType):
+            parts *= self.robots if type_.size is Robots.ALL else type_.size
+        return Size(max(1, parts), 1 + max(size.depth for size in below))

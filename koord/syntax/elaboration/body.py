@@ -1,0 +1,298 @@
+"""What one elaboration shares, and the place where an expression or a statement stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from enum import Enum
+
+from msgspec import Struct, field
+
+from koord.syntax import ast, core
+from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.settings import Settings
+from koord.syntax.elaboration.symbols import (
+    RESERVED,
+    AgentScope,
+    BoundSymbol,
+    FunctionTable,
+    MemberSymbol,
+    ModuleScope,
+    Named,
+    PortNamed,
+    RecordInfo,
+    Role,
+)
+from koord.syntax.source import Span
+from koord.syntax.types import INT, Type
+
+
+class Confusion(Struct, frozen=True):
+    """An ``allread`` variable used as if each robot's entry were a list of what it is."""
+
+    variable: core.Variable
+    span: Span
+    stored: bool
+
+
+class AtomicBlock(Struct, frozen=True):
+    """An atomic block met: which allwrite variables it writes. One per block of the text."""
+
+    number: int
+    writes: dict[int, core.Variable] = field(default_factory=dict)
+
+
+class Counter(Struct):
+    """Hands out 0, 1, 2, …"""
+
+    next: int = 0
+
+    def take(self) -> int:
+        self.next += 1
+        return self.next - 1
+
+
+class Types(Struct):
+    """The types of a program by name, and what is known about its records and enumerations."""
+
+    named: dict[str, Type | None] = field(default_factory=dict)
+    declared: dict[str, ast.Ident] = field(default_factory=dict)
+    records: dict[str, RecordInfo] = field(default_factory=dict)
+    members: dict[str, list[MemberSymbol]] = field(default_factory=dict)
+
+
+Expression = Callable[["Body", ast.Expr, "Type | None"], "core.Expr | None"]
+Block = Callable[["Body", ast.Block], core.Block]
+
+
+class Session(Struct):
+    """The state of one elaboration: names declared so far, findings, counters.
+
+    ``partial`` is set for a file of properties on its own: names that it does not declare belong to
+    a program that is not there, and are no mistakes.
+    """
+
+    settings: Settings
+    findings: Findings
+    expression: Expression
+    block: Block
+    functions: FunctionTable
+    types: Types = field(default_factory=Types)
+    shared: dict[str, Named] = field(default_factory=dict)
+    agents: list[AgentScope] = field(default_factory=list)
+    partial: bool = False
+    parameters: tuple[core.Parameter, ...] = ()
+    sites: Counter = field(default_factory=Counter)
+    used: set[int] = field(default_factory=set)
+    loop_variables: set[str] = field(default_factory=set)
+    #: Calls in properties, contracts and summaries.
+    logical_calls: list[tuple[str, Span]] = field(default_factory=list)
+    #: Names that are declared twice.
+    ambiguous: set[str] = field(default_factory=set)
+    #: Names that mean nothing, by where that is told, and their first places.
+    unknown: dict[tuple[Findings, str], Span] = field(default_factory=dict)
+    confusions: list[Confusion] = field(default_factory=list)
+    atomic_blocks: dict[int, AtomicBlock] = field(default_factory=dict)
+    #: The library's modules, which a program can use without declaring their ports.
+    library_ports: dict[str, frozenset[str]] = field(default_factory=dict)
+
+    @property
+    def single(self) -> bool:
+        """Whether there is one kind of robot."""
+        return len(self.agents) == 1
+
+    def modules(self) -> Iterable[ModuleScope]:
+        """All modules in use, of any kind of robot."""
+        for agent in self.agents:
+            yield from agent.modules.values()
+
+    def mark_used(self, declared: ast.Ident) -> None:
+        """Note that the variable declared there is used."""
+        self.used.add(id(declared))
+
+    def member(self, name: str) -> list[MemberSymbol]:
+        """The members of enumerations that have this name."""
+        return self.types.members.get(name, [])
+
+    def ports(self, agent: AgentScope, name: str) -> list[PortNamed]:
+        """The ports of this name in the modules that the kind of robot uses."""
+        return agent.ports.get(name, [])
+
+
+#: Expressions and blocks stand inside each other at most so deep.
+MAX_DEPTH = 120
+
+
+class Where(Enum):
+    """The construct that a body belongs to; the value says it in messages."""
+
+    GUARD = "a guard"
+    EFFECT = "an effect"
+    INIT = "`init:`"
+    ENVIRONMENT = "an `environment:` block"
+    FUNCTION = "a function"
+    REQUIRES = "the `requires:` of a contract"
+    ENSURES = "the `ensures:` of a contract"
+    SUMMARY_REQUIRES = "the `requires:` of an external function"
+    SUMMARY = "the `ensures:` of an external function"
+    PROPERTY = "a property"
+    ASSUMPTION = "an assumption"
+    INITIAL = "an initial value"
+    SHARED_INITIAL = "the initial value of an `allwrite` variable"
+    CONSTANT = "a constant"
+
+
+CONTRACT = frozenset({Where.REQUIRES, Where.ENSURES})
+SUMMARIES = frozenset({Where.SUMMARY, Where.SUMMARY_REQUIRES})
+CLOSED = frozenset({Where.PROPERTY, Where.ASSUMPTION})
+#: Where quantifiers may stand.
+LOGICAL = CONTRACT | SUMMARIES | CLOSED
+#: Where variables of the program may be read.
+SEES_VARIABLES = CLOSED | {Where.GUARD, Where.EFFECT, Where.INIT}
+SEES_PORTS = SEES_VARIABLES | CONTRACT | {Where.ENVIRONMENT}
+#: Where a robot's own id is known.
+SEES_PID = SEES_PORTS | {Where.INITIAL}
+
+
+class Robot(Struct):
+    """The robot that ``… @ i`` names; ``kind`` if all that it can be are of one kind."""
+
+    expr: core.Expr
+    kind: int | None
+    used: bool = False
+
+
+class Write(Struct, frozen=True):
+    """A write of a shared variable; ``block`` is the atomic block around it."""
+
+    variable: core.Variable
+    own: bool  #: the location belongs to the robot: ``x[pid]``
+    block: AtomicBlock | None
+    span: Span
+
+
+class Loop(Struct, frozen=True):
+    """A loop around a statement: ``over`` is the list whose positions or elements it visits."""
+
+    variable: str
+    over: ast.Expr | None
+    element: Type | None
+    by_position: bool
+
+
+class Body(Struct):
+    """One body being elaborated: its names, its slots, and what it was seen to do."""
+
+    session: Session
+    where: Where
+    agent: AgentScope | None
+    findings: Findings
+    module: str | None = None
+    frames: list[dict[str, BoundSymbol]] = field(default_factory=lambda: [{}])
+    bound: int = 0
+    depth: int = 0
+    overflowed: bool = False
+    robot: Robot | None = None
+    primed: bool = False
+    #: The quantified variable that stands for ``pid`` in a property, once one is needed.
+    closing: core.Variable | None = None
+    result: Type | None = None
+    loops: list[Loop] = field(default_factory=list)
+    #: The variables of loops over numbers: nothing else writes them.
+    counters: set[core.Variable] = field(default_factory=set)
+    breakable: int = 0
+    atomic: AtomicBlock | None = None
+    writes: list[Write] = field(default_factory=list)
+    shared_reads: set[int] = field(default_factory=set)
+    calls: list[str] = field(default_factory=list)
+    #: Whether the function is the library's: its calls mean the library's functions.
+    library: bool = False
+    #: For the library's functions: where the program asks for them.
+    origin: Span | None = None
+
+    def expr(self, e: ast.Expr, expected: Type | None = None) -> core.Expr | None:
+        """The expression elaborated; None if it is wrong, which is told by then."""
+        with self.deeper(e) as allowed:
+            return self.session.expression(self, e, expected) if allowed else None
+
+    @contextmanager
+    def deeper(self, e: ast.Expr) -> Iterator[bool]:
+        """One level further down; the answer is whether that is allowed."""
+        allowed = self.depth < MAX_DEPTH
+        if not allowed and not self.overflowed:
+            self.overflowed = True
+            self.error(
+                "K231",
+                e.span,
+                f"this is nested more than {MAX_DEPTH} deep",
+                "give a part of it a name of its own",
+            )
+        self.depth += 1
+        try:
+            yield allowed
+        finally:
+            self.depth -= 1
+
+    def block(self, statements: ast.Block) -> core.Block:
+        """The statements elaborated, with a frame of names of their own."""
+        with self.frame():
+            return self.session.block(self, statements)
+
+    def error(self, code: str, span: Span, message: str, hint: str | None = None) -> None:
+        """Record an error."""
+        self.findings.error(code, span, message, hint)
+
+    def is_told(self, code: str, name: str, span: Span) -> bool:
+        """Whether it was told of another place that a name means nothing; then of this one, too."""
+        first = self.session.unknown.setdefault((self.findings, name), span)
+        if first == span:
+            return False
+        self.findings.again(code, first, span)
+        return True
+
+    def slot(self, name: str, type_: Type) -> core.Variable:
+        """A new bound variable."""
+        self.bound += 1
+        return core.Variable(core.Home.BOUND, self.bound - 1, name, type_)
+
+    def declare(
+        self, name: ast.Ident, type_: Type | None, role: Role, kind: int | None = None
+    ) -> BoundSymbol:
+        """Bind a name in the innermost frame."""
+        if name.name in RESERVED and role is not Role.QUANTIFIED:
+            self.error(
+                "K209",
+                name.span,
+                f"`{name.name}` is the language's own name, and has a meaning everywhere",
+                "choose another name",
+            )
+        variable = self.slot(name.name, type_) if type_ is not None else None
+        symbol = BoundSymbol(variable, role, name, kind)
+        self.frames[-1][name.name] = symbol
+        return symbol
+
+    def lookup(self, name: str) -> BoundSymbol | None:
+        """The bound name, from the innermost frame outwards."""
+        for frame in reversed(self.frames):
+            if name in frame:
+                return frame[name]
+        return None
+
+    @contextmanager
+    def frame(self) -> Iterator[None]:
+        """Names bound inside are forgotten behind it."""
+        self.frames.append({})
+        try:
+            yield
+        finally:
+            self.frames.pop()
+
+    def pid(self) -> core.Variable:
+        """The variable that stands for ``pid`` in a property: it is closed over all robots."""
+        if self.closing is None:
+            self.closing = self.slot("pid", INT)
+        return self.closing
+
+    def fresh_site(self) -> int:
+        """The number of a call or a choice."""
+        return self.session.sites.take()

@@ -1,0 +1,163 @@
+"""Functions whose types depend on their arguments: lengths, membership, extremes, list making."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from koord.syntax import ast, core
+from koord.syntax.analysis.folding import folded
+from koord.syntax.elaboration.body import Body
+from koord.syntax.elaboration.coercion import POISON, fit, widened
+from koord.syntax.elaboration.literals import list_of
+from koord.syntax.elaboration.phrases import a
+from koord.syntax.elaboration.resolve_types import element_of, is_numeric
+from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, MapType, Type
+
+Builtin = Callable[[Body, ast.Call, Type | None], core.Expr | None]
+
+
+def _counted(body: Body, e: ast.Call, count: int) -> bool:
+    if len(e.arguments) == count:
+        return True
+    for argument in e.arguments:
+        body.expr(argument.value, POISON)
+    plural = "" if count == 1 else "s"
+    body.error(
+        "K217",
+        e.span,
+        f"`{e.function.name}` takes {count} argument{plural}, not {len(e.arguments)}",
+    )
+    return False
+
+
+def _no_list(body: Body, e: ast.Expr, name: str, given: Type, of: str = "a list") -> None:
+    body.error("K229", e.span, f"`{name}` wants {of}, not {a(given)}")
+
+
+def _length(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+    if not _counted(body, e, 1):
+        return None
+    read_before = set(body.shared_reads)
+    value = body.expr(e.arguments[0].value)
+    if value is None:
+        return None
+    if element_of(value.type) is None and not isinstance(value.type, MapType):
+        _no_list(body, e.arguments[0].value, e.function.name, value.type, "a list or a map")
+        return None
+    if isinstance(value.type, ArrayType) and isinstance(value, core.Read) and _fixed(value.place):
+        # the size of an array is no matter of its elements, which may be unset
+        body.shared_reads = read_before
+        if isinstance(value.type.size, int):
+            return core.Const(value.type.size, INT, span=e.span)
+        return core.NumAgents(INT, span=e.span)
+    return core.Builtin(core.ListOp.LENGTH, (value,), INT, span=e.span)
+
+
+def _fixed(place: core.Place) -> bool:
+    return all(isinstance(step, core.FieldStep) for step in place.steps)
+
+
+def _contains(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+    if not _counted(body, e, 2):
+        return None
+    where, what = (argument.value for argument in e.arguments)
+    sequence = body.expr(where)
+    if sequence is None:
+        body.expr(what, POISON)
+        return None
+    wanted = sequence.type.key if isinstance(sequence.type, MapType) else element_of(sequence.type)
+    if wanted is None:
+        body.expr(what, POISON)
+        _no_list(body, where, "contains", sequence.type, "a list or a map")
+        return None
+    value = fit(body, body.expr(what, wanted), wanted, what.span, "what `contains` looks for")
+    if value is None:
+        return None
+    return core.Builtin(core.ListOp.CONTAINS, (sequence, value), BOOL, span=e.span)
+
+
+def _over_truths(op: core.ListOp) -> Builtin:
+    def builtin(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+        if not _counted(body, e, 1):
+            return None
+        value = body.expr(e.arguments[0].value, ListType(BOOL))
+        if value is None:
+            return None
+        if element_of(value.type) != BOOL:
+            _no_list(body, e.arguments[0].value, op.value, value.type, "a list of truth values")
+            return None
+        return core.Builtin(op, (value,), BOOL, span=e.span)
+
+    return builtin
+
+
+def _extreme(op: core.ListOp, pair: core.BinaryOp) -> Builtin:
+    def builtin(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+        if len(e.arguments) == 1:
+            return of_list(body, e)
+        values = [body.expr(argument.value) for argument in e.arguments]
+        found = [value for value in values if value is not None]
+        if not values:
+            body.error("K217", e.span, f"`{op.value}` takes a list or at least 2 numbers")
+            return None
+        if len(found) < len(values):
+            return None
+        for value in found:
+            if not is_numeric(value.type):
+                _no_list(body, e, op.value, value.type, "numbers")
+                return None
+        if any(value.type == FLOAT for value in found):
+            found = [widened(value) if value.type == INT else value for value in found]
+        result = found[0]
+        for value in found[1:]:
+            result = folded(core.Binary(pair, result, value, result.type, span=e.span))
+        return result
+
+    def of_list(body: Body, e: ast.Call) -> core.Expr | None:
+        value = body.expr(e.arguments[0].value)
+        if value is None:
+            return None
+        element = element_of(value.type)
+        if element is None or not is_numeric(element):
+            _no_list(body, e.arguments[0].value, op.value, value.type, "a list of numbers")
+            return None
+        return core.Builtin(op, (value,), element, span=e.span)
+
+    return builtin
+
+
+def _abs(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+    if not _counted(body, e, 1):
+        return None
+    value = body.expr(e.arguments[0].value)
+    if value is None:
+        return None
+    if not is_numeric(value.type):
+        _no_list(body, e.arguments[0].value, "abs", value.type, "a number")
+        return None
+    return folded(core.Unary(core.UnaryOp.ABS, value, value.type, span=e.span))
+
+
+def _float(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+    if not _counted(body, e, 1):
+        return None
+    value = e.arguments[0].value
+    return fit(body, body.expr(value), FLOAT, value.span, "the argument of `float`")
+
+
+def _to_list(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+    return list_of(body, tuple(argument.value for argument in e.arguments), expected, e.span)
+
+
+BUILTINS: dict[str, Builtin] = {
+    "length": _length,
+    "len": _length,
+    "contains": _contains,
+    "any": _over_truths(core.ListOp.ANY),
+    "all": _over_truths(core.ListOp.ALL),
+    "min": _extreme(core.ListOp.MIN, core.BinaryOp.MIN),
+    "max": _extreme(core.ListOp.MAX, core.BinaryOp.MAX),
+    "abs": _abs,
+    "float": _float,
+    "toList": _to_list,
+}

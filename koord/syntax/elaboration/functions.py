@@ -1,0 +1,278 @@
+"""Functions: the program's own, those of the library that are called, and their order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from koord.syntax import ast, core
+from koord.syntax.diagnostics import Note
+from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.coercion import fit
+from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.library import signature
+from koord.syntax.elaboration.symbols import Role, Signature
+from koord.syntax.types import BOOL
+from koord.syntax.walk import nodes
+
+_KINDS = {
+    ast.External.FUNCTION: core.ExternalKind.FUNCTION,
+    ast.External.FRESH: core.ExternalKind.FRESH,
+}
+
+
+def declare_functions(session: Session, definitions: list[ast.FunDef]) -> None:
+    """Enter the program's own functions."""
+    own = session.functions.own
+    for definition in definitions:
+        name = definition.name
+        if name.name == "?":
+            continue
+        first = own.get(name.name)
+        if first is not None:
+            session.findings.error(
+                "K208",
+                name.span,
+                f"the function `{name.name}` is declared twice",
+                "give one of them another name",
+                (Note(first.definition.name.span, "first declared here"),),
+            )
+            continue
+        own[name.name] = signature(session, definition, name.name, library=False)
+
+
+def define_functions(session: Session) -> None:
+    """Elaborate the program's own functions, and those of the library that are called."""
+    table = session.functions
+    for own in table.own.values():
+        table.wanted.add(own.name)
+        _define(session, own, session.findings)
+    while table.pending:
+        wanted = table.pending.pop()
+        if not wanted.library:
+            continue
+        findings = Findings()
+        if not wanted.sound:
+            findings.errors += 1
+        else:
+            _define(session, wanted, findings)
+        if findings.errors:
+            _unfit(session, wanted, findings)
+
+
+def _unfit(session: Session, wanted: Signature, findings: Findings) -> None:
+    """A function of the library does not fit the program's own `Task`."""
+    told = findings.in_order()
+    task = session.types.declared.get("Task")
+    notes = (Note(task.span, "`Task` is declared here"),) if task is not None else ()
+    session.findings.error(
+        "K245",
+        session.functions.origins[wanted.name],
+        f"`{wanted.written}` of the library cannot work with this program's `Task`"
+        + (f": {told[0].message}" if told else ""),
+        "add what is missing to `Task`, or leave its declaration out: `Task` is predefined",
+        notes,
+    )
+
+
+def _define(session: Session, wanted: Signature, findings: Findings) -> None:
+    definition = wanted.definition
+    if isinstance(definition.body, ast.External):
+        made: core.Function | core.External | None = _external(session, wanted, findings)
+    else:
+        made = _function(session, wanted, definition.body, findings)
+    if made is not None:
+        session.functions.elaborated[wanted.name] = made
+
+
+def _body(session: Session, wanted: Signature, findings: Findings, where: Where) -> Body:
+    """A body with the parameters in scope."""
+    body = Body(session, where, None, findings, library=wanted.library)
+    body.origin = session.functions.origins.get(wanted.name) if wanted.library else None
+    for decl, type_ in zip(wanted.definition.parameters, wanted.parameters, strict=True):
+        known = body.frames[0].get(decl.name.name)
+        if known is not None:
+            findings.error(
+                "K208",
+                decl.name.span,
+                f"the parameter `{decl.name.name}` is declared twice",
+                None,
+                (Note(known.declared.span, "first declared here"),),
+            )
+        if decl.initial is not None:
+            findings.error("K240", decl.initial.span, "a parameter has no initial value")
+        body.declare(decl.name, type_, Role.PARAMETER)
+    return body
+
+
+def _function(
+    session: Session, wanted: Signature, statements: ast.Block, findings: Findings
+) -> core.Function | None:
+    body = _body(session, wanted, findings, Where.FUNCTION)
+    body.result = wanted.result
+    block = body.block(statements)
+    definition = wanted.definition
+    session.functions.calls[wanted.name] = body.calls
+    if definition.requires or definition.ensures:
+        place = (*definition.requires, *definition.ensures)[0]
+        findings.error(
+            "K240",
+            place.span,
+            "only an external function has a summary",
+            "what a function with a body computes is known",
+        )
+    if definition.result is None:
+        findings.error(
+            "K228",
+            definition.name.span,
+            f"`{definition.name.name}` computes nothing: it has no result",
+            "declare its type, as in `def fun f(int a) -> int:`; what changes variables belongs "
+            "in an event",
+        )
+    elif statements and not returns(statements):
+        findings.error(
+            "K222",
+            definition.name.span,
+            f"`{definition.name.name}` can end without a `return`",
+            "end it with `return …`",
+        )
+    if not wanted.sound:
+        return None
+    parameters = _parameters(body, wanted)
+    return core.Function(
+        wanted.name, parameters, wanted.result, block, body.bound, span=definition.span
+    )
+
+
+def _parameters(body: Body, wanted: Signature) -> tuple[core.Variable, ...]:
+    return tuple(
+        core.Variable(core.Home.BOUND, slot, name, type_)
+        for slot, (name, type_) in enumerate(
+            zip(wanted.parameter_names, wanted.parameters, strict=True)
+        )
+        if type_ is not None
+    )
+
+
+def returns(statements: ast.Block) -> bool:
+    """Whether the statements always end in a ``return``."""
+    for s in statements:
+        match s:
+            case ast.Return():
+                return True
+            case ast.If(arms=arms, otherwise=otherwise):
+                blocks = [block for _, block in arms]
+                if otherwise is not None and all(map(returns, [*blocks, otherwise])):
+                    return True
+            case ast.Atomic(body=inner):
+                if returns(inner):
+                    return True
+    return False
+
+
+def _external(session: Session, wanted: Signature, findings: Findings) -> core.External | None:
+    definition = wanted.definition
+    if definition.result is None:
+        findings.error(
+            "K240",
+            definition.name.span,
+            f"the external function `{definition.name.name}` has no result",
+            "declare its type, as in `def fun f(int a) -> int: extern`",
+        )
+        return None
+    requires: list[core.Expr | None] = []
+    ensures: list[core.Expr | None] = []
+    calls: list[str] = []
+    bound = 0
+    for condition in definition.requires:
+        body = _body(session, wanted, findings, Where.SUMMARY_REQUIRES)
+        body.bound += 1  # the slot of the answer
+        requires.append(_condition(body, condition))
+        bound, calls = max(bound, body.bound), [*calls, *body.calls]
+    for condition in definition.ensures:
+        body = _body(session, wanted, findings, Where.SUMMARY)
+        result = ast.Ident("result", span=definition.name.span)
+        if any(decl.name.name == "result" for decl in definition.parameters):
+            findings.error(
+                "K208", definition.name.span, "`result` names the answer: rename the parameter"
+            )
+        body.declare(result, wanted.result, Role.RESULT)
+        ensures.append(_condition(body, condition))
+        bound, calls = max(bound, body.bound), [*calls, *body.calls]
+    session.functions.calls[wanted.name] = calls
+    if not wanted.sound or wanted.result is None:
+        return None
+    parameters = _parameters(_body(session, wanted, Findings(), Where.SUMMARY), wanted)
+    answer = core.Variable(core.Home.BOUND, len(parameters), "result", wanted.result)
+    assert isinstance(definition.body, ast.External)
+    return core.External(
+        wanted.name,
+        parameters,
+        answer,
+        _KINDS[definition.body],
+        tuple(condition for condition in requires if condition is not None),
+        tuple(condition for condition in ensures if condition is not None),
+        max(bound, len(parameters) + 1),
+        span=definition.span,
+    )
+
+
+def _condition(body: Body, condition: ast.Expr) -> core.Expr | None:
+    what = "what a summary says"
+    made = fit(body, body.expr(condition, BOOL), BOOL, condition.span, what)
+    if made is not None:
+        check_promises(body, made)
+    return made
+
+
+def check_promises(body: Body, condition: core.Expr) -> None:
+    """Tell of statements about every value of a type that nobody could ever try. [EXTERNAL]
+
+    Of what is said of all values, some can be tried, and the rest taken on trust. Of what is denied
+    of all, required of a caller, or said of some one value, nothing can be.
+    """
+    if body.where is Where.SUMMARY_REQUIRES:
+        for node in _about_all(condition):
+            body.error(
+                "K310",
+                node.span,
+                "a duty of callers that speaks of every value of a type can be checked nowhere",
+                "say it of the arguments, or of the elements of a list",
+            )
+        return
+    for node in _denied(condition, denied=False):
+        body.error(
+            "K310",
+            node.span,
+            "a summary says something of every value of a type, but does not deny it",
+            "`forall` over a type stands neither behind `not` nor left of `implies`, and there is "
+            "no `exists` over a type",
+        )
+
+
+def _about_all(node: object) -> Iterator[core.Quantified]:
+    for below in nodes(node):
+        if isinstance(below, core.Quantified) and isinstance(below.domain, core.AllValues):
+            yield below
+
+
+def _denied(e: core.Expr, *, denied: bool) -> Iterator[core.Quantified]:
+    """The quantifiers over types that are not simply promised."""
+    match e:
+        case core.Quantified(domain=core.AllValues(), body=body, quantifier=quantifier):
+            if denied or quantifier is not core.QuantifierKind.FORALL:
+                yield e
+            else:
+                yield from _denied(body, denied=denied)
+        case core.Quantified(body=body, domain=domain):
+            yield from _about_all(domain)
+            yield from _denied(body, denied=denied)
+        case core.Unary(op=core.UnaryOp.NOT, operand=operand):
+            yield from _denied(operand, denied=not denied)
+        case core.Binary(op=core.BinaryOp.AND | core.BinaryOp.OR, left=left, right=right):
+            yield from _denied(left, denied=denied)
+            yield from _denied(right, denied=denied)
+        case core.Binary(op=core.BinaryOp.IMPLIES, left=left, right=right):
+            yield from _denied(left, denied=not denied)
+            yield from _denied(right, denied=denied)
+        case _:
+            yield from _about_all(e)

@@ -1,0 +1,179 @@
+"""The library, ``prelude.krd``: functions and modules that every program may use."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Iterator, Mapping
+from enum import Enum
+from fractions import Fraction
+from functools import lru_cache
+from importlib.resources import files
+
+from msgspec import Struct
+
+from koord.syntax import ast
+from koord.syntax.content import content_fields
+from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.resolve_types import resolve
+from koord.syntax.elaboration.symbols import Signature
+from koord.syntax.parsing.parser import parse
+from koord.syntax.source import Source, Span, normalise
+
+#: The file of the library; places in it are of no program.
+LIBRARY = "prelude.krd"
+
+#: Ports of library modules that go by two names; the second is the one that is kept.
+PORT_ALIASES: Mapping[str, Mapping[str, str]] = {
+    "Motion": {"position": "psn", "done": "reached"},
+    "MotionWithScan": {"position": "psn", "done": "reached"},
+}
+
+#: Functions that operators are made of; programs do not call them.
+_INTERNAL = frozenset({"negatedPos", "addedPos", "subtractedPos", "scaledPos", "dividedPos"})
+
+
+class Library(Struct, frozen=True):
+    """The definitions of the prelude by name."""
+
+    functions: Mapping[str, tuple[ast.FunDef, ...]]
+    modules: Mapping[str, ast.Using]
+    task: ast.RecordDef
+
+
+@lru_cache(maxsize=1)
+def library() -> Library:
+    """The prelude, read once."""
+    path = files("koord.syntax").joinpath(LIBRARY)
+    text = normalise(path.read_text(encoding="utf-8"))
+    parsed = parse(Source(LIBRARY, text))
+    assert not parsed.diagnostics, parsed.diagnostics
+    functions: dict[str, tuple[ast.FunDef, ...]] = {}
+    modules: dict[str, ast.Using] = {}
+    task: ast.RecordDef | None = None
+    for section in parsed.program.sections:
+        match section:
+            case ast.FunDef(name=name):
+                functions[name.name] = (*functions.get(name.name, ()), section)
+            case ast.Using(module=module):
+                modules[module.name] = section
+            case ast.RecordDef():
+                task = section
+    assert task is not None
+    return Library(functions, modules, task)
+
+
+def library_ports() -> dict[str, frozenset[str]]:
+    """The ports of each module of the library, by all their names."""
+    return {
+        name: frozenset(
+            [decl.name.name for decl in (*module.sensors, *module.actuators)]
+            + list(PORT_ALIASES.get(name, ()))
+        )
+        for name, module in library().modules.items()
+    }
+
+
+def library_names() -> list[str]:
+    """The functions of the library that programs may call."""
+    return [name for name in library().functions if name not in _INTERNAL]
+
+
+def library_signatures(session: Session, name: str) -> tuple[Signature, ...]:
+    """The library's functions of that name, typed for this program."""
+    table = session.functions
+    found = table.library.get(name)
+    if found is None:
+        definitions = library().functions.get(name, ())
+        found = tuple(
+            signature(session, definition, _unique(session, name, number), library=True)
+            for number, definition in enumerate(definitions, 1)
+        )
+        table.library[name] = found
+    return found
+
+
+def _unique(session: Session, name: str, number: int) -> str:
+    """The name in the core program, which no function of the user has."""
+    wanted = name if number == 1 else f"{name}_{number}"
+    while wanted in session.functions.own:
+        wanted = f"library_{wanted}"
+    return wanted
+
+
+def signature(session: Session, definition: ast.FunDef, name: str, *, library: bool) -> Signature:
+    """What callers see of a function. Mistakes in the library's types are told at its calls."""
+    findings = Findings() if library else session.findings
+    body = Body(session, Where.CONSTANT, None, findings)
+    parameters = tuple(resolve(body, decl.type) for decl in definition.parameters)
+    result = resolve(body, definition.result) if definition.result is not None else None
+    sound = all(parameters) and (result is not None or definition.result is None)
+    return Signature(
+        name,
+        definition.name.name,
+        parameters,
+        tuple(decl.name.name for decl in definition.parameters),
+        result,
+        sound,
+        definition,
+        library,
+    )
+
+
+_LEAVES = (str, int, Fraction, Enum, type(None), Span, ast.Comment)
+
+
+def mentioned(program: ast.Program, variables: Container[str]) -> dict[str, Span]:
+    """The names in expressions that are not those of variables, and those of ports of modules.
+
+    Each with the first place where it stands.
+    """
+    parts: dict[type, tuple[str, ...]] = {}
+    names: dict[str, Span] = {}
+
+    def note(name: str, span: Span) -> None:
+        first = names.setdefault(name, span)
+        if (span.line, span.column) < (first.line, first.column):
+            names[name] = span
+
+    modules = set(_modules(program.sections))
+    stack: list[object] = [program.sections]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, tuple):
+            stack.extend(node)
+            continue
+        kind = type(node)
+        if kind is ast.Name:
+            assert isinstance(node, ast.Name)
+            if node.name not in variables:
+                note(node.name, node.span)
+            continue
+        if kind is ast.Attribute:
+            assert isinstance(node, ast.Attribute)
+            if isinstance(node.base, ast.Name) and node.base.name in modules:
+                note(node.name.name, node.name.span)
+            else:
+                stack.append(node.base)
+            continue
+        known = parts.get(kind)
+        if known is None:
+            known = () if isinstance(node, _LEAVES) else _parts(node)
+            parts[kind] = known
+        for part in known:
+            stack.append(getattr(node, part))
+    return names
+
+
+def _modules(sections: Iterable[ast.Section]) -> Iterator[str]:
+    for section in sections:
+        if isinstance(section, ast.Using):
+            yield section.module.name
+        elif isinstance(section, ast.Agent):
+            yield from _modules(section.sections)
+
+
+def _parts(node: object) -> tuple[str, ...]:
+    if isinstance(node, ast.Ident):
+        return ()
+    assert isinstance(node, ast.Node)
+    return content_fields(type(node))

@@ -1,0 +1,272 @@
+"""From the tree of a file to the core program: names first, then bodies, then the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import PurePath
+
+from msgspec import Struct
+
+from koord.syntax import ast, core
+from koord.syntax.analysis.limits import excesses
+from koord.syntax.elaboration import (
+    cautions,
+    declared_types,
+    events,
+    function_order,
+    functions,
+    instance,
+    locks,
+    modules,
+    properties,
+    starts,
+    unset,
+    variables,
+)
+from koord.syntax.elaboration.body import Body, Session, Where
+from koord.syntax.elaboration.expressions import expression
+from koord.syntax.elaboration.findings import Findings
+from koord.syntax.elaboration.library import library_ports, mentioned
+from koord.syntax.elaboration.sections import Kind, Sections, sort
+from koord.syntax.elaboration.settings import Elaborated, Settings
+from koord.syntax.elaboration.starts import assumed
+from koord.syntax.elaboration.statements import block
+from koord.syntax.elaboration.symbols import AgentScope, FunctionTable, Named, VariableSymbol
+from koord.syntax.source import NOWHERE
+from koord.syntax.types import ArrayType
+
+_DEFAULTS = Settings()
+
+
+def elaborate(program: ast.Program, settings: Settings = _DEFAULTS) -> Elaborated:
+    """The core program that a tree means, with everything that is wrong or doubtful about it.
+
+    A tree that holds properties alone is checked as far as that goes, and gives no program.
+    """
+    findings = Findings()
+    sections = sort(program.sections, findings)
+    session = Session(settings, findings, expression, block, FunctionTable())
+    session.library_ports = library_ports()
+    session.partial = sections.only_properties
+    if sections.is_empty:
+        findings.warning(
+            "K405", program.span, "the program is empty", "declare variables and events"
+        )
+    robots = [
+        _Robots(AgentScope(index, kind.name), kind) for index, kind in enumerate(_kinds(sections))
+    ]
+    session.agents = [each.scope for each in robots]
+    _declare(session, sections, robots, program)
+    made = _define(session, sections, robots, program)
+    if findings.errors or session.partial:
+        return Elaborated(None, findings.in_order())
+    # One robot of each kind: what is too much for them is too much for all.
+    found = excesses(made, range(len(made.agents)))
+    for excess in found:
+        findings.error(excess.code, excess.span, excess.message, excess.hint)
+    return Elaborated(None if found else made, findings.in_order())
+
+
+class _Robots(Struct):
+    """One kind of robot: its names, and its sections."""
+
+    scope: AgentScope
+    kind: Kind
+    modules: tuple[modules.UsedModule, ...] = ()
+
+
+def _kinds(sections: Sections) -> list[Kind]:
+    """The kinds of robot. What stands outside of `agent` blocks is for all of them."""
+    common = sections.common
+    if not sections.kinds:
+        return [common]
+    return [
+        Kind(
+            kind.name,
+            kind.declared,
+            [*common.locals, *kind.locals],
+            [*common.using, *kind.using],
+            [*common.init, *kind.init],
+            [*common.events, *kind.events],
+            kind.assumptions,
+            kind.expectations,
+            kind.properties,
+        )
+        for kind in sections.kinds
+    ]
+
+
+def _declare(
+    session: Session, sections: Sections, robots: list[_Robots], program: ast.Program
+) -> None:
+    """Enter every name."""
+    declared_types.declare_types(session, sections.enums, sections.records)
+    variables.enter_names(session, _entries(session, sections, robots))
+    session.parameters = variables.declare_params(session, sections.params)
+    variables.declare_shared(session, sections.allread, sections.allwrite)
+    variables.declare_locals(session, [(each.scope, each.kind.locals) for each in robots])
+    uses_library = any(
+        section.module.name in session.library_ports
+        for each in robots
+        for section in each.kind.using
+    )
+    names = mentioned(program, _variables(session, robots)) if uses_library else {}
+    for each in robots:
+        each.modules = tuple(modules.merge(session, each.kind.using, names))
+    modules.declare_ports(session, [(each.scope, each.modules) for each in robots])
+    functions.declare_functions(session, sections.functions)
+    declared_types.check_defaults(session, sections.records)
+    for each in robots:
+        events.name_events(session, each.scope, each.kind.events)
+
+
+def _variables(session: Session, robots: list[_Robots]) -> frozenset[str]:
+    """The names that are variables of every kind of robot."""
+    scopes = [frozenset(each.scope.variables) for each in robots]
+    return frozenset(session.shared) | frozenset.intersection(*scopes)
+
+
+def _entries(
+    session: Session, sections: Sections, robots: list[_Robots]
+) -> Iterator[variables.Entry]:
+    """Every declaration of a variable or param."""
+    for decl in sections.params:
+        yield variables.Entry(decl, (session.shared,), is_param=True)
+    for decl in (*sections.allread, *sections.allwrite):
+        yield variables.Entry(decl, (session.shared,))
+    scopes: dict[int, tuple[ast.VarDecl, list[dict[str, Named]]]] = {}
+    for each in robots:
+        for decl in each.kind.locals:
+            scopes.setdefault(id(decl), (decl, []))[1].append(each.scope.variables)
+    for decl, found in scopes.values():
+        yield variables.Entry(decl, tuple(found))
+
+
+def _define(
+    session: Session, sections: Sections, robots: list[_Robots], program: ast.Program
+) -> core.Program:
+    """Elaborate every body, and put the program together."""
+    allwrite = _shared(session, sections.allwrite, Where.SHARED_INITIAL)
+    allread = _shared(session, sections.allread, Where.INITIAL)
+    agents = [_agent(session, each) for each in robots]
+    assumptions = _assumptions(session, sections)
+    expectations = _expectations(session, sections)
+    stated = _properties(session, sections)
+    functions.define_functions(session)
+    ordered = function_order.in_order(session)
+    function_order.check_logical_calls(session)
+    externals = tuple(made for made in ordered if isinstance(made, core.External))
+    cautions.contradictions(session, agents, assumptions, externals)
+    cautions.confused(session)
+    if not session.partial:
+        cautions.unused(session, [session.shared, *(each.scope.variables for each in robots)])
+    starts.check_tasks(allwrite, session.settings, session.findings)
+    classes, agents = locks.classified(session.atomic_blocks.values(), agents)
+    known = assumed(assumptions, len(agents))
+    made = core.Program(
+        PurePath(program.span.file).stem,
+        tuple(starts.agent(each, number, known) for number, each in enumerate(agents)),
+        starts.settle(allread, None, known, session.settings),
+        starts.settle(allwrite, None, known, session.settings),
+        tuple(made for made in ordered if isinstance(made, core.Function)),
+        externals,
+        classes,
+        assumptions,
+        stated,
+        session.parameters,
+        expectations,
+        instance.instance(session, sections),
+        session.settings.tasks if _starts_with_tasks(session, allwrite) else None,
+        span=program.span,
+    )
+    if not session.partial and not session.findings.errors:
+        unset.never_set(session, made)
+    return made
+
+
+def _starts_with_tasks(session: Session, allwrite: tuple[core.Declaration, ...]) -> bool:
+    """Whether the world's tasks are what a variable begins with."""
+    unset = (d for d in allwrite if d.initial is core.Start.UNSET)
+    return any(starts.tasks(d.variable, session.settings) is not None for d in unset)
+
+
+def _shared(
+    session: Session, decls: list[ast.VarDecl], where: Where
+) -> tuple[core.Declaration, ...]:
+    result = []
+    for decl in decls:
+        symbol = session.shared.get(decl.name.name)
+        if not isinstance(symbol, VariableSymbol) or symbol.declared is not decl.name:
+            continue
+        type_ = symbol.variable.type
+        if where is Where.INITIAL:
+            assert isinstance(type_, ArrayType)
+            type_ = type_.element
+        body = Body(session, where, None, session.findings)
+        initial = starts.initial_value(body, decl, type_, core.Start.UNSET)
+        result.append(core.Declaration(symbol.variable, initial, span=decl.span))
+    return tuple(result)
+
+
+def _agent(session: Session, robots: _Robots) -> core.Agent:
+    scope = robots.scope
+    init, init_bound = events.init(session, scope, robots.kind.init)
+    return core.Agent(
+        scope.name,
+        _locals(session, robots),
+        modules.ports(session, scope, robots.modules),
+        tuple(modules.module(session, scope, used) for used in robots.modules),
+        init,
+        init_bound,
+        tuple(events.event(session, scope, section) for section in robots.kind.events),
+        span=robots.kind.declared.span if robots.kind.declared else NOWHERE,
+    )
+
+
+def _locals(session: Session, robots: _Robots) -> tuple[core.Declaration, ...]:
+    by_slot: dict[int, core.Declaration] = {}
+    for decl in robots.kind.locals:
+        symbol = robots.scope.variables.get(decl.name.name)
+        if not isinstance(symbol, VariableSymbol) or symbol.declared is not decl.name:
+            continue
+        body = Body(session, Where.INITIAL, robots.scope, session.findings)
+        initial = starts.initial_value(body, decl, symbol.variable.type, core.Start.UNSET)
+        declaration = core.Declaration(symbol.variable, initial, span=decl.span)
+        by_slot[symbol.variable.slot] = declaration
+    return tuple(by_slot[slot] for slot in sorted(by_slot))
+
+
+def _sources(sections: Sections) -> list[tuple[int | None, Kind]]:
+    """Where assumptions and properties stand: outside, then in each kind of robot."""
+    inside = [(number, kind) for number, kind in enumerate(sections.kinds)]
+    return [(None, sections.common), *inside]
+
+
+def _assumptions(session: Session, sections: Sections) -> tuple[core.Assumption, ...]:
+    result: list[core.Assumption | None] = []
+    for kind, source in _sources(sections):
+        for section in source.assumptions:
+            number = len(result) + 1
+            result.append(properties.assumption(session, section, number, kind))
+    return tuple(made for made in result if made is not None)
+
+
+def _expectations(session: Session, sections: Sections) -> tuple[core.Property, ...]:
+    result: list[core.Property | None] = []
+    for kind, source in _sources(sections):
+        for section in source.expectations:
+            name = section.name.name if section.name else f"leadsto_{len(result) + 1}"
+            result.append(properties.property_(session, section, name, kind))
+    return tuple(made for made in result if made is not None)
+
+
+def _properties(session: Session, sections: Sections) -> tuple[core.Property, ...]:
+    stated = [
+        (kind, section) for kind, source in _sources(sections) for section in source.properties
+    ]
+    named = properties.names(session, [section for _, section in stated])
+    made = [
+        properties.property_(session, section, name, kind)
+        for (kind, section), name in zip(stated, named, strict=True)
+    ]
+    return tuple(property_ for property_ in made if property_ is not None)

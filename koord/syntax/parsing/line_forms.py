@@ -1,0 +1,177 @@
+"""The forms of one line: an LALR parser (grammar.lark) that is fed with tokens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache
+from pathlib import Path
+from typing import Any, cast
+
+from lark import Lark
+from lark import Token as LarkToken
+from lark.exceptions import UnexpectedToken
+from lark.lexer import Lexer
+
+from koord.syntax.content import content_fields
+from koord.syntax.parsing.nodes import Builder
+from koord.syntax.parsing.operands import MisplacedError
+from koord.syntax.parsing.tokens import Token
+from koord.syntax.source import Placed
+
+#: An expression may be a tree so deep: brackets, and operators in a row, both count. What works on
+#: trees later may therefore call itself.
+MAX_DEPTH = 200
+
+
+class Form(Enum):
+    """What a line, or a piece of one, can be: the start symbols of the grammar."""
+
+    EXPRESSION = "expression"
+    GOAL = "goal"
+    DECLARATION = "declaration"
+    SIGNATURE = "signature"
+    MEMBERS = "members"
+    STATEMENT = "statement"
+    LOOP = "loop"
+
+
+@dataclass(frozen=True, slots=True)
+class UnexpectedError(Exception):
+    """The token that no form of line allows where it stands."""
+
+    position: int  #: of the token in the line; the length of the line if it is too short
+    expected: frozenset[str]  #: names of terminals; ``$END`` for the end of the line
+
+
+class _NoLexer(Lexer):
+    """The tokens are made elsewhere and fed one by one."""
+
+    def __init__(self, conf: Any) -> None:
+        pass
+
+    def lex(self, *_: Any) -> Any:
+        return iter(())
+
+
+@cache
+def _lark() -> Lark:
+    return Lark(
+        Path(__file__).with_name("grammar.lark").read_text("utf-8"),
+        parser="lalr",
+        lexer=_NoLexer,
+        start=[form.value for form in Form],
+        transformer=Builder(),
+        maybe_placeholders=False,
+    )
+
+
+_END = LarkToken("$END", "")
+
+
+def parse_line(form: Form, tokens: list[Token], *, quantified: bool) -> Any:
+    """The node that the tokens of a line make. Raises UnexpectedError or MisplacedError.
+
+    ``quantified`` tells whether there are quantifiers among them.
+    """
+    if quantified:
+        _mark_types(tokens)
+    feed = _feeder(form)[0]
+    position = 0
+    try:
+        for token in tokens:
+            feed(token)
+            position += 1
+        node = feed(_END, True)
+    except UnexpectedToken:
+        raise UnexpectedError(position, _possible(form, tokens[:position])) from None
+    if len(tokens) > MAX_DEPTH and _depth(node) > MAX_DEPTH:
+        raise MisplacedError(
+            "K109",
+            tokens[0].span.to(tokens[-1].span),
+            f"this expression is more than {MAX_DEPTH} operators or brackets deep",
+            "give pieces of it names of their own",
+        )
+    return node
+
+
+def _feeder(form: Form) -> tuple[Callable[..., Any], Callable[[], set[str]]]:
+    """What takes tokens, and what tells which terminals it would take next."""
+    parser = _lark().parse_interactive(None, form.value)
+    return parser.parser_state.feed_token, cast(Callable[[], set[str]], parser.accepts)
+
+
+def _possible(form: Form, tokens: list[Token]) -> frozenset[str]:
+    """The terminals that can stand behind tokens that are the beginning of a line.
+
+    They are fed again: the token that was refused may have changed the state of the parser.
+    """
+    feed, possible = _feeder(form)
+    for token in tokens:
+        feed(token)
+    return frozenset(possible())
+
+
+def _mark_types(tokens: list[Token]) -> None:
+    """Mark the names that begin a type behind ``forall`` and ``exists``."""
+    depth = 0
+    binding: list[int] = []  # depths of quantifiers whose colon is yet to come
+    for position, token in enumerate(tokens):
+        kind = token.type
+        if kind == "FORALL" or kind == "EXISTS":
+            binding.append(depth)
+        elif kind == "LPAR" or kind == "LSQB" or kind == "LBRACE":
+            depth += 1
+        elif kind == "RPAR" or kind == "RSQB" or kind == "RBRACE":
+            depth -= 1
+        elif kind == "COLON":
+            if binding and binding[-1] == depth:
+                binding.pop()
+            continue
+        elif kind != "COMMA":
+            continue
+        if binding and binding[-1] == depth:
+            end = type_end(tokens, position + 1)
+            if end is not None and end < len(tokens) and tokens[end].type == "NAME":
+                tokens[position + 1].type = "TYPENAME"
+
+
+def type_end(tokens: list[Token], at: int, nesting: int = 0) -> int | None:
+    """The number of the token behind the type that begins at ``at``; None if none does."""
+    if at >= len(tokens) or tokens[at].type != "NAME" or nesting > 10:
+        return None
+    at += 1
+    if at < len(tokens) and tokens[at].type == "LESS":
+        separator = "COMMA"
+        while separator == "COMMA":
+            end = type_end(tokens, at + 1, nesting + 1)
+            if end is None or end >= len(tokens):
+                return None
+            at, separator = end, tokens[end].type
+        if separator != "GREATER":
+            return None
+        at += 1
+    while at < len(tokens) and tokens[at].type == "LSQB":
+        depth = 1
+        while depth:
+            at += 1
+            if at >= len(tokens):
+                return None
+            depth += (tokens[at].type == "LSQB") - (tokens[at].type == "RSQB")
+        at += 1
+    return at
+
+
+def _depth(node: Any) -> int:
+    """How deep a tree is, without going deep."""
+    deepest = 0
+    waiting = [(node, 1)]
+    while waiting:
+        item, depth = waiting.pop()
+        deepest = max(deepest, depth)
+        if isinstance(item, tuple):
+            waiting.extend((child, depth) for child in item)
+        elif isinstance(item, Placed):
+            waiting.extend((getattr(item, name), depth + 1) for name in content_fields(type(item)))
+    return deepest

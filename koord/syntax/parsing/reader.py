@@ -1,0 +1,318 @@
+"""Parts of lines to nodes, with each mistake told once: what blocks and sections share."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any, cast
+
+from koord.syntax import ast
+from koord.syntax.parsing.line_forms import MAX_DEPTH, Form, UnexpectedError, parse_line
+from koord.syntax.parsing.lines import GOES_ON, UNFINISHED, Part
+from koord.syntax.parsing.messages import explain
+from koord.syntax.parsing.operands import MisplacedError
+from koord.syntax.parsing.report import Report
+from koord.syntax.parsing.tokens import KEYWORDS, Token, shown, words
+from koord.syntax.source import Span
+
+#: A line is mended and read again so often.
+_MAX_REPAIRS = 10
+
+#: Forms that may go on over several lines without brackets: the expressions of properties.
+_OVER_LINES = frozenset([Form.EXPRESSION, Form.GOAL, Form.MEMBERS])
+#: First words of statements that have a body.
+_BLOCKS = words("IF FOR ATOMIC")
+#: Complaints that may as well mean a missing colon.
+_NO_COLON = frozenset(["K130", "K131", "K135"])
+#: First words of sections: nothing else begins so.
+_SECTIONS = words(
+    "AGENT ALLREAD ALLWRITE ASSUME DEF ENUM EVENTUALLY INIT INVARIANT LOCAL PARAM URGENT USING"
+)
+
+
+class Reader:
+    """Reads parts; a part with a mistake is told, and None where nothing can be made of it."""
+
+    __slots__ = ("around", "displaced", "heads", "lost", "report")
+
+    def __init__(self, report: Report) -> None:
+        self.report = report
+        #: Words that begin a block but have no node of their own.
+        self.heads: list[ast.Ident] = []
+        #: Names in what could not be read.
+        self.lost: set[str] = set()
+        #: The section that is being read, beside which others stand.
+        self.around: Part | None = None
+        #: Sections that stood inside of others, to be read as if they stood beside them.
+        self.displaced: list[Part] = []
+
+    # --- sections in sections
+
+    def is_displaced(self, part: Part, *, or_named: bool = False) -> bool:
+        """Whether a part that stands inside of a section is one itself, which is told then.
+
+        ``or_named`` says that a word with a block can be nothing but an event here.
+        """
+        named = or_named and part.first == "NAME" and len(part.tokens) == 1
+        named = named and any(line.end.line > part.end.line for line in part.body)
+        if part.first not in _SECTIONS and not named and not has_pieces(part):
+            return False
+        around = self.around
+        if around is None:
+            return False
+        word = f"`{shown(part.tokens[0].text)}`" if part.first in _SECTIONS else "an event"
+        head = shown(" ".join(token.text for token in around.tokens))
+        by = part.tokens[0].column - around.tokens[0].column
+        cure = f"dedent it by {by} space{'s' * (by != 1)}: it stands beside `{head}`, not in it"
+        if by <= 0 or part.tokens[0].line == around.tokens[0].line:
+            cure = f"write it on a line of its own, beside `{head}`"
+        self.complain(part, "K141", part.span, f"{word} cannot stand inside of `{head}`", cure)
+        self.displaced.append(part)
+        return True
+
+    # --- lines
+
+    def line(self, form: Form, part: Part, start: int = 0, *, opens: bool = False) -> Any | None:
+        """The node of a part's tokens from number ``start`` on.
+
+        ``opens`` tells that a body follows, so that ``:`` may be what is missing.
+        """
+        if part.joint and (opens or form not in _OVER_LINES):
+            self.complain(
+                part,
+                "K119",
+                part.joint.span,
+                "a line goes on below only inside brackets",
+                "put what stands on both lines in `(` `)`",
+            )
+        tokens = part.tokens[start:]
+        for _ in range(_MAX_REPAIRS):
+            try:
+                return parse_line(form, tokens, quantified=part.quantified)
+            except MisplacedError as error:
+                self.complain(part, error.code, error.span, error.message, error.hint)
+                break
+            except UnexpectedError as error:
+                complaint = explain(form, tokens, error, part.end)
+                at = start + error.position
+                if opens and complaint.code in _NO_COLON and self._splits(part, at):
+                    tokens = part.tokens[start:]
+                    continue
+            self.complain(part, complaint.code, complaint.span, complaint.message, complaint.hint)
+            if complaint.repaired is None:
+                break
+            if complaint.code == "K131":
+                self.lost.add(complaint.token.text)
+            tokens = complaint.repaired
+        part.broken = True
+        self.lose(part)
+        return None
+
+    def lose(self, part: Part, *, body: bool = False) -> None:
+        """Remember the names in a part, or in its whole body, that nothing is made of."""
+        waiting = [part]
+        while waiting:
+            one = waiting.pop()
+            self.lost.update(token.text for token in one.tokens if token.type == "NAME")
+            if body:
+                waiting.extend(one.body)
+
+    def complain(
+        self, part: Part, code: str, span: Span, message: str, hint: str | None = None
+    ) -> None:
+        """Tell of a mistake in a part, unless it is likely to come of one that was told."""
+        if part.broken or part.told not in (None, code):
+            return
+        if any(token.line in self.report.damaged for token in part.tokens):
+            return
+        part.told = code
+        self.report.error(code, span, message, hint)
+
+    def expression(self, part: Part) -> ast.Expr | None:
+        """The expression that a part is."""
+        self.no_block(part)
+        return cast("ast.Expr | None", self.line(Form.EXPRESSION, part))
+
+    def condition(self, part: Part) -> ast.Expr | None:
+        """The expression behind the first word of a part that has a body."""
+        return cast("ast.Expr | None", self.line(Form.EXPRESSION, part, 1, opens=True))
+
+    # --- declarations
+
+    def declarations(self, part: Part) -> tuple[ast.VarDecl, ...]:
+        """What the body of a part declares."""
+        if part.colon is None:
+            self.body(part)
+        lines = [line for line in part.body if not self.is_displaced(line, or_named=True)]
+        return tuple(decl for line in lines for decl in self.declaration(line))
+
+    def declaration(self, part: Part, start: int = 0) -> list[ast.VarDecl]:
+        """What a line declares: one variable, unless it is wrong."""
+        if part.colon:
+            self.complain(
+                part,
+                "K115",
+                part.colon.span,
+                "no `:` stands in a declaration",
+                _typed(part) or "leave the `:` out; a value stands behind `=`: `int x = 3`",
+            )
+        decl = self.line(Form.DECLARATION, part, start)
+        if decl:
+            return [decl, *_others(decl, part.tokens)] if part.told == "K137" else [decl]
+        tokens = part.tokens[start:]
+        for position, token in enumerate(tokens):
+            if token.type == "ASSIGN":  # without its value the variable may be readable
+                part = Part(tokens[:position], broken=True)
+                decl = self.line(Form.DECLARATION, part) if position else None
+                break
+        return [decl] if decl else []
+
+    # --- heads of blocks
+
+    def ends(self, part: Part, length: int) -> None:
+        """Complain if a part goes on behind its first ``length`` words."""
+        if len(part.tokens) <= length or self._splits(part, length):
+            return
+        token = part.tokens[length]
+        hint = "a condition stands behind `elif`" if part.first == "ELSE" else None
+        self.complain(
+            part, "K130", token.span, f"`:` is expected here, but found `{shown(token.text)}`", hint
+        )
+
+    def name(self, part: Part, at: int, what: str, then: int = 0) -> ast.Ident:
+        """The name that stands as word number ``at``; ``then`` words more end the part."""
+        token = part.tokens[at] if at < len(part.tokens) else part.end
+        if token.type == "NAME":
+            self.ends(part, at + 1 + then)
+        elif token.text in KEYWORDS:
+            self.lost.add(token.text)
+            self.complain(
+                part,
+                "K131",
+                token.span,
+                f"`{token.text}` is a keyword and cannot be used as a name",
+                f"choose another name, such as `{token.text}_`",
+            )
+        else:
+            self.complain(part, "K130", token.span, f"the name of {what} is expected here")
+            return ast.Ident("?", span=token.span)
+        return ast.Ident(token.text, span=token.span)
+
+    def _splits(self, part: Part, at: int) -> bool:
+        """Take word number ``at`` for the beginning of the body, if ``:`` is missing before it."""
+        if at >= len(part.tokens) or not at:
+            return False
+        token = part.tokens[at]
+        if part.colon and token.type not in _BLOCKS:
+            return False
+        self.complain(
+            part, "K114", token.span, f"`:` is missing before `{shown(token.text)}`", "write `:`"
+        )
+        rest = Part(part.tokens[at:], part.colon, quantified=part.quantified)
+        rest.broken = part.broken
+        if part.colon:
+            rest.body, part.body = part.body, [rest]
+        else:
+            part.body = [rest, *part.body]
+        part.tokens, part.colon = part.tokens[:at], token
+        return True
+
+    def head(self, part: Part) -> None:
+        """Take a part that is one word and has no node; remember where it stands."""
+        self.ends(part, 1)
+        token = part.tokens[0]
+        self.heads.append(ast.Ident(token.text, span=token.span))
+
+    # --- bodies
+
+    def body(self, part: Part) -> list[Part]:
+        """The body of a part that must have one."""
+        word = f"`{shown(part.tokens[-1].text)}`" if part.tokens else "this"
+        if part.colon is None:
+            self.complain(part, "K114", part.end.span, f"`:` is missing behind {word}", "write `:`")
+        elif not part.body:
+            first = f"`{shown(part.tokens[0].text)}`" if part.tokens else "this"
+            self.complain(
+                part,
+                "K113",
+                part.span,
+                f"{first} has no body",
+                "write it behind the `:` or in deeper-indented lines below; `pass` does nothing",
+            )
+        return part.body
+
+    def no_block(self, part: Part) -> None:
+        """Complain if a part has a body where none can be."""
+        if part.colon:
+            self.complain(part, "K115", part.colon.span, "no block can begin here", "leave `:` out")
+
+    def expressions(self, part: Part) -> list[ast.Expr]:
+        """The expressions that the body of a part lists, one a line."""
+        found = [self.expression(line) for line in self.joined(self.body(part))]
+        return [expression for expression in found if expression]
+
+    def conjunction(self, part: Part) -> ast.Expr | None:
+        """The expression that the body of a part is; several lines must all hold."""
+        found = self.expressions(part)
+        if not found:
+            return None
+        if len(found) > MAX_DEPTH:
+            message = f"more than {MAX_DEPTH} conditions"
+            self.complain(part, "K109", part.span, message, "make functions of some of them")
+            return None
+        whole = found[0]
+        for more in found[1:]:
+            span = whole.span.to(more.span)
+            whole = ast.Binary(ast.BinaryOp.AND, whole, more, span=span)
+        return whole
+
+    def joined(self, parts: list[Part]) -> list[Part]:
+        """Lines of expressions; one that is unfinished goes on with the next."""
+        lines: list[Part] = []
+        for part in parts:
+            last = lines[-1] if lines else None
+            if (
+                last
+                and last.tokens
+                and not last.colon
+                and part.tokens
+                and (last.tokens[-1].type in UNFINISHED or part.first in GOES_ON)
+            ):
+                lines[-1] = Part(
+                    last.tokens + part.tokens,
+                    part.colon,
+                    part.body,
+                    broken=last.broken or part.broken,
+                    quantified=last.quantified or part.quantified,
+                )
+            else:
+                lines.append(part)
+        return lines
+
+
+def _others(decl: ast.VarDecl, tokens: list[Token]) -> list[ast.VarDecl]:
+    """The further names of a declaration that has several."""
+    found = []
+    depth = 0
+    for token, following in pairwise(tokens):
+        depth += token.type in ("LPAR", "LSQB", "LBRACE", "LESS")
+        depth -= token.type in ("RPAR", "RSQB", "RBRACE", "GREATER")
+        if token.type == "COMMA" and following.type == "NAME" and not depth:
+            name = ast.Ident(following.text, span=following.span)
+            found.append(ast.VarDecl(decl.type, name, span=following.span))
+    return found
+
+
+def _typed(part: Part) -> str | None:
+    """The cure of ``x: int``, as other languages declare."""
+    inside = [token for line in part.body for token in line.tokens]
+    if len(part.tokens) != 1 or not inside or inside[0].type != "NAME":
+        return None
+    at = next((k for k, token in enumerate(inside) if token.type == "ASSIGN"), len(inside))
+    type_ = "".join(f"{shown(token.text)}{' ' * (token.text == ',')}" for token in inside[:at])
+    value = " …" if at < len(inside) else ""
+    return f"write `{type_} {shown(part.tokens[0].text)}{' =' * bool(value)}{value}`"
+
+
+def has_pieces(part: Part) -> bool:
+    """Whether a guard or an effect stands in a part."""
+    return any(line.first in ("PRE", "EFF") for line in part.body)

@@ -1,0 +1,1 @@
+"""From tree to text, in the one layout; core programs are made trees first."""

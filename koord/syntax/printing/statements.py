@@ -1,0 +1,191 @@
+"""Lines of text for statements and the blocks in them."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import assert_never
+
+from koord.syntax import ast
+from koord.syntax.printing.comments import INDENT, Written
+from koord.syntax.printing.conditions import WIDTH, rows
+from koord.syntax.printing.expressions import print_base, print_expr, print_type
+from koord.syntax.source import NOWHERE, Span
+
+
+class Writer:
+    """Collects the lines of a program; knows where words without a node stood."""
+
+    __slots__ = ("_heads", "_parent", "lines")
+
+    def __init__(self, heads: Sequence[ast.Ident]) -> None:
+        self.lines: list[Written] = []
+        self._parent: Written | None = None
+        self._heads: dict[str, list[Span]] = {}
+        for head in heads:
+            self._heads.setdefault(head.name, []).append(head.span)
+        for spans in self._heads.values():
+            spans.sort(key=_start)
+
+    # --- lines
+
+    def line(self, text: str, first: Span, last: Span | None = None) -> Written:
+        """Write a line for what begins like ``first`` and ends like ``last``."""
+        line = first.line if known(first) else 0
+        end_line = max(line, last.end_line) if line and last and known(last) else line
+        written = Written(self._parent, text, line, end_line, first.column)
+        if self._parent:
+            self._parent.opens = True
+        self.lines.append(written)
+        return written
+
+    @contextmanager
+    def block(self, text: str, first: Span, last: Span | None = None) -> Iterator[Written]:
+        """Write the head of a block, and then the lines of the block."""
+        outer = self._parent
+        self._parent = self.line(f"{text}:", first, last)
+        yield self._parent
+        self._parent = outer
+
+    @property
+    def room(self) -> int:
+        """How many columns there are at the present depth."""
+        depth = 0
+        parent = self._parent
+        while parent:
+            depth += 1
+            parent = parent.parent
+        return WIDTH - len(INDENT) * depth
+
+    def condition(self, condition: ast.Expr, before: str = "") -> None:
+        """Write a condition on lines of its own, the first behind ``before``."""
+        for number, row in enumerate(rows(condition, self.room, before)):
+            self.line(row.text, row.first, row.last).tight = number > 0
+
+    def suite(
+        self, head: str, first: Span, last: Span, body: ast.Block, *, tight: bool = False
+    ) -> None:
+        """Write a head and the statements below it, or on its line if the only one stood there."""
+        only = body[0] if len(body) == 1 and _on_line(body[0].span, last) else None
+        match only:
+            case None | ast.If():  # on the line of a head it would have no place for its `else`
+                with self.block(head, first, last) as opened:
+                    opened.tight = tight
+                    self.statements(body)
+            case ast.Atomic(span=span, body=inner):
+                self.suite(f"{head}: atomic", first, beginning(span), inner, tight=tight)
+            case ast.ForRange() | ast.ForEach():
+                text, end = _loop(only)
+                self.suite(f"{head}: {text}", first, end, only.body, tight=tight)
+            case _:
+                self.line(f"{head}: {_simple(only)}", first, only.span).tight = tight
+
+    def head(self, word: str, nodes: Sequence[ast.Node]) -> Span:
+        """Where the word stands that begins the block of these nodes."""
+        first = nodes[0].span if nodes else NOWHERE
+        spans = self._heads.get(word, [])
+        position = bisect_left(spans, _start(first), key=_start)
+        return spans[position - 1] if position and known(first) else first
+
+    # --- statements
+
+    def statements(self, block: ast.Block) -> None:
+        """A block; one that is empty cannot be written, and does nothing."""
+        if not block:
+            self.line("pass", NOWHERE)
+        for statement in block:
+            self.statement(statement)
+
+    def statement(self, s: ast.Stmt) -> None:
+        """One statement with the blocks in it."""
+        match s:
+            case ast.If(arms=arms, otherwise=otherwise):
+                for number, (condition, body) in enumerate(arms):
+                    head = f"{'elif' if number else 'if'} {print_expr(condition)}"
+                    first = condition.span if number else s.span
+                    self.suite(head, first, condition.span, body, tight=number > 0)
+                if otherwise is not None:
+                    first = self.head("else", otherwise)
+                    self.suite("else", first, first, otherwise, tight=True)
+            case ast.ForRange() | ast.ForEach():
+                text, last = _loop(s)
+                self.suite(text, s.span, last, s.body)
+            case ast.Atomic(body=body):
+                self.suite("atomic", s.span, beginning(s.span), body)
+            case _:
+                self.line(_simple(s), s.span, s.span)
+
+
+def _loop(s: ast.ForRange | ast.ForEach) -> tuple[str, Span]:
+    """The head of a loop, and where it ends."""
+    match s:
+        case ast.ForRange(variable=variable, low=low, high=high):
+            return f"for {variable.name} = {print_expr(low)}, {print_expr(high)}", high.span
+        case ast.ForEach(variables=variables, sequence=sequence):
+            names = ", ".join(variable.name for variable in variables)
+            return f"for {names} in {print_expr(sequence)}", sequence.span
+        case _:
+            assert_never(s)
+
+
+def _simple(
+    s: ast.Assign
+    | ast.Increment
+    | ast.Break
+    | ast.Return
+    | ast.Stop
+    | ast.TryStop
+    | ast.Output
+    | ast.LocalDecl
+    | ast.Pass
+    | ast.CallStmt,
+) -> str:
+    match s:
+        case ast.Assign(target=target, value=value):
+            return f"{print_expr(target)} = {print_expr(value)}"
+        case ast.Increment(target=target, amount=amount):
+            return f"{print_expr(target)}{'++' if amount > 0 else '--'}"
+        case ast.Break():
+            return "break"
+        case ast.Return(value=value):
+            return f"return {print_expr(value)}" if value else "return"
+        case ast.Stop():
+            return "stop"
+        case ast.TryStop():
+            return "trystop()"
+        case ast.Output(stream=stream, values=values):
+            return " << ".join([print_base(stream), *map(print_expr, values)])
+        case ast.LocalDecl(decl=decl):
+            return declaration(decl)
+        case ast.Pass():
+            return "pass"
+        case ast.CallStmt(call=call):
+            return print_expr(call)
+        case _:
+            assert_never(s)
+
+
+def declaration(decl: ast.VarDecl) -> str:
+    """The declaration of a variable, a port, a field or a parameter."""
+    initial = f" = {print_expr(decl.initial)}" if decl.initial is not None else ""
+    return f"{print_type(decl.type)} {decl.name.name}{initial}"
+
+
+def known(span: Span) -> bool:
+    """Whether the span is of a place in a text."""
+    return span.file != NOWHERE.file
+
+
+def beginning(span: Span) -> Span:
+    """The place where the span begins."""
+    return Span(span.file, span.line, span.column, span.line, span.column)
+
+
+def _on_line(span: Span, head: Span) -> bool:
+    """Whether something begins on the line on which the head before it ends."""
+    return known(span) and known(head) and span.line == head.end_line
+
+
+def _start(span: Span) -> tuple[int, int]:
+    return span.line, span.column
