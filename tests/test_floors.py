@@ -135,9 +135,21 @@ _REDUCTION = (*_BELOW_ENGINES, "koord.verify.reduction", "koord.verify.reachabil
 _ENGINES = (*_REDUCTION, "koord.verify.engines")
 _EVERYTHING = (*_ENGINES, "koord.verify.vacuity", "koord.verify")
 
+#: What every room of the syntax stands on.
+_PROGRAMS = tuple(
+    f"koord.syntax.{path.stem}"
+    for path in (ROOT / "koord/syntax").glob("*.py")
+    if path.stem not in ("__init__", "load")
+)
+_PARSING = (*_PROGRAMS, "koord.syntax.parsing")
+
 #: The floors within a room: what the modules of a prefix (the longest that fits) may import of the
 #: room besides each other. No engine imports another one.
 WITHIN = {
+    **dict.fromkeys((*_PROGRAMS, "koord.syntax.analysis", "koord.syntax.catalogue"), _PROGRAMS),
+    "koord.syntax.parsing": _PROGRAMS,
+    "koord.syntax.printing": _PARSING,
+    "koord.syntax.elaboration": (*_PARSING, "koord.syntax.analysis"),
     **dict.fromkeys(_ANSWERS, _ANSWERS),
     "koord.verify.encoding": _ENCODING,
     **dict.fromkeys(_WITNESSES, _BELOW_ENGINES),
@@ -173,7 +185,6 @@ CIRCLES = {
     "koord.recheck.obligations",
     "koord.refinement.generating.expressions",
     "koord.semantics.expressions",
-    "koord.syntax.elaborate.body",
 }
 
 #: Libraries that stand behind few files: (library, prefixes of the files, at most so many).
