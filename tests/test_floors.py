@@ -184,7 +184,6 @@ CIRCLES = {
     "koord.recheck.maps",
     "koord.recheck.obligations",
     "koord.refinement.generating.expressions",
-    "koord.semantics.expressions",
 }
 
 #: Libraries that stand behind few files: (library, prefixes of the files, at most so many).
