@@ -218,6 +218,7 @@ def statements(depth: int = BLOCK_DEPTH) -> SearchStrategy[ast.Stmt]:
         ),
         st.builds(ast.ForRange, idents, expression, expression, body),
         st.builds(ast.ForEach, tuples_of(idents, least=1, most=2), expression, body),
+        st.builds(ast.Repeat, expression, body),
         st.builds(ast.Atomic, body),
     )
 

@@ -272,6 +272,13 @@ class ForEach(Node, frozen=True):
     body: Block
 
 
+class Repeat(Node, frozen=True):
+    """``repeat n:``, the body ``n`` times."""
+
+    count: Expr
+    body: Block
+
+
 class Atomic(Node, frozen=True):
     """``atomic:``"""
 
@@ -325,6 +332,7 @@ Stmt = (
     | If
     | ForRange
     | ForEach
+    | Repeat
     | Atomic
     | Break
     | Return

@@ -58,6 +58,23 @@ def test_nested_loops_have_slots_of_their_own() -> None:
     assert event.bound == 3
 
 
+def test_repeat_is_a_loop_from_0_whose_variable_has_no_name() -> None:
+    (repeated,) = effect("repeat numAgents: n = n + 1", "local:\n  int n = 0\n")
+    (loop,) = effect("for trip = 0, numAgents: n = n + 1", "local:\n  int n = 0\n")
+    assert repeated == loop
+    assert codes("""
+        local:
+          int n = 0
+        Go:
+          eff:
+            repeat 2:
+              repeat 3:
+                n = n + 1
+                break
+              n = trip
+    """) == ["K201"]
+
+
 def test_a_loop_may_begin_and_end_where_one_around_it_is() -> None:
     assert (
         codes("""
@@ -80,6 +97,8 @@ def test_a_loop_may_begin_and_end_where_one_around_it_is() -> None:
     ("statement", "code"),
     [
         ("for i = 0, n: n = i", "K215"),
+        ("repeat n: n = 1", "K215"),
+        ("repeat 1.5: n = 1", "K204"),
         ("for i = n, 3: n = i", "K215"),
         ("for i = 0, 2.5: n = i", "K204"),
         ("for i = 0, 3: for j = n, i: n = j", "K215"),

@@ -88,6 +88,8 @@ def test_constants_are_folded() -> None:
     assert value("1 + 2 * 3 - -4") == core.Const(11, INT)
     assert value("not (1 < 2) or false", type_="bool") == core.Const(False, BOOL)
     assert value("min(3, 1, 2) + max(1, 2) + abs(-3)") == core.Const(6, INT)
+    assert value("clamp(9, 1, 3) + clamp(-9, 1, 3) + clamp(2, 1, 3)") == core.Const(6, INT)
+    assert value("clamp(1, 2.5, 3)", type_="float") == core.Const(Fraction(5, 2), FLOAT)
 
 
 def test_positions_are_added_by_the_library() -> None:

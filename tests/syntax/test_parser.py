@@ -245,6 +245,7 @@ def test_types(text: str, meant: ast.TypeExpr) -> None:
         ("for x = 1, y: stop", ast.ForRange(ident("x"), ONE, Y, (ast.Stop(),))),
         ("for x in y: stop", ast.ForEach((ident("x"),), Y, (ast.Stop(),))),
         ("for x, y in z: stop", ast.ForEach((ident("x"), ident("y")), Z, (ast.Stop(),))),
+        ("repeat y: stop", ast.Repeat(Y, (ast.Stop(),))),
         ("atomic: stop", ast.Atomic((ast.Stop(),))),
     ],
 )

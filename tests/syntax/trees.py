@@ -105,6 +105,7 @@ def _blocks(inner: st.SearchStrategy[ast.Stmt]) -> st.SearchStrategy[ast.Stmt]:
             expressions,
             block,
         ),
+        st.builds(ast.Repeat, expressions, block),
         st.builds(ast.Atomic, block),
     )
 

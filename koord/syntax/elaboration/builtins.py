@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial, reduce
 
 from koord.syntax import ast, core
 from koord.syntax.analysis.folding import folded
@@ -91,27 +92,44 @@ def _over_truths(op: core.ListOp) -> Builtin:
     return builtin
 
 
+def _numbers(body: Body, e: ast.Call) -> list[core.Expr] | None:
+    """The arguments, all of one number type."""
+    found: list[core.Expr] = []
+    for value in [body.expr(argument.value) for argument in e.arguments]:
+        if value is None:
+            return None
+        found.append(value)
+    for value in found:
+        if not is_numeric(value.type):
+            _no_list(body, e, e.function.name, value.type, "numbers")
+            return None
+    if any(value.type == FLOAT for value in found):
+        return [widened(value) if value.type == INT else value for value in found]
+    return found
+
+
+def _pair(e: ast.Call, op: core.BinaryOp, left: core.Expr, right: core.Expr) -> core.Expr:
+    return folded(core.Binary(op, left, right, left.type, span=e.span))
+
+
+def _clamp(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+    """``clamp(x, low, high)`` is ``max(low, min(x, high))``. [E-ARITH]"""
+    found = _numbers(body, e) if _counted(body, e, 3) else None
+    if found is None:
+        return None
+    x, low, high = found
+    return _pair(e, core.BinaryOp.MAX, low, _pair(e, core.BinaryOp.MIN, x, high))
+
+
 def _extreme(op: core.ListOp, pair: core.BinaryOp) -> Builtin:
     def builtin(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
         if len(e.arguments) == 1:
             return of_list(body, e)
-        values = [body.expr(argument.value) for argument in e.arguments]
-        found = [value for value in values if value is not None]
-        if not values:
+        if not e.arguments:
             body.error("K217", e.span, f"`{op.value}` takes a list or at least 2 numbers")
             return None
-        if len(found) < len(values):
-            return None
-        for value in found:
-            if not is_numeric(value.type):
-                _no_list(body, e, op.value, value.type, "numbers")
-                return None
-        if any(value.type == FLOAT for value in found):
-            found = [widened(value) if value.type == INT else value for value in found]
-        result = found[0]
-        for value in found[1:]:
-            result = folded(core.Binary(pair, result, value, result.type, span=e.span))
-        return result
+        found = _numbers(body, e)
+        return None if found is None else reduce(partial(_pair, e, pair), found)
 
     def of_list(body: Body, e: ast.Call) -> core.Expr | None:
         value = body.expr(e.arguments[0].value)
@@ -157,6 +175,7 @@ BUILTINS: dict[str, Builtin] = {
     "all": _over_truths(core.ListOp.ALL),
     "min": _extreme(core.ListOp.MIN, core.BinaryOp.MIN),
     "max": _extreme(core.ListOp.MAX, core.BinaryOp.MAX),
+    "clamp": _clamp,
     "abs": _abs,
     "float": _float,
     "toList": _to_list,

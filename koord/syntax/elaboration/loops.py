@@ -40,6 +40,17 @@ def for_range(body: Body, s: ast.ForRange) -> core.Block:
     return (core.ForRange(symbol.variable, low, high, inner, span=s.span),)
 
 
+def repeat(body: Body, s: ast.Repeat) -> core.Block:
+    """``repeat n:`` is a loop from 0 to ``n`` whose variable nobody sees. [S-FOR]"""
+    count = _bound(body, s.count, "how often a loop repeats")
+    with body.frame():
+        variable = body.slot("trip", INT)
+        inner = _inside(body, s.body)
+    if count is None:
+        return ()
+    return (core.ForRange(variable, core.Const(0, INT, span=s.span), count, inner, span=s.span),)
+
+
 def _inside(body: Body, statements: ast.Block) -> core.Block:
     body.breakable += 1
     inner = body.block(statements)

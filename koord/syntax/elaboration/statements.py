@@ -44,6 +44,8 @@ def block(body: Body, statements: ast.Block) -> core.Block:
                 made = loops.for_range(body, s)
             case ast.ForEach():
                 made = loops.for_each(body, s)
+            case ast.Repeat():
+                made = loops.repeat(body, s)
             case ast.CallStmt():
                 made = call_statement(body, s)
             case ast.Increment():

@@ -5,12 +5,13 @@ from __future__ import annotations
 from difflib import get_close_matches
 from typing import cast
 
+from msgspec.structs import replace
+
 from koord.syntax import ast
 from koord.syntax.parsing.line_forms import Form, type_end
 from koord.syntax.parsing.lines import Part
-from koord.syntax.parsing.nodes import LoopEach, LoopRange
 from koord.syntax.parsing.reader import Reader
-from koord.syntax.parsing.tokens import KEYWORDS, Token, shown, words
+from koord.syntax.parsing.tokens import ARMS, BLOCKS, KEYWORDS, LOOPS, Token, shown, words
 from koord.syntax.source import Span
 
 #: What stands for a condition that could not be read.
@@ -23,9 +24,9 @@ _SECTIONS = words(
 )
 _ELIF = frozenset(["elseif", "elsif"])
 #: Words that begin a block of statements, and how much of one a misspelt one shares.
-_BLOCKS = ("if", "elif", "else", "for", "atomic")
+_BLOCKS = sorted(word.lower() for word in BLOCKS | ARMS)
 _ALIKE = 0.65
-_OTHER_BLOCKS = words("while loop repeat do switch case match try with until when")
+_OTHER_BLOCKS = words("while loop do switch case match try with until when")
 
 
 def block(reader: Reader, parts: list[Part]) -> ast.Block:
@@ -42,8 +43,8 @@ def block(reader: Reader, parts: list[Part]) -> ast.Block:
                 arms.append(parts[position])
                 position += 1
             statements.append(_if(reader, arms))
-        elif first == "FOR":
-            statements.extend(_for(reader, part))
+        elif first in LOOPS:
+            statements.extend(_loop(reader, part))
         elif first == "ATOMIC":
             reader.ends(part, 1)
             body = block(reader, reader.body(part))
@@ -100,16 +101,12 @@ def _if(reader: Reader, parts: list[Part]) -> ast.If:
     return ast.If(tuple(arms), otherwise, span=parts[0].span.to(reach(parts[-1])))
 
 
-def _for(reader: Reader, part: Part) -> ast.Block:
+def _loop(reader: Reader, part: Part) -> ast.Block:
     head = reader.line(Form.LOOP, part, opens=True)
     body = block(reader, reader.body(part))
-    match head:
-        case LoopRange(variable=variable, low=low, high=high):
-            return (ast.ForRange(variable, low, high, body, span=reach(part)),)
-        case LoopEach(variables=variables, sequence=sequence):
-            return (ast.ForEach(variables, sequence, body, span=reach(part)),)
-        case _:
-            return body
+    if not isinstance(head, ast.ForRange | ast.ForEach | ast.Repeat):
+        return body
+    return (replace(head, body=body, span=reach(part)),)
 
 
 def _simple(reader: Reader, part: Part) -> list[ast.Stmt]:

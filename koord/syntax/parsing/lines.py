@@ -12,7 +12,7 @@ from msgspec import Struct, field
 
 from koord.syntax.diagnostics import Note
 from koord.syntax.parsing.report import Report
-from koord.syntax.parsing.tokens import KEYWORDS, TextLine, Token, words
+from koord.syntax.parsing.tokens import KEYWORDS, LOOPS, TextLine, Token, words
 from koord.syntax.source import Span
 
 #: Brackets may stand inside each other so deep.
@@ -300,4 +300,4 @@ def _is_over(line: Line, following: TextLine) -> bool:
 
 def _ends_head(part: Part) -> bool:
     """Whether the last token is likely to be the colon behind the head of a block."""
-    return part.first in ("IF", "ELIF", "FOR", "DEF") and part.tokens[-1].type == "COLON"
+    return part.first in words("IF ELIF DEF") | LOOPS and part.tokens[-1].type == "COLON"

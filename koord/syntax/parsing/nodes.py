@@ -33,21 +33,6 @@ class Signature(Struct, frozen=True):
     result: ast.TypeExpr | None
 
 
-class LoopRange(Struct, frozen=True):
-    """The head of ``for i = low, high:``."""
-
-    variable: ast.Ident
-    low: ast.Expr
-    high: ast.Expr
-
-
-class LoopEach(Struct, frozen=True):
-    """The head of ``for x in list:`` or ``for k, v in list:``."""
-
-    variables: tuple[ast.Ident, ...]
-    sequence: ast.Expr
-
-
 class LeadsTo(Struct, frozen=True):
     """``trigger leadsto goal``"""
 
@@ -291,13 +276,16 @@ class Builder:
         return ast.Pass(span=c[0].span)
 
     def loop_range(self, c: Children) -> Any:
-        return LoopRange(ident(c[1]), c[3], c[5])
+        return ast.ForRange(ident(c[1]), c[3], c[5], ())
 
     def loop_each(self, c: Children) -> Any:
-        return LoopEach((ident(c[1]),), c[3])
+        return ast.ForEach((ident(c[1]),), c[3], ())
 
     def loop_pairs(self, c: Children) -> Any:
-        return LoopEach((ident(c[1]), ident(c[3])), c[5])
+        return ast.ForEach((ident(c[1]), ident(c[3])), c[5], ())
+
+    def loop_counted(self, c: Children) -> Any:
+        return ast.Repeat(c[1], ())
 
     def goal(self, c: Children) -> Any:
         return c[0]

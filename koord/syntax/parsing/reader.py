@@ -11,7 +11,7 @@ from koord.syntax.parsing.lines import GOES_ON, UNFINISHED, Part
 from koord.syntax.parsing.messages import explain
 from koord.syntax.parsing.operands import MisplacedError
 from koord.syntax.parsing.report import Report
-from koord.syntax.parsing.tokens import KEYWORDS, Token, shown, words
+from koord.syntax.parsing.tokens import BLOCKS, KEYWORDS, Token, shown, words
 from koord.syntax.source import Span
 
 #: A line is mended and read again so often.
@@ -19,8 +19,6 @@ _MAX_REPAIRS = 10
 
 #: Forms that may go on over several lines without brackets: the expressions of properties.
 _OVER_LINES = frozenset([Form.EXPRESSION, Form.GOAL, Form.MEMBERS])
-#: First words of statements that have a body.
-_BLOCKS = words("IF FOR ATOMIC")
 #: Complaints that may as well mean a missing colon.
 _NO_COLON = frozenset(["K130", "K131", "K135"])
 #: First words of sections: nothing else begins so.
@@ -202,7 +200,7 @@ class Reader:
         if at >= len(part.tokens) or not at:
             return False
         token = part.tokens[at]
-        if part.colon and token.type not in _BLOCKS:
+        if part.colon and token.type not in BLOCKS:
             return False
         self.complain(
             part, "K114", token.span, f"`:` is missing before `{shown(token.text)}`", "write `:`"

@@ -8,13 +8,13 @@ from difflib import get_close_matches
 from koord.syntax.parsing.line_forms import type_end
 from koord.syntax.parsing.lines import Part
 from koord.syntax.parsing.reader import Reader
-from koord.syntax.parsing.tokens import shown, words
+from koord.syntax.parsing.tokens import ARMS, BLOCKS, shown, words
 
 _OF_MODULES = frozenset(["sensors", "actuators", "environment", "contract"])
 #: Words that begin a piece of a module or of a contract.
 PIECES = _OF_MODULES | frozenset(["requires", "ensures"])
 #: First words of statements that have a body.
-OPENING = words("IF FOR ATOMIC ELSE ELIF")
+OPENING = BLOCKS | ARMS
 _STATEMENTS = OPENING | words("BREAK RETURN STOP TRYSTOP PASS")
 _SECTIONS = ("local", "allread", "allwrite", "init", "assume", "invariant", "eventually", "using")
 #: The pieces of an event, and what they are called elsewhere.

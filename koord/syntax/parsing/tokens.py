@@ -25,9 +25,14 @@ def words(text: str) -> frozenset[str]:
 #: Words that no program may use as names.
 KEYWORDS = words(
     """agent allread allwrite and assume atomic break def eff elif else enum eventually exists false
-    False for forall if implies in init invariant leadsto local not or param pass pre return stop
-    true True trystop urgent using"""
+    False for forall if implies in init invariant leadsto local not or param pass pre repeat return
+    stop true True trystop urgent using"""
 )
+
+#: The types of the words that begin a statement with a body, arms of ``if`` included.
+LOOPS = words("FOR REPEAT")
+BLOCKS = words("IF ATOMIC") | LOOPS
+ARMS = words("ELSE ELIF")
 
 _TYPES = {word: word.upper() for word in KEYWORDS}
 #: Operators between two operands; ``-``, ``<`` and ``>`` also stand elsewhere.

@@ -75,7 +75,7 @@ class Writer:
                     self.statements(body)
             case ast.Atomic(span=span, body=inner):
                 self.suite(f"{head}: atomic", first, beginning(span), inner, tight=tight)
-            case ast.ForRange() | ast.ForEach():
+            case ast.ForRange() | ast.ForEach() | ast.Repeat():
                 text, end = _loop(only)
                 self.suite(f"{head}: {text}", first, end, only.body, tight=tight)
             case _:
@@ -108,7 +108,7 @@ class Writer:
                 if otherwise is not None:
                     first = self.head("else", otherwise)
                     self.suite("else", first, first, otherwise, tight=True)
-            case ast.ForRange() | ast.ForEach():
+            case ast.ForRange() | ast.ForEach() | ast.Repeat():
                 text, last = _loop(s)
                 self.suite(text, s.span, last, s.body)
             case ast.Atomic(body=body):
@@ -117,7 +117,7 @@ class Writer:
                 self.line(_simple(s), s.span, s.span)
 
 
-def _loop(s: ast.ForRange | ast.ForEach) -> tuple[str, Span]:
+def _loop(s: ast.ForRange | ast.ForEach | ast.Repeat) -> tuple[str, Span]:
     """The head of a loop, and where it ends."""
     match s:
         case ast.ForRange(variable=variable, low=low, high=high):
@@ -125,6 +125,8 @@ def _loop(s: ast.ForRange | ast.ForEach) -> tuple[str, Span]:
         case ast.ForEach(variables=variables, sequence=sequence):
             names = ", ".join(variable.name for variable in variables)
             return f"for {names} in {print_expr(sequence)}", sequence.span
+        case ast.Repeat(count=count):
+            return f"repeat {print_expr(count)}", count.span
         case _:
             assert_never(s)
 
