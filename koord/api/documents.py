@@ -34,6 +34,33 @@ def schema_text(document: str) -> str:
     return files("koord.api").joinpath(name).read_text(encoding="utf-8")
 
 
+#: Documents whose schema is made of structs, and published beside this file.
+GENERATED = ("trace",)
+
+
+def generated(document: str) -> dict[str, Any]:
+    """The JSON Schema of a document, made of the structs that it is written from."""
+    from msgspec.json import schema_components
+
+    from koord.traces import form
+
+    head, whole, others = {
+        "trace": (
+            {"$id": "koord-trace-3", "title": "koord trace, versions 1 to 3"},
+            form.File,
+            form.VALUES,
+        ),
+    }[document]
+    (top,), found = schema_components([whole], ref_template="#/$defs/{name}")
+    for one in found.values():
+        del one["title"]  # of the struct
+        if "description" in one:
+            one["description"] = " ".join(one["description"].split())
+    own = found.pop(top["$ref"].rpartition("/")[2])
+    draft = "https://json-schema.org/draft/2020-12/schema"
+    return {"$schema": draft, **head, **own, "$defs": {**others, **found}}
+
+
 def schema(document: str = "configuration") -> dict[str, Any]:
     """The JSON Schema of what koord reads and writes.
 

@@ -91,7 +91,9 @@ def read_trace(raw: bytes, name: str, program: Source | None) -> Trace:
     document = parse(raw, name)
     try:
         trace = (
-            embedded_trace(document, load) if is_itf(document) else decode_document(document, load)
+            embedded_trace(document, name, load)
+            if is_itf(document)
+            else decode_document(document, name, load)
         )
     except KoordError as error:
         if program is None:

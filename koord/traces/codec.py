@@ -1,155 +1,103 @@
-"""The one codec of traces: JSON, versioned, exact in both directions. [TRACE]
+"""Traces as files: JSON, versioned, exact in both directions. [TRACE]
 
-``koord schema trace`` describes the documents. Whatever is read is checked: decoding
-raises KoordError, with the JSON path of what is wrong, and nothing else.
+:mod:`koord.traces.form` has the form. Whatever is read is checked: decoding raises KoordError, with
+the JSON path of what is wrong, and nothing else.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from fractions import Fraction
-from typing import TYPE_CHECKING, TypeAlias
+from itertools import starmap
+from typing import Any, TypeAlias
 
-from msgspec import Struct
+from msgspec import UNSET, Struct, to_builtins
 from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError, Severity, refusal
 from koord.syntax.source import Source, visible
 from koord.syntax.system import System
+from koord.traces import form
 from koord.traces.decode_runs import decode_run
 from koord.traces.encode_runs import encode_run
-from koord.traces.json_reader import Reader, parse
-from koord.traces.trace import Numbers, Sources, Trace, digest
-from koord.traces.value_codec import Json, decode_fraction, encode_fraction
-
-if TYPE_CHECKING:
-    from koord.syntax.elaboration.settings import ParamValue
-
-FORMAT = "koord trace"
-
-#: Raised with every change that an older reader would misunderstand.
-VERSION = 3
-
-#: What has nothing new in it is written as older readers know it: 2 is a run that repeats itself,
-#: 3 one with slack.
-_PLAIN, _LOOP = 1, 2
+from koord.traces.form import FORMAT, LOOP, PLAIN, VERSION
+from koord.traces.json_reader import FormError, Reader, parse
+from koord.traces.trace import Sources, Trace, digest
+from koord.traces.value_codec import (
+    Json,
+    decode_fraction,
+    decode_param,
+    encode_fraction,
+    encode_param,
+)
 
 Load: TypeAlias = Callable[[Sources], core.Program]
-
-#: No value that a command line can give is nested deeper.
-_DEEPEST_PARAM = 20
-
-_FIELDS = (
-    "format",
-    "version",
-    "program",
-    "properties",
-    "params",
-    "tasks",
-    "robots",
-    "delta",
-    "numbers",
-    "run",
-)
 
 
 # --- encoding -----------------------------------------------------------------------------------
 
 
-def encode(trace: Trace) -> bytes:
-    """A trace as a JSON document in UTF-8, one round a line."""
-    return render(to_json(trace))
-
-
-def to_json(trace: Trace) -> dict[str, Json]:
-    """A trace as a JSON object."""
-    return {**head_of(trace), "run": encode_run(trace)}
-
-
-def head_of(trace: Trace) -> dict[str, Json]:
-    """All of a trace but its run."""
-    sources = trace.sources
-    tasks = sources.tasks
-    return {
-        "format": FORMAT,
-        "version": _version(trace),
-        "program": _encode_text(sources.program),
-        "properties": [_encode_text(source) for source in sources.properties],
-        "params": {name: _encode_param(value) for name, value in sources.params},
-        "tasks": None
-        if tasks is None
-        else [[encode_fraction(coordinate) for coordinate in task] for task in tasks],
-        "robots": list(trace.system.kinds),
-        "delta": encode_fraction(trace.system.delta_s),
-        "numbers": trace.numbers.value,
-        **({"slack": encode_fraction(trace.slack)} if trace.slack else {}),
-    }
-
-
-def _version(trace: Trace) -> int:
-    if trace.slack:
-        return VERSION
-    return _PLAIN if trace.recording.loop is None else _LOOP
-
-
-def render(document: dict[str, Json]) -> bytes:
-    """A document as text: its fields one a line, and a run's rounds one a line."""
+def encode(trace: Trace, *, with_rounds: bool = True) -> bytes:
+    """A trace as a JSON document in UTF-8, one round a line; without rounds, where these follow."""
     lines = []
-    for name, value in document.items():
-        if name == "run" and isinstance(value, dict):
-            lines.append(f'"run": {_rendered_run(value)}')
-        else:
-            lines.append(f"{json.dumps(name)}: {json.dumps(value)}")
+    for name, value in to_json(trace, with_rounds=with_rounds).items():
+        text = _rendered_run(value) if name == "run" else json.dumps(value)
+        lines.append(f"{json.dumps(name)}: {text}")
     return ("{\n" + ",\n".join(lines) + "\n}\n").encode("utf-8")
 
 
-def _rendered_run(run: dict[str, Json]) -> str:
+def _rendered_run(run: Any) -> str:
     parts = []
     for name, value in run.items():
-        if name == "rounds" and isinstance(value, list) and value:
-            rounds = ",\n".join(map(rendered_round, value))
-            parts.append(f'"rounds": [\n{rounds}\n ]')
+        if name == "rounds" and value:
+            parts.append(f'"rounds": [\n{rendered_rounds(value)}\n ]')
         else:
             parts.append(f"{json.dumps(name)}: {json.dumps(value)}")
     return "{\n " + ",\n ".join(parts) + "\n}"
 
 
-def rendered_round(round_: Json) -> str:
-    """A round as the line of text that it is."""
-    return f"  {json.dumps(round_)}"
+def rendered_rounds(rounds: Iterable[object]) -> str:
+    """Rounds as the lines of text that they are."""
+    return ",\n".join(f"  {json.dumps(to_builtins(one))}" for one in rounds)
 
 
-def _encode_text(source: Source) -> Json:
-    return {"name": source.name, "sha256": digest(source), "text": source.text}
+def to_json(trace: Trace, *, with_rounds: bool = True) -> dict[str, Json]:
+    """A trace as a JSON object."""
+    sources, tasks = trace.sources, trace.sources.tasks
+    file = form.File(
+        format=FORMAT,
+        version=_version(trace),
+        program=_encode_text(sources.program),
+        properties=list(map(_encode_text, sources.properties)),
+        params={name: encode_param(value) for name, value in sources.params},
+        tasks=None if tasks is None else [_encode_task(*task) for task in tasks],
+        robots=list(trace.system.kinds),
+        delta=encode_fraction(trace.system.delta_s),
+        numbers=trace.numbers,
+        slack=encode_fraction(trace.slack) if trace.slack else UNSET,
+        run=encode_run(trace, with_rounds=with_rounds),
+    )
+    found: dict[str, Json] = to_builtins(file)
+    return found
 
 
-def _encode_param(value: object) -> Json:
-    match value:
-        case bool() | str():
-            return value
-        case int() | Fraction():
-            kind = "int" if isinstance(value, int) else "float"
-            return {kind: encode_fraction(value)}
-        case tuple():
-            return [_encode_param(item) for item in value]
-        case _:
-            raise AssertionError(f"{value!r} is no value of a param")
+def _version(trace: Trace) -> form.Version:
+    if trace.slack:
+        return VERSION
+    return PLAIN if trace.recording.loop is None else LOOP
+
+
+def _encode_text(source: Source) -> form.Text:
+    return form.Text(source.name, digest(source), source.text)
+
+
+def _encode_task(x: Fraction, y: Fraction, z: Fraction) -> tuple[str, str, str]:
+    return encode_fraction(x), encode_fraction(y), encode_fraction(z)
 
 
 # --- decoding -----------------------------------------------------------------------------------
-
-
-class Header(Struct, frozen=True):
-    """What a trace says before its run: enough to get the program that the run is typed by."""
-
-    sources: Sources
-    kinds: tuple[int, ...]
-    delta_s: Fraction
-    numbers: Numbers
-    slack: Fraction
-    run: Reader
 
 
 def decode(raw: bytes, name: str, load: Load | None = None) -> Trace:
@@ -158,105 +106,92 @@ def decode(raw: bytes, name: str, load: Load | None = None) -> Trace:
     ``load`` gives the program for the texts that the trace holds, in place of parsing these.
     Raises KoordError.
     """
-    return decode_document(parse(raw, name), load)
+    return decode_document(parse(raw, name), name, load)
 
 
-def decode_document(document: Reader, load: Load | None = None) -> Trace:
-    """The trace in a JSON document that was parsed already. Raises KoordError."""
-    header = decode_header(document)
-    program = (load if load is not None else load_embedded)(header.sources)
-    system = System(program, header.kinds, header.delta_s)
-    known = len(program.agents)
-    if any(kind >= known for kind in header.kinds):
-        raise document.refuse(
-            f"the robots are of {max(header.kinds) + 1} kinds, but the program has {known}", "K914"
-        )
-    trace = decode_run(header.run, header.sources, system, header.numbers)
+def decode_document(document: object, name: str, load: Load | None = None, at: str = "$") -> Trace:
+    """The trace in a JSON document that was parsed already, and stands ``at`` a path of a file.
+
+    Raises KoordError.
+    """
+    file = None
+    try:
+        _check_format(document, name)
+        file = Reader(document).form(form.File)
+        header = _header(file)
+        program = (load if load is not None else load_embedded)(header.sources)
+        system = System(program, tuple(file.robots), header.delta_s)
+        known = len(program.agents)
+        if any(kind >= known for kind in file.robots):
+            reason = f"the robots are of {max(file.robots) + 1} kinds, but the program has {known}"
+            raise FormError(reason, "", "K914")
+        trace = decode_run(file.run, header.sources, system, file.numbers)
+    except FormError as error:
+        raise error.refusal(name, at, file) from None
     return replace(trace, slack=header.slack)
 
 
-def decode_header(document: Reader) -> Header:
-    """All of a trace but its run. Raises KoordError."""
-    _check_format(document)
-    parts = document.fields(_FIELDS, ("slack",))
-    properties = tuple(_decode_text(item) for item in parts["properties"].items())
-    params = tuple((name, _decode_param(part)) for name, part in parts["params"].entries())
-    sources = Sources(_decode_text(parts["program"]), properties, params, _tasks(parts["tasks"]))
-    kinds = tuple(item.integer(0, 1000) for item in parts["robots"].items())
-    if not kinds:
-        raise parts["robots"].refuse("there should be at least one robot")
-    delta_s = decode_fraction(parts["delta"])
+class _Header(Struct, frozen=True):
+    """What a trace says before its run: enough to get the program that the run is typed by."""
+
+    sources: Sources
+    delta_s: Fraction
+    slack: Fraction
+
+
+def _header(file: form.File) -> _Header:
+    """What the head of a trace says. Raises FormError."""
+    sources = Sources(
+        _decode_text(file.program),
+        tuple(map(_decode_text, file.properties)),
+        tuple(
+            (name, decode_param(value)) for name, value in Reader(file.params, ".params").entries()
+        ),
+        None if file.tasks is None else tuple(starmap(_decode_task, enumerate(file.tasks))),
+    )
+    delta_s = decode_fraction(Reader(file.delta, ".delta"))
     if delta_s <= 0:
-        raise parts["delta"].refuse("the length of a round should be more than 0 seconds")
-    slack = decode_fraction(parts["slack"]) if "slack" in parts else Fraction(0)
+        raise FormError("the length of a round should be more than 0 seconds", ".delta")
+    slack = Fraction(0)
+    if file.slack is not UNSET:
+        slack = decode_fraction(Reader(file.slack, ".slack"))
     if slack < 0:
-        raise parts["slack"].refuse("the slack should be at least 0")
-    numbers = parts["numbers"].member(Numbers)
-    return Header(sources, kinds, delta_s, numbers, slack, parts["run"])
+        raise FormError("the slack should be at least 0", ".slack")
+    return _Header(sources, delta_s, slack)
 
 
-def _check_format(document: Reader) -> None:
-    value = document.value
-    if not isinstance(value, dict) or value.get("format") != FORMAT:
+def _decode_task(number: int, task: tuple[object, ...]) -> tuple[Fraction, Fraction, Fraction]:
+    x, y, z = map(decode_fraction, Reader(list(task), f".tasks[{number}]").items())
+    return x, y, z
+
+
+def _check_format(document: object, name: str) -> None:
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise refusal(
             "K911",
-            document.file,
+            name,
             "this is no trace of koord, though it is JSON",
             "name a file that `koord run --trace` or `koord verify --trace` wrote",
         )
-    version = value.get("version")
-    if version in (_PLAIN, _LOOP, VERSION) and not isinstance(version, bool):
+    version = document.get("version")
+    if version in (PLAIN, LOOP, VERSION) and not isinstance(version, bool):
         return
     if isinstance(version, int) and not isinstance(version, bool) and version > VERSION:
         raise refusal(
             "K912",
-            document.file,
+            name,
             f"the trace has version {version}; this koord reads version {VERSION}",
             "use the koord that wrote it, or a newer one",
         )
-    raise document.refuse("there is no version that was ever written in the field 'version'")
+    raise FormError("there is no version that was ever written in the field 'version'", "")
 
 
-def _decode_text(reader: Reader) -> Source:
-    parts = reader.fields(("name", "sha256", "text"))
-    source = Source(visible(parts["name"].text()), parts["text"].text())
-    if digest(source) != parts["sha256"].text():
-        raise parts["text"].refuse(
-            "the text is not the one that the trace was made with (sha256 differs)",
-            "K915",
-            "undo the change, or name the program behind --program",
-        )
+def _decode_text(part: form.Text) -> Source:
+    source = Source(visible(part.name), part.text)
+    if digest(source) != part.sha256:
+        reason = "the text is not the one that the trace was made with (sha256 differs)"
+        raise FormError(reason, ".text", "K915", part)
     return source
-
-
-def _decode_param(reader: Reader, depth: int = 0) -> ParamValue:
-    value = reader.value
-    if isinstance(value, bool | str):
-        return value
-    if isinstance(value, list):
-        if depth == _DEEPEST_PARAM:
-            raise reader.refuse("the value is nested too deeply")
-        return tuple(_decode_param(item, depth + 1) for item in reader.items())
-    parts = reader.fields((), ("int", "float"))
-    if len(parts) != 1:
-        raise reader.refuse('there should be {"int": "3"} or {"float": "3/4"} here')
-    ((kind, part),) = parts.items()
-    number = decode_fraction(part)
-    if kind == "float":
-        return number
-    if number.denominator != 1:
-        raise part.refuse("this is no integer")
-    return number.numerator
-
-
-def _tasks(reader: Reader) -> tuple[tuple[Fraction, Fraction, Fraction], ...] | None:
-    if reader.value is None:
-        return None
-    tasks = []
-    for task in reader.items():
-        x, y, z = (decode_fraction(coordinate) for coordinate in task.items(3))
-        tasks.append((x, y, z))
-    return tuple(tasks)
 
 
 def load_embedded(sources: Sources) -> core.Program:

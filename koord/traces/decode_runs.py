@@ -1,10 +1,10 @@
-"""The run of a trace from JSON, every part of it checked against the program. [TRACE]"""
+"""The run of a trace from the form of trace files, checked against the program. [TRACE]"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from msgspec import Struct
+from msgspec import Struct, UnsetType
 
 from koord.semantics.configurations import (
     NO_EVENT,
@@ -13,37 +13,26 @@ from koord.semantics.configurations import (
     FaultKind,
     Robot,
     Store,
-    Turn,
     Written,
 )
 from koord.semantics.domain import Constant
-from koord.semantics.oracle import Phase
 from koord.semantics.recording import Answer, Concrete, Opening, Reading, Recording, Round, Start
 from koord.semantics.storage import Storage
 from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.syntax.types import Type
-from koord.traces.encode_runs import STATUS_NAMES, answer_types, startable
-from koord.traces.json_reader import Reader, shortened
+from koord.traces import form
+from koord.traces.encode_runs import answer_types, startable
+from koord.traces.json_reader import FormError, Reader, shortened
 from koord.traces.names import KindNames, Named, Names
-from koord.traces.trace import (
-    BEFORE_ROUNDS,
-    Emitted,
-    Numbers,
-    Sources,
-    Trace,
-    Violation,
-    ViolationKind,
-)
+from koord.traces.trace import BEFORE_ROUNDS, Emitted, Numbers, Sources, Trace, Violation
 from koord.traces.value_codec import decode_storage, decode_value
 
-_ROUND = ("order", "events", "readings", "answers", "cut", "output", "after")
 
-
-def decode_run(reader: Reader, sources: Sources, system: System, numbers: Numbers) -> Trace:
-    """The trace of that system whose run a part of a document holds. Raises KoordError."""
-    return _Decoding(Names(system), numbers).trace(reader, sources)
+def decode_run(run: form.Run, sources: Sources, system: System, numbers: Numbers) -> Trace:
+    """The trace of that system whose run a file holds. Raises FormError."""
+    return _Decoding(Names(system), numbers).trace(run, sources)
 
 
 class _Decoding(Struct, frozen=True):
@@ -56,215 +45,194 @@ class _Decoding(Struct, frozen=True):
     def robots(self) -> int:
         return self.names.system.robots
 
-    def trace(self, reader: Reader, sources: Sources) -> Trace:
-        parts = reader.fields(("opening", "initial", "rounds", "violation"), ("loop",))
-        opening = parts["opening"].fields(("order", "starts", "answers", "output"))
-        outputs = self.outputs(opening["output"], BEFORE_ROUNDS)
-        configurations = [self.configuration(parts["initial"])]
-        rounds = []
-        for number, item in enumerate(parts["rounds"].items()):
-            of_round = item.fields(_ROUND)
-            rounds.append(self.round(of_round))
-            outputs += self.outputs(of_round["output"], number)
-            configurations.append(self.configuration(of_round["after"]))
+    def trace(self, run: form.Run, sources: Sources) -> Trace:
+        opening, rounds = run.opening, run.rounds
+        outputs = self.outputs(opening, BEFORE_ROUNDS)
+        for number, round_ in enumerate(rounds):
+            outputs += self.outputs(round_, number)
+        if not isinstance(run.loop, UnsetType) and run.loop >= len(rounds):
+            raise FormError(f"{run.loop} is out of range", ".loop", part=run)
         recording = Recording(
             Opening(
-                self.order(opening["order"]),
-                tuple(self.start(item) for item in opening["starts"].items()),
-                self.answers(opening["answers"]),
+                self.order(opening), tuple(map(self.start, opening.starts)), self.answers(opening)
             ),
-            tuple(rounds),
-            parts["loop"].integer(0, len(rounds)) if "loop" in parts else None,
+            tuple(map(self.round, rounds)),
+            None if isinstance(run.loop, UnsetType) else run.loop,
         )
+        ends = (run.initial, *(round_.after for round_ in rounds))
         return Trace(
             sources,
             self.names.system,
             self.numbers,
             recording,
-            tuple(configurations),
+            tuple(map(self.configuration, ends)),
             tuple(outputs),
-            self.violation(parts["violation"], len(rounds)),
+            None if run.violation is None else self.violation(run.violation, len(rounds)),
         )
 
     # --- the recording --------------------------------------------------------------------------
 
-    def round(self, parts: dict[str, Reader]) -> Round:
+    def round(self, part: form.Round) -> Round:
+        self.expect(self.robots, part.events, ".events", part)
         return Round(
-            self.order(parts["order"]),
+            self.order(part),
             tuple(
-                self.event(item, self.names.of(robot))
-                for robot, item in enumerate(parts["events"].items(self.robots))
+                self.event(name, self.names.of(robot), f".events[{robot}]", part)
+                for robot, name in enumerate(part.events)
             ),
-            tuple(self.reading(item) for item in parts["readings"].items()),
-            self.answers(parts["answers"]),
-            parts["cut"].boolean(),
+            tuple(map(self.reading, part.readings)),
+            self.answers(part),
+            part.cut,
         )
 
-    def robot(self, reader: Reader) -> int:
-        return reader.integer(0, self.robots)
+    def expect(self, count: int, items: Sequence[object], path: str, part: form.Form) -> None:
+        if len(items) != count:
+            reason = f"there should be {count} elements here, not {len(items)}"
+            raise FormError(reason, path, part=part)
 
-    def order(self, reader: Reader) -> tuple[int, ...]:
-        return tuple(self.robot(item) for item in reader.items())
+    def robot(self, robot: int, part: form.Form, path: str = ".robot") -> int:
+        if robot >= self.robots:
+            raise FormError(f"{robot} is out of range", path, part=part)
+        return robot
 
-    def event(self, reader: Reader, own: KindNames) -> int | None:
-        if reader.value is None:
+    def order(self, part: form.Opening | form.Round) -> tuple[int, ...]:
+        return tuple(self.robot(i, part, f".order[{k}]") for k, i in enumerate(part.order))
+
+    def event(self, name: str | None, own: KindNames, path: str, part: form.Form) -> int | None:
+        if name is None:
             return None
-        name = reader.text()
         if name not in own.events:
             known = ", ".join(own.events) or "none"
-            raise reader.refuse(
-                f"the robot has no event {shortened(name)!r}; its events are: {known}", "K914"
-            )
+            reason = f"the robot has no event {shortened(name)!r}; its events are: {known}"
+            raise FormError(reason, path, "K914", part)
         return own.events.index(name)
 
-    def start(self, reader: Reader) -> Start:
-        parts = reader.fields(("home", "variable", "robot", "value"))
-        home = parts["home"].member(Home)
-        if home is Home.BOUND:
-            raise parts["home"].refuse("bound variables have no start")
-        robot = None if home is Home.ALLWRITE else self.robot(parts["robot"])
-        if home is Home.ALLWRITE and parts["robot"].value is not None:
-            raise parts["robot"].refuse("an allwrite variable belongs to no robot")
-        named = self.named(parts["variable"], startable(self.names, home, robot))
-        return Start(home, named.slot, robot, self.value(parts["value"], named.type))
+    def start(self, part: form.Start) -> Start:
+        home = Home(part.home)
+        if home is Home.ALLWRITE and part.robot is not None:
+            raise FormError("an allwrite variable belongs to no robot", ".robot", part=part)
+        if home is not Home.ALLWRITE and part.robot is None:
+            raise FormError("there should be an integer here, not null", ".robot", part=part)
+        robot = None if part.robot is None else self.robot(part.robot, part)
+        named = self.named(part.variable, startable(self.names, home, robot), ".variable", part)
+        return Start(home, named.slot, robot, self.value(part.value, named.type, ".value", part))
 
-    def reading(self, reader: Reader) -> Reading:
-        parts = reader.fields(("robot", "port", "value"))
-        robot = self.robot(parts["robot"])
-        named = self.named(parts["port"], self.names.of(robot).ports)
-        return Reading(robot, named.slot, self.value(parts["value"], named.type))
+    def reading(self, part: form.Reading) -> Reading:
+        robot = self.robot(part.robot, part)
+        named = self.named(part.port, self.names.of(robot).ports, ".port", part)
+        return Reading(robot, named.slot, self.value(part.value, named.type, ".value", part))
 
-    def named(self, reader: Reader, among: Sequence[Named]) -> Named:
-        name = reader.text()
+    def named(self, name: str, among: Sequence[Named], path: str, part: form.Form) -> Named:
         for named in among:
             if named.name == name:
                 return named
         for named in among:
             if named.older == name:
                 return named
-        raise reader.refuse(f"the program has no {shortened(name)!r} here", "K914")
+        raise FormError(f"the program has no {shortened(name)!r} here", path, "K914", part)
 
-    def answers(self, reader: Reader) -> tuple[Answer, ...]:
-        return tuple(self.answer(item) for item in reader.items())
+    def answers(self, part: form.Opening | form.Round) -> tuple[Answer, ...]:
+        return tuple(map(self.answer, part.answers))
 
-    def answer(self, reader: Reader) -> Answer:
-        parts = reader.fields(("phase", "robot", "key", "function", "arguments", "value"))
-        key = tuple(item.integer() for item in parts["key"].items())
-        if not key:
-            raise parts["key"].refuse("there should be the number of a call here, at least")
-        named = parts["function"].value is not None
-        function = parts["function"].text() if named else None
+    def answer(self, part: form.Answer) -> Answer:
+        key, function = tuple(part.key), part.function
         try:
             result, parameters = answer_types(self.names, function, key[0])
         except KeyError:
-            what = "no such function" if named else f"no choose with the number {key[:1]}"
-            raise parts["function" if named else "key"].refuse(
-                f"the program has {what}", "K914"
-            ) from None
-        arguments = parts["arguments"].items(len(parameters))
-        pairs = zip(arguments, parameters, strict=True)
-        return Answer(
-            parts["phase"].member(Phase),
-            self.robot(parts["robot"]),
-            key,
-            function,
-            tuple(self.value(item, type_) for item, type_ in pairs),
-            self.value(parts["value"], result),
-        )
+            path, what = ".function", "no such function"
+            if function is None:
+                path, what = ".key", f"no choose with the number {key[:1]}"
+            raise FormError(f"the program has {what}", path, "K914", part) from None
+        arguments = self.values(part.arguments, parameters, ".arguments", part)
+        value = self.value(part.value, result, ".value", part)
+        return Answer(part.phase, self.robot(part.robot, part), key, function, arguments, value)
 
-    def value(self, reader: Reader, type_: Type) -> Concrete:
-        return decode_value(reader, type_, self.robots, self.numbers)
+    def value(self, value: object, type_: Type, path: str, part: form.Form) -> Concrete:
+        try:
+            return decode_value(Reader(value), type_, self.robots, self.numbers)
+        except FormError as error:
+            raise FormError(error.message, path + error.path, error.code, part) from None
+
+    def values(
+        self, values: Sequence[object], types: Sequence[Type], path: str, part: form.Form
+    ) -> tuple[Concrete, ...]:
+        self.expect(len(types), values, path, part)
+        pairs = enumerate(zip(values, types, strict=True))
+        return tuple(self.value(v, type_, f"{path}[{k}]", part) for k, (v, type_) in pairs)
 
     # --- what was seen --------------------------------------------------------------------------
 
-    def outputs(self, reader: Reader, number: int) -> list[Emitted]:
-        return [self.output(item, number) for item in reader.items()]
+    def outputs(self, part: form.Opening | form.Round, number: int) -> list[Emitted]:
+        return [self.output(output, number) for output in part.output]
 
-    def output(self, reader: Reader, number: int) -> Emitted:
-        parts = reader.fields(("robot", "stream", "types", "values"))
+    def output(self, part: form.Output, number: int) -> Emitted:
         types = []
-        for item in parts["types"].items():
-            known = self.names.outputs.get(item.text())
+        for k, name in enumerate(part.types):
+            known = self.names.outputs.get(name)
             if known is None:
-                raise item.refuse("the program writes nothing of that type", "K914")
+                reason = "the program writes nothing of that type"
+                raise FormError(reason, f".types[{k}]", "K914", part)
             types.append(known)
-        pairs = zip(parts["values"].items(len(types)), types, strict=True)
-        values = tuple(self.value(item, type_) for item, type_ in pairs)
-        robot = None if parts["robot"].value is None else self.robot(parts["robot"])
-        return Emitted(number, robot, Written(parts["stream"].text(), values, tuple(types)))
+        values = self.values(part.values, types, ".values", part)
+        robot = None if part.robot is None else self.robot(part.robot, part)
+        return Emitted(number, robot, Written(part.stream, values, tuple(types)))
 
-    def violation(self, reader: Reader, rounds: int) -> Violation | None:
-        if reader.value is None:
-            return None
-        parts = reader.fields(("kind", "name", "round", "robot"))
-        return Violation(
-            parts["kind"].member(ViolationKind),
-            parts["name"].text(),
-            parts["round"].integer(BEFORE_ROUNDS, rounds),
-            None if parts["robot"].value is None else self.robot(parts["robot"]),
-        )
+    def violation(self, part: form.Violation, rounds: int) -> Violation:
+        if part.round >= rounds:
+            raise FormError(f"{part.round} is out of range", ".round", part=part)
+        robot = None if part.robot is None else self.robot(part.robot, part)
+        return Violation(part.kind, part.name, part.round, robot)
 
-    def configuration(self, reader: Reader) -> Configuration[Constant]:
-        parts = reader.fields(("round", "store", "robots"), ("turn", "taken", "fault"))
-        store = self.store(parts["store"])
-        taken = parts["taken"].items() if "taken" in parts else []
+    def configuration(self, part: form.Configuration) -> Configuration[Constant]:
+        self.expect(self.robots, part.robots, ".robots", part)
+        store = self.store(part.store)
         return Configuration(
-            tuple(
-                self.of_robot(number, item, store)
-                for number, item in enumerate(parts["robots"].items(self.robots))
-            ),
+            tuple(self.of_robot(number, one, store) for number, one in enumerate(part.robots)),
             store,
-            parts["round"].integer(0),
-            parts["turn"].member(Turn) if "turn" in parts else Turn.PROG,
-            frozenset(item.integer(0) for item in taken),
-            self.fault(parts["fault"]) if "fault" in parts else None,
+            part.round,
+            part.turn,
+            frozenset(part.taken),
+            None if isinstance(part.fault, UnsetType) else self.fault(part.fault),
         )
 
-    def of_robot(self, number: int, reader: Reader, store: Store[Constant]) -> Robot[Constant]:
-        parts = reader.fields(("status", "ran", "turn", "locals", "ports"), ("copy",))
+    def of_robot(self, number: int, part: form.Robot, store: Store[Constant]) -> Robot[Constant]:
         own = self.names.of(number)
-        status = parts["status"].text()
-        if status not in STATUS_NAMES:
-            raise parts["status"].refuse(
-                f"{shortened(status)!r} is none of {', '.join(STATUS_NAMES)}"
-            )
-        ran = self.event(parts["ran"], own)
+        if part.status not in form.STATUS_NAMES:
+            reason = f"{shortened(part.status)!r} is none of {', '.join(form.STATUS_NAMES)}"
+            raise FormError(reason, ".status", part=part)
+        ran = self.event(part.ran, own, ".ran", part)
         return Robot(
             self.names.system.kinds[number],
-            self.variables(parts["locals"], own.locals),
-            self.variables(parts["ports"], own.ports),
-            self.store(parts["copy"]) if "copy" in parts else store,
-            STATUS_NAMES.index(status),
+            self.variables(part.locals, own.locals, ".locals", part),
+            self.variables(part.ports, own.ports, ".ports", part),
+            store if isinstance(part.copy, UnsetType) else self.store(part.copy),
+            form.STATUS_NAMES.index(part.status),
             NO_EVENT if ran is None else ran,
-            parts["turn"].member(Turn),
+            part.turn,
         )
 
-    def store(self, reader: Reader) -> Store[Constant]:
-        parts = reader.fields(("allread", "allwrite"))
+    def store(self, part: form.Store) -> Store[Constant]:
         return Store(
-            self.variables(parts["allread"], self.names.allread),
-            self.variables(parts["allwrite"], self.names.allwrite),
+            self.variables(part.allread, self.names.allread, ".allread", part),
+            self.variables(part.allwrite, self.names.allwrite, ".allwrite", part),
         )
 
-    def variables(self, reader: Reader, among: Sequence[Named]) -> tuple[Storage[Constant], ...]:
-        held = reader.value if isinstance(reader.value, dict) else {}
+    def variables(
+        self, held: Mapping[str, object], among: Sequence[Named], path: str, part: form.Form
+    ) -> tuple[Storage[Constant], ...]:
         names = [n.older if n.name not in held and n.older in held else n.name for n in among]
-        parts = reader.fields(names)
-        return tuple(
-            decode_storage(parts[name], named.type, self.robots, self.numbers)
-            for name, named in zip(names, among, strict=True)
-        )
+        try:
+            parts = Reader(held).fields(names)
+            return tuple(
+                decode_storage(parts[name], named.type, self.robots, self.numbers)
+                for name, named in zip(names, among, strict=True)
+            )
+        except FormError as error:
+            raise FormError(error.message, path + error.path, error.code, part) from None
 
-    def fault(self, reader: Reader) -> Fault:
-        parts = reader.fields(("kind", "robot", "place", "detail"))
-        kind = parts["kind"].text()
-        if kind not in FaultKind.__members__:
-            raise parts["kind"].refuse(f"there is no fault of the kind {shortened(kind)!r}")
-        file, *numbers = parts["place"].items(5)
-        line, column, end_line, end_column = (number.integer(0) for number in numbers)
-        return Fault(
-            FaultKind[kind],
-            None if parts["robot"].value is None else self.robot(parts["robot"]),
-            Span(file.text(), line, column, end_line, end_column),
-            parts["detail"].text(),
-        )
+    def fault(self, part: form.Fault) -> Fault:
+        if part.kind not in FaultKind.__members__:
+            reason = f"there is no fault of the kind {shortened(part.kind)!r}"
+            raise FormError(reason, ".kind", part=part)
+        robot = None if part.robot is None else self.robot(part.robot, part)
+        return Fault(FaultKind[part.kind], robot, Span(*part.place), part.detail)

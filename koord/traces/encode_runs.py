@@ -1,110 +1,91 @@
-"""The run of a trace to JSON: its recording, its configurations, its output. [TRACE]"""
+"""The run of a trace as the form of trace files has it. [TRACE]"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import cast
 
-from koord.semantics.configurations import NO_EVENT, Configuration, Fault, Robot, Store, Turn
+from msgspec import UNSET
+
+from koord.semantics import configurations, recording
+from koord.semantics.configurations import NO_EVENT
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Answer, Start
 from koord.semantics.storage import Storage
 from koord.syntax.core import Home
-from koord.syntax.system import Status
 from koord.syntax.types import Type, show
+from koord.traces import form
 from koord.traces.names import Named, Names, element_type
-from koord.traces.trace import BEFORE_ROUNDS, Emitted, Trace, Violation
-from koord.traces.value_codec import Json, encode_storage, encode_value
-
-#: How the status of a robot is written.
-STATUS_NAMES = tuple(status.name.lower() for status in sorted(Status))
+from koord.traces.trace import BEFORE_ROUNDS, Emitted, Trace
+from koord.traces.value_codec import encode_storage, encode_value
 
 
-def encode_run(trace: Trace, rounds: list[Json] | None = None) -> dict[str, Json]:
-    """The run of a trace; ``rounds`` are given where they were encoded before."""
-    loop = trace.recording.loop
-    repeats: dict[str, Json] = {} if loop is None else {"loop": loop}
-    return {
-        **encode_start_of_run(trace),
-        "rounds": encode_rounds(trace) if rounds is None else rounds,
-        **repeats,
-        "violation": _encode_violation(trace.violation),
-    }
-
-
-def encode_start_of_run(trace: Trace) -> dict[str, Json]:
-    """The run of a trace up to its first round."""
+def encode_run(trace: Trace, *, with_rounds: bool = True) -> form.Run:
+    """The run of a trace, or all of it but its rounds."""
     names = Names(trace.system)
-    opening = trace.recording.opening
-    return {
-        "opening": {
-            "order": list(opening.order),
-            "starts": [_encode_start(names, start) for start in opening.starts],
-            "answers": [_encode_answer(names, answer) for answer in opening.answers],
-            "output": _outputs(trace, BEFORE_ROUNDS).get(BEFORE_ROUNDS, []),
-        },
-        "initial": encode_configuration(names, trace.configurations[0]),
-    }
+    opening, loop, violation = trace.recording.opening, trace.recording.loop, trace.violation
+    return form.Run(
+        opening=form.Opening(
+            list(opening.order),
+            [_start(names, start) for start in opening.starts],
+            [_answer(names, answer) for answer in opening.answers],
+            _outputs(trace, BEFORE_ROUNDS).get(BEFORE_ROUNDS, []),
+        ),
+        initial=encode_configuration(names, trace.configurations[0]),
+        rounds=encode_rounds(trace) if with_rounds else [],
+        loop=UNSET if loop is None else loop,
+        violation=None
+        if violation is None
+        else form.Violation(violation.kind, violation.name, violation.round, violation.robot),
+    )
 
 
-def encode_rounds(trace: Trace, first: int = 0) -> list[Json]:
+def encode_rounds(trace: Trace, first: int = 0) -> list[form.Round]:
     """The rounds of a trace, from number ``first`` on."""
     names, written = Names(trace.system), _outputs(trace, first)
     rounds = trace.recording.rounds[first:]
     after = trace.configurations[first + 1 :]
     return [
-        {
-            "order": list(round_.order),
-            "events": [
-                None if position is None else names.of(robot).events[position]
-                for robot, position in enumerate(round_.events)
-            ],
-            "readings": [
-                {
-                    "robot": reading.robot,
-                    "port": names.of(reading.robot).ports[reading.slot].name,
-                    "value": encode_value(
-                        reading.value, names.of(reading.robot).ports[reading.slot].type
-                    ),
-                }
-                for reading in round_.readings
-            ],
-            "answers": [_encode_answer(names, answer) for answer in round_.answers],
-            "cut": round_.cut,
-            "output": written.get(number, []),
-            "after": encode_configuration(names, configuration),
-        }
+        form.Round(
+            list(round_.order),
+            [_event(names, robot, position) for robot, position in enumerate(round_.events)],
+            [_reading(names, reading) for reading in round_.readings],
+            [_answer(names, answer) for answer in round_.answers],
+            round_.cut,
+            written.get(number, []),
+            encode_configuration(names, configuration),
+        )
         for number, (round_, configuration) in enumerate(zip(rounds, after, strict=True), first)
     ]
 
 
-def _outputs(trace: Trace, first: int) -> dict[int, list[Json]]:
+def _outputs(trace: Trace, first: int) -> dict[int, list[form.Output]]:
     """What was written in the rounds from number ``first`` on."""
-    written: dict[int, list[Json]] = {}
+    written: dict[int, list[form.Output]] = {}
     for emitted in trace.outputs:
         if emitted.round >= first:
-            written.setdefault(emitted.round, []).append(_encode_output(emitted))
+            written.setdefault(emitted.round, []).append(_output(emitted))
     return written
 
 
-def _encode_output(emitted: Emitted) -> Json:
+def _output(emitted: Emitted) -> form.Output:
     written = emitted.written
-    pairs = zip(written.values, written.types, strict=True)
-    return {
-        "robot": emitted.robot,
-        "stream": written.stream,
-        "types": [show(type_) for type_ in written.types],
-        "values": [encode_value(value, type_) for value, type_ in pairs],
-    }
+    values = list(map(encode_value, written.values, written.types))
+    return form.Output(emitted.robot, written.stream, list(map(show, written.types)), values)
 
 
-def _encode_start(names: Names, start: Start) -> Json:
+def _event(names: Names, robot: int, position: int | None) -> str | None:
+    return None if position is None else names.of(robot).events[position]
+
+
+def _reading(names: Names, reading: recording.Reading) -> form.Reading:
+    port = names.of(reading.robot).ports[reading.slot]
+    return form.Reading(reading.robot, port.name, encode_value(reading.value, port.type))
+
+
+def _start(names: Names, start: recording.Start) -> form.Start:
     named = startable(names, start.home, start.robot)[start.slot]
-    return {
-        "home": start.home.value,
-        "variable": named.name,
-        "robot": start.robot,
-        "value": encode_value(start.value, named.type),
-    }
+    home = cast(form.Home, start.home.value)
+    return form.Start(home, named.name, start.robot, encode_value(start.value, named.type))
 
 
 def startable(names: Names, home: Home, robot: int | None) -> Sequence[Named]:
@@ -122,17 +103,16 @@ def startable(names: Names, home: Home, robot: int | None) -> Sequence[Named]:
             return names.of(robot).ports
 
 
-def _encode_answer(names: Names, answer: Answer) -> Json:
+def _answer(names: Names, answer: recording.Answer) -> form.Answer:
     result, parameters = answer_types(names, answer.function, answer.key[0])
-    pairs = zip(answer.arguments, parameters, strict=True)
-    return {
-        "phase": answer.phase.value,
-        "robot": answer.robot,
-        "key": list(answer.key),
-        "function": answer.function,
-        "arguments": [encode_value(value, type_) for value, type_ in pairs],
-        "value": encode_value(answer.value, result),
-    }
+    return form.Answer(
+        answer.phase,
+        answer.robot,
+        list(answer.key),
+        answer.function,
+        [encode_value(*pair) for pair in zip(answer.arguments, parameters, strict=True)],
+        encode_value(answer.value, result),
+    )
 
 
 def answer_types(names: Names, function: str | None, site: int) -> tuple[Type, tuple[Type, ...]]:
@@ -143,70 +123,55 @@ def answer_types(names: Names, function: str | None, site: int) -> tuple[Type, t
     return external.result.type, tuple(p.type for p in external.parameters)
 
 
-def _encode_violation(violation: Violation | None) -> Json:
-    if violation is None:
-        return None
-    return {
-        "kind": violation.kind.value,
-        "name": violation.name,
-        "round": violation.round,
-        "robot": violation.robot,
-    }
-
-
-def encode_configuration(names: Names, configuration: Configuration[Constant]) -> Json:
+def encode_configuration(
+    names: Names, configuration: configurations.Configuration[Constant]
+) -> form.Configuration:
     """A configuration; a robot's copy of the store is left out where it is the store."""
-    encoded: dict[str, Json] = {"round": configuration.round}
-    if configuration.turn is not Turn.PROG:
-        encoded["turn"] = configuration.turn.value
-    if configuration.taken:
-        encoded["taken"] = list[Json](sorted(configuration.taken))
-    if configuration.fault is not None:
-        encoded["fault"] = _encode_fault(configuration.fault)
-    encoded["store"] = _encode_store(names, configuration.store)
-    encoded["robots"] = [
-        _encode_robot(names, number, robot, configuration.store)
-        for number, robot in enumerate(configuration.robots)
-    ]
-    return encoded
+    fault = configuration.fault
+    return form.Configuration(
+        round=configuration.round,
+        turn=configuration.turn,
+        taken=sorted(configuration.taken),
+        fault=UNSET if fault is None else _fault(fault),
+        store=_store(names, configuration.store),
+        robots=[
+            _robot(names, number, robot, configuration.store)
+            for number, robot in enumerate(configuration.robots)
+        ],
+    )
 
 
-def _encode_robot(
-    names: Names, number: int, robot: Robot[Constant], store: Store[Constant]
-) -> Json:
+def _robot(
+    names: Names,
+    number: int,
+    robot: configurations.Robot[Constant],
+    store: configurations.Store[Constant],
+) -> form.Robot:
     own = names.of(number)
     assert isinstance(robot.status, int)
     assert isinstance(robot.ran, int)
-    encoded: dict[str, Json] = {
-        "status": STATUS_NAMES[robot.status],
-        "ran": None if robot.ran == NO_EVENT else own.events[robot.ran],
-        "turn": robot.turn.value,
-        "locals": _encode_variables(own.locals, robot.locals),
-        "ports": _encode_variables(own.ports, robot.ports),
-    }
-    if robot.copy is not store and robot.copy != store:
-        encoded["copy"] = _encode_store(names, robot.copy)
-    return encoded
+    return form.Robot(
+        form.STATUS_NAMES[robot.status],
+        None if robot.ran == NO_EVENT else own.events[robot.ran],
+        robot.turn,
+        _variables(own.locals, robot.locals),
+        _variables(own.ports, robot.ports),
+        UNSET if robot.copy is store or robot.copy == store else _store(names, robot.copy),
+    )
 
 
-def _encode_store(names: Names, store: Store[Constant]) -> Json:
-    return {
-        "allread": _encode_variables(names.allread, store.allread),
-        "allwrite": _encode_variables(names.allwrite, store.allwrite),
-    }
+def _store(names: Names, store: configurations.Store[Constant]) -> form.Store:
+    return form.Store(
+        _variables(names.allread, store.allread), _variables(names.allwrite, store.allwrite)
+    )
 
 
-def _encode_variables(named: Iterable[Named], storages: Iterable[Storage[Constant]]) -> Json:
+def _variables(named: Iterable[Named], storages: Iterable[Storage[Constant]]) -> dict[str, object]:
     pairs = zip(named, storages, strict=True)
     return {one.name: encode_storage(storage, one.type) for one, storage in pairs}
 
 
-def _encode_fault(fault: Fault) -> Json:
+def _fault(fault: configurations.Fault) -> form.Fault:
     span = fault.span
-    place: list[Json] = [span.file, span.line, span.column, span.end_line, span.end_column]
-    return {
-        "kind": fault.kind.name,
-        "robot": fault.robot,
-        "place": place,
-        "detail": fault.detail,
-    }
+    place = (span.file, span.line, span.column, span.end_line, span.end_column)
+    return form.Fault(fault.kind.name, fault.robot, place, fault.detail)

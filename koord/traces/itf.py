@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from typing import Any
 
 from koord.semantics.configurations import NO_EVENT, Configuration
 from koord.semantics.domain import Constant
@@ -35,7 +36,7 @@ from koord.syntax.types import (
     part_types,
 )
 from koord.traces.codec import Load, decode_document, to_json
-from koord.traces.json_reader import Reader
+from koord.traces.json_reader import FormError, Reader
 from koord.traces.names import Named, Names, distinct
 from koord.traces.trace import Trace
 from koord.traces.value_codec import Json, encode_value
@@ -229,47 +230,51 @@ def _decimal(value: int) -> str:
 # --- import -------------------------------------------------------------------------------------
 
 
-def is_itf(document: Reader) -> bool:
+def is_itf(document: object) -> bool:
     """Whether a JSON document is ITF, ours or another's."""
-    value = document.value
-    return isinstance(value, dict) and "vars" in value and "states" in value
+    return isinstance(document, dict) and "vars" in document and "states" in document
 
 
-def embedded_trace(document: Reader, load: Load | None = None) -> Trace:
+def embedded_trace(document: dict[str, Any], name: str, load: Load | None = None) -> Trace:
     """The trace that an ITF document of ours carries. Raises KoordError.
 
     The states must be those of the run that is carried along: whoever reads them in another tool
     has to see what was replayed.
     """
-    parts = dict(document.entries())
-    meta = parts["#meta"].value if "#meta" in parts else None
+    meta = document.get("#meta")
     if not isinstance(meta, dict) or EMBEDDED not in meta:
         raise refusal(
             "K917",
-            document.file,
+            name,
             "this ITF document was not written by koord: it holds states, but no recording",
             "name a file that `koord run --trace x.itf.json` wrote",
         )
-    inner = Reader(meta[EMBEDDED], f"$.#meta.{EMBEDDED}", document.file)
-    trace = decode_document(inner, load)
+    trace = decode_document(meta[EMBEDDED], name, load, f"$.#meta.{EMBEDDED}")
+    try:
+        _compare(trace, Reader(document))
+    except FormError as error:
+        raise error.refusal(name, "$") from None
+    except IllegalStepError:
+        pass  # the replay says where
+    return trace
+
+
+def _compare(trace: Trace, document: Reader) -> None:
+    """Raises FormError where states are not those of the run, IllegalStepError if it has none."""
+    parts = dict(document.entries())
     loop = trace.recording.loop
     given_loop = parts["loop"].value if "loop" in parts else None
-    if given_loop != (None if loop is None else _Exporting(trace).looped(loop)):
-        raise document.refuse("the field 'loop' is not that of the recording", "K917")
     exporting = _Exporting(trace)
-    try:
-        expected = [json.loads(json.dumps(state)) for state in exporting.states()]
-    except IllegalStepError:
-        return trace  # the replay says where
-    for number, (state, given) in enumerate(
-        zip(expected, parts["states"].items(len(expected)), strict=True)
-    ):
+    if given_loop != (None if loop is None else exporting.looped(loop)):
+        raise document.refuse("the field 'loop' is not that of the recording", "K917")
+    expected = [json.loads(json.dumps(state)) for state in exporting.states()]
+    states = parts["states"].items(len(expected))
+    for number, (state, given) in enumerate(zip(expected, states, strict=True)):
         if state != given.value and state != _renamed(given.value, exporting.older):
             name = _first_difference(state, given)
             raise given.refuse(
                 f"state {number} is not the one that the recording leads to (see {name})", "K917"
             )
-    return trace
 
 
 def _renamed(state: object, older: dict[str, str]) -> object:

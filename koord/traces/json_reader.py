@@ -3,44 +3,113 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Collection, Iterator
-from enum import Enum
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from msgspec import Struct
+from msgspec import Struct, ValidationError, convert
 
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import Span
 
 #: What every refusal of a damaged file advises, unless something better is known.
 WRITE_ANEW = "the file was changed or damaged; write the trace anew"
+_HINTS = {"K915": "undo the change, or name the program behind --program"}
 
-M = TypeVar("M", bound=Enum)
+F = TypeVar("F", bound=Struct)
+
+
+class FormError(Exception):
+    """A part of a document is not as it should be.
+
+    ``path`` leads to it (``.rounds[3].order``): from ``part``, a struct that was made of an object
+    of the document, or else from the document itself.
+    """
+
+    def __init__(
+        self, message: str, path: str, code: str = "K913", part: Struct | None = None
+    ) -> None:
+        super().__init__(message)
+        self.message, self.path, self.code, self.part = message, path, code, part
+
+    def refusal(self, file: str, path: str, form: Struct | None = None) -> KoordError:
+        """For users: in a file at whose ``path`` the document stands that ``form`` was made of."""
+        path += "" if self.part is None else next(_paths(form, self.part))
+        hint = _HINTS.get(self.code, WRITE_ANEW)
+        return refusal(self.code, file, f"{path}{self.path}: {self.message}", hint)
+
+
+def _paths(whole: object, part: Struct) -> Iterator[str]:
+    """The paths that lead to a struct inside of a struct."""
+    match whole:
+        case Struct():
+            if whole is part:
+                yield ""
+            for name in whole.__struct_fields__:
+                yield from (f".{name}{path}" for path in _paths(getattr(whole, name), part))
+        case list():
+            for position, item in enumerate(whole):
+                yield from (f"[{position}]{path}" for path in _paths(item, part))
+        case _:
+            pass
 
 
 class Reader(Struct, frozen=True):
-    """A part of a JSON document: its value and where it stands (``$.rounds[3].order``)."""
+    """A part of a JSON document: its value and the path to it."""
 
     value: object
-    path: str
-    file: str
+    path: str = ""
 
-    def refuse(self, message: str, code: str = "K913", hint: str = WRITE_ANEW) -> KoordError:
+    def refuse(self, message: str, code: str = "K913") -> FormError:
         """What is wrong here."""
-        return refusal(code, self.file, f"{self.path}: {message}", hint)
+        return FormError(message, self.path, code)
+
+    def form(self, form: type[F]) -> F:
+        """The struct that an object of its form stands for. Raises FormError."""
+        try:
+            return convert(self.value, form)
+        except ValidationError as error:
+            raise self._wrong(str(error)) from None
+        except UnicodeEncodeError:  # a name or a word of an enumeration
+            raise self.refuse("a word in it holds half a character") from None
+
+    def _wrong(self, text: str) -> FormError:
+        """What msgspec found wrong, in words that need no knowledge of Python."""
+        said = _SAID.fullmatch(text)
+        assert said is not None
+        message, path = said[1], said[2] or ""
+        strange = _STRANGE.fullmatch(message)
+        if strange:
+            name = shortened(strange[1])
+            return FormError("there should be no such field", f"{self.path}{path}.{name}")
+        found: Any = self.value
+        for name, position in _STEP.findall(path):
+            found = found[int(position)] if position else found[name]
+        missing = _MISSING.match(message)
+        if missing:
+            message = f"the field {missing[1]!r} is missing"
+        elif isinstance(found, list) and "length" in message:
+            length = message.partition("length ")[2].partition(",")[0].replace(">=", "at least")
+            message = f"there should be {length} elements here, not {len(found)}"
+        elif " >= " in message:
+            message = f"{described(found)} is out of range"
+        else:
+            wanted = _WANTED.match(message)
+            kinds = wanted[1].split(" | ") if wanted else ()
+            names = " or ".join(_KINDS.get(kind, kind) for kind in kinds)
+            message = f"there should be {names or 'another word'} here, not {described(found)}"
+        return FormError(message, self.path + path)
 
     # --- structure ------------------------------------------------------------------------------
 
-    def fields(
-        self, required: Collection[str], optional: Collection[str] = ()
-    ) -> dict[str, Reader]:
-        """The fields of an object that has all the required ones, and no strange ones."""
+    def fields(self, names: Collection[str]) -> dict[str, Reader]:
+        """The fields of an object that has these, and no others."""
         found = dict(self.entries())
-        for name in required:
+        for name in names:
             if name not in found:
                 raise self.refuse(f"the field {name!r} is missing")
         for name in found:
-            if name not in required and name not in optional:
+            if name not in names:
                 raise found[name].refuse("there should be no such field")
         return found
 
@@ -49,7 +118,7 @@ class Reader(Struct, frozen=True):
         if not isinstance(self.value, dict):
             raise self.refuse(f"there should be an object here, not {described(self.value)}")
         for name, value in self.value.items():
-            yield name, Reader(value, f"{self.path}.{shortened(name)}", self.file)
+            yield name, Reader(value, f"{self.path}.{shortened(name)}")
 
     def items(self, count: int | None = None) -> list[Reader]:
         """The elements of an array, of ``count`` elements if that is given."""
@@ -57,10 +126,7 @@ class Reader(Struct, frozen=True):
             raise self.refuse(f"there should be an array here, not {described(self.value)}")
         if count is not None and len(self.value) != count:
             raise self.refuse(f"there should be {count} elements here, not {len(self.value)}")
-        return [
-            Reader(value, f"{self.path}[{position}]", self.file)
-            for position, value in enumerate(self.value)
-        ]
+        return [Reader(value, f"{self.path}[{k}]") for k, value in enumerate(self.value)]
 
     # --- scalars --------------------------------------------------------------------------------
 
@@ -74,23 +140,24 @@ class Reader(Struct, frozen=True):
             raise self.refuse(f"there should be true or false here, not {described(self.value)}")
         return self.value
 
-    def integer(self, least: int | None = None, below: int | None = None) -> int:
-        """An integer from ``least`` up to and excluding ``below``, as far as these are given."""
-        value = self.value
-        if not isinstance(value, int) or isinstance(value, bool):
-            raise self.refuse(f"there should be an integer here, not {described(value)}")
-        if (least is not None and value < least) or (below is not None and value >= below):
-            raise self.refuse(f"{value} is out of range")
-        return value
+    def integer(self) -> int:
+        if not isinstance(self.value, int) or isinstance(self.value, bool):
+            raise self.refuse(f"there should be an integer here, not {described(self.value)}")
+        return self.value
 
-    def member(self, enumeration: type[M]) -> M:
-        """A member of an enumeration, by its value."""
-        text = self.text()
-        for candidate in enumeration:
-            if candidate.value == text:
-                return candidate
-        known = ", ".join(repr(candidate.value) for candidate in enumeration)
-        raise self.refuse(f"{shortened(text)!r} is none of {known}")
+
+_SAID = re.compile(r"(.*?)(?: - at `\$((?:\.\w+|\[\d+\])*)`)?", re.DOTALL)
+_STEP = re.compile(r"\.(\w+)|\[(\d+)\]")
+_STRANGE = re.compile("Object contains unknown field `(.*)`", re.DOTALL)
+_MISSING = re.compile("Object missing required field `(.*)`")
+_WANTED = re.compile("Expected `([^`]*)`")
+_KINDS = {
+    "array": "an array",
+    "bool": "true or false",
+    "int": "an integer",
+    "object": "an object",
+    "str": "a string",
+}
 
 
 def described(value: object) -> str:
@@ -116,11 +183,11 @@ class _FormError(ValueError):
     """JSON that Python accepts, and nobody should."""
 
 
-def parse(raw: bytes, file: str) -> Reader:
+def parse(raw: bytes, file: str) -> Any:
     """A JSON document. Raises KoordError."""
     try:
         text = raw.decode("utf-8-sig")
-        document = json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant)
+        return json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant)
     except UnicodeDecodeError as error:
         raise refusal("K910", file, f"byte {error.start} is not UTF-8", NO_JSON) from None
     except json.JSONDecodeError as error:
@@ -131,7 +198,6 @@ def parse(raw: bytes, file: str) -> Reader:
         raise refusal("K910", file, str(error), NO_JSON) from None
     except ValueError:  # Python converts no longer ones
         raise refusal("K910", file, "a number in it has thousands of digits", NO_JSON) from None
-    return Reader(document, "$", file)
 
 
 NO_JSON = "name a file that `koord run --trace` or `koord verify --trace` wrote"

@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 from typing import BinaryIO
 
-from koord.traces.codec import encode, head_of, render, rendered_round
-from koord.traces.encode_runs import encode_rounds, encode_run, encode_start_of_run
+from koord.traces.codec import encode, rendered_rounds
+from koord.traces.encode_runs import encode_rounds
 from koord.traces.trace import Trace
 
 #: Where rounds begin. Strings in JSON have no line breaks: this is nowhere else.
@@ -28,10 +28,10 @@ class PartTrace:
 
     def grow(self, trace: Trace) -> None:
         """Write what is new of a run, all of whose rounds are over."""
-        new = list(map(rendered_round, encode_rounds(trace, self._rounds)))
-        text = "".join(f"{',' * (self._rounds + k > 0)}\n{line}" for k, line in enumerate(new))
-        if not self._begun:
-            text = _begun(trace) + text
+        new = encode_rounds(trace, self._rounds)
+        text = "" if self._begun else _begun(trace)
+        if new:
+            text += f"{',' * (self._rounds > 0)}\n{rendered_rounds(new)}"
         self._begun, self._rounds = True, len(trace.recording.rounds)
         self._file.write(text.encode("utf-8"))
         self._file.flush()
@@ -39,8 +39,7 @@ class PartTrace:
 
 def _begun(trace: Trace) -> str:
     """A trace up to its first round."""
-    whole = render({**head_of(trace), "run": {**encode_start_of_run(trace), "rounds": []}})
-    return whole.decode("utf-8").rpartition(_ROUNDS)[0] + _ROUNDS
+    return encode(trace, with_rounds=False).decode().rpartition(_ROUNDS)[0] + _ROUNDS
 
 
 def completed(part: bytes, trace: Trace) -> bytes:
@@ -49,9 +48,9 @@ def completed(part: bytes, trace: Trace) -> bytes:
     lines = [line.rstrip(b",") for line in grown.split(b"\n")[1:]]
     if not found or len(lines) > len(trace.recording.rounds):
         return encode(trace)  # no round was over
-    lines += [rendered_round(one).encode() for one in encode_rounds(trace, len(lines))]
-    whole = render({**head_of(trace), "run": encode_run(trace, [])})
-    head, empty, end = whole.rpartition(f"{_ROUNDS}]".encode())
+    new = encode_rounds(trace, len(lines))
+    lines += [rendered_rounds(new).encode()] if new else []
+    head, empty, end = encode(trace, with_rounds=False).rpartition(f"{_ROUNDS}]".encode())
     rounds = _ROUNDS.encode() + b"\n" + b",\n".join(lines) + b"\n ]" if lines else empty
     return head + rounds + end
 

@@ -24,6 +24,7 @@ from koord.semantics.values import (
     Value,
     default,
 )
+from koord.syntax.literals import ParamValue
 from koord.syntax.types import (
     ArrayType,
     BoolType,
@@ -51,6 +52,9 @@ UNSET: Json = {"#unset": None}
 
 #: Integers from here on are written in hexadecimal: JSON's readers may take numbers for doubles.
 _LARGE = 2**53
+
+#: No value that a command line can give is nested deeper.
+_DEEPEST_PARAM = 20
 
 _INTEGER = re.compile(rf"-?(0x[0-9a-f]{{1,{LONGEST_NUMBER_BITS // 4 + 1}}}|[0-9]{{1,4000}})\Z")
 _NOT_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
@@ -147,7 +151,7 @@ def _encode_scalar(value: Constant, type_: Type) -> Json:
 
 
 def decode_value(reader: Reader, type_: Type, robots: int, numbers: Numbers) -> Value[Constant]:
-    """The value of a type that a part of a document holds. Raises KoordError if it is none."""
+    """The value of a type that a part of a document holds. Raises FormError if it is none."""
     match type_:
         case IntType():
             return decode_int(reader)
@@ -194,6 +198,44 @@ def _decode_map(reader: Reader, type_: MapType, robots: int, numbers: Numbers) -
     return Table(len(entries), tuple(entries.items()))
 
 
+# --- params --------------------------------------------------------------------------------------
+
+
+def encode_param(value: ParamValue) -> Json:
+    """The value of a param, which is told without its type."""
+    match value:
+        case bool() | str():
+            return value
+        case int():
+            return {"int": encode_fraction(value)}
+        case Fraction():
+            return {"float": encode_fraction(value)}
+        case tuple():
+            return list(map(encode_param, value))
+    assert_never(value)
+
+
+def decode_param(reader: Reader, depth: int = 0) -> ParamValue:
+    """The value of a param. Raises FormError."""
+    value = reader.value
+    if isinstance(value, bool | str):
+        return value
+    if isinstance(value, list):
+        if depth == _DEEPEST_PARAM:
+            raise reader.refuse("the value is nested too deeply")
+        return tuple(decode_param(item, depth + 1) for item in reader.items())
+    parts = dict(reader.entries())
+    if len(parts) != 1 or not parts.keys() <= {"int", "float"}:
+        raise reader.refuse('there should be {"int": "3"} or {"float": "3/4"} here')
+    ((kind, part),) = parts.items()
+    number = decode_fraction(part)
+    if kind == "float":
+        return number
+    if number.denominator != 1:
+        raise part.refuse("this is no integer")
+    return number.numerator
+
+
 # --- storage ------------------------------------------------------------------------------------
 
 
@@ -209,7 +251,7 @@ def encode_storage(storage: Storage[Constant], type_: Type) -> Json:
 
 
 def decode_storage(reader: Reader, type_: Type, robots: int, numbers: Numbers) -> Storage[Constant]:
-    """The storage of a type that a part of a document holds. Raises KoordError if it is none."""
+    """The storage of a type that a part of a document holds. Raises FormError if it is none."""
     match type_:
         case RecordType(fields=fields):
             parts = reader.fields([name for name, _ in fields])

@@ -103,7 +103,7 @@ def test_traces_with_the_names_that_are_kept_are_read() -> None:
 
 
 def read_itf(raw: bytes, name: str) -> Trace:
-    return embedded_trace(parse(raw, name))
+    return embedded_trace(parse(raw, name), name)
 
 
 @pytest.mark.parametrize("policy", Policy)

@@ -90,7 +90,7 @@ def test_values_are_of_their_type(type_: Type, seed: int, numbers: Numbers) -> N
     """[VALUE] [DOMAIN]"""
     value = sampler(seed, numbers).value(type_)
     text = json.dumps(encode_value(value, type_))
-    assert decode_value(Reader(json.loads(text), "$", "t"), type_, 3, numbers) == value
+    assert decode_value(Reader(json.loads(text)), type_, 3, numbers) == value
 
 
 def test_values_hang_on_the_seed() -> None:

@@ -37,7 +37,7 @@ def document(trace: Trace) -> Any:
 
 
 def back(raw: bytes, program: core.Program) -> Trace:
-    return embedded_trace(parse(raw, "t.itf.json"), lambda sources: program)
+    return embedded_trace(parse(raw, "t.itf.json"), "t.itf.json", lambda sources: program)
 
 
 def expressions(part: object) -> list[object]:
