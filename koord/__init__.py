@@ -12,12 +12,14 @@ floors are described in ``ARCHITECTURE.md``.
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING
 
-__version__ = "0.1.0"
-
 if TYPE_CHECKING:
+    from koord.api.certify import Certificate as Certificate
+    from koord.api.certify import certify as certify
     from koord.api.documents import schema as schema
     from koord.api.programs import CheckReport as CheckReport
     from koord.api.programs import Program as Program
@@ -26,31 +28,61 @@ if TYPE_CHECKING:
     from koord.api.progress import Cancellation as Cancellation
     from koord.api.progress import Progress as Progress
     from koord.api.results import ArgumentError as ArgumentError
+    from koord.api.trace import Trace as Trace
+    from koord.api.verdicts import Verdict as Verdict
+    from koord.api.verdicts import VerifyReport as VerifyReport
+    from koord.api.verify import Engine as Engine
+    from koord.api.verify import verify as verify
     from koord.syntax.diagnostics import Diagnostic as Diagnostic
     from koord.syntax.diagnostics import KoordError as KoordError
     from koord.syntax.source import Source as Source
     from koord.syntax.source import Span as Span
+    from koord.version import __version__ as __version__
 
 #: Where each public name stands.
 _HOMES = {
+    "koord.api.certify": ("Certificate", "certify"),
     "koord.api.documents": ("schema",),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
     "koord.api.progress": ("Cancellation", "Progress"),
     "koord.api.results": ("ArgumentError",),
+    "koord.api.trace": ("Trace",),
+    "koord.api.verdicts": ("Verdict", "VerifyReport"),
+    "koord.api.verify": ("Engine", "verify"),
     "koord.syntax.diagnostics": ("Diagnostic", "KoordError"),
     "koord.syntax.source": ("Source", "Span"),
+    "koord.version": ("__version__",),
 }
 
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
-__all__ = ("__version__", *_HOME)
+__all__ = tuple(_HOME)
 
 
 def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = getattr(import_module(_HOME[name]), name)
+    found = getattr(import_module(_HOME[name]), name)
+    if name not in _FOLDERS:
+        globals()[name] = found
     return found
+
+
+class _Package(ModuleType):
+    """The package itself: a function that has the name of a folder stays when that is loaded.
+
+    Imports would put the folder in its place. What stands in it is imported by its full name.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name not in _FOLDERS:
+            super().__setattr__(name, value)
+
+
+#: Functions whose names folders have as well.
+_FOLDERS = ("verify", "recheck")
+
+sys.modules[__name__].__class__ = _Package
 
 
 def __dir__() -> list[str]:

@@ -1,7 +1,8 @@
-"""How long work tells what it is doing, and how it is ended from elsewhere."""
+"""How work tells what it is doing, how it is ended from elsewhere, and in how many processes."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -60,3 +61,13 @@ def asker(cancellation: Cancellation | None) -> Callable[[], bool]:
     if cancellation is None:
         return lambda: False
     return lambda: cancellation.requested
+
+
+#: Processes of one call.
+MOST_JOBS = 1_000
+
+
+def cores() -> int:
+    """How many processes can work at the same time, where the system has only some cores for us."""
+    ours = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return min(ours or 1, MOST_JOBS)

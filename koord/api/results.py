@@ -36,6 +36,9 @@ class ArgumentError(KoordError):
         self.argument = argument
         self.message = message
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.argument, self.message)
+
 
 def html_table(heading: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A table for a notebook; whatever stands in its cells is text."""

@@ -8,13 +8,13 @@ two flags do not go together.
 from __future__ import annotations
 
 import argparse
-import os
 import re
 from argparse import ArgumentTypeError
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
+from koord.api.progress import MOST_JOBS
 from koord.api.robots import ANY_NUMBER, AS_STATED, Fleet
 from koord.cli.files import DASH
 from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_ROBOTS
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 MOST_ROUNDS = 1_000_000_000
 MOST_VIOLATIONS = 1_000
-#: Processes of one verification.
-MOST_JOBS = 1_000
 MOST_RUNS = 1_000_000
 DEEPEST_LIST = 20
 MOST_SWEPT = 1_000
@@ -91,12 +89,6 @@ def runs(text: str) -> int:
 
 def jobs(text: str) -> int:
     return _whole(text, "jobs", 1, MOST_JOBS)
-
-
-def cores() -> int:
-    """How many processes can work at the same time, where the system has only some cores for us."""
-    ours = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return min(ours or 1, MOST_JOBS)
 
 
 def seed(text: str) -> int:

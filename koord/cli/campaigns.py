@@ -15,7 +15,6 @@ from statistics import fmean, stdev
 from msgspec import to_builtins
 from msgspec.structs import replace
 
-from koord import __version__
 from koord.api.files import check_writable
 from koord.cli.campaign_files import Row, RunFile
 from koord.cli.campaign_runs import Order, job_of, rows_of
@@ -28,6 +27,7 @@ from koord.runtime.motion.libraries import require
 from koord.sim.running import Ending, still_words
 from koord.syntax.core import MOST_ROBOTS
 from koord.syntax.literals import ParamValue, literal
+from koord.version import __version__
 
 #: How sure an interval is to have the mean in it.
 _CONFIDENCE = 0.95

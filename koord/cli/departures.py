@@ -1,4 +1,4 @@
-"""What a compiled program did of a recorded run, as text and as JSON."""
+"""What a compiled program did of a recorded run, as text."""
 
 from __future__ import annotations
 
@@ -47,22 +47,3 @@ def told_apart(changes: Iterable[Change], old: str, new: str) -> Iterator[str]:
 
 def _location(change: Change) -> str:
     return change.name if change.robot is None else f"{change.name} of robot {change.robot}"
-
-
-def as_json(departure: Rerun, first: int) -> dict[str, object]:
-    """The same as an object; rounds count from ``first``, and the one before is the start."""
-    from koord.refinement.rounding import Unjudged
-
-    departs = unjudged = None
-    if isinstance(departure, Unjudged):
-        unjudged = departure.reason
-    elif departure is not None:
-        departs = {
-            "round": departure.round + first,
-            "reason": departure.reason,
-            "differences": [
-                {"robot": c.robot, "location": c.name, "recorded": c.old, "compiled": c.new}
-                for c in departure.changes
-            ],
-        }
-    return {"agrees": departs is None, "departs": departs, "unjudged": unjudged}

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord import __version__
 from koord.api.files import write_atomically
 from koord.api.programs import Program
 from koord.api.robots import system_of
-from koord.cli.asking import check_names
+from koord.api.verify import check_names
 from koord.cli.diagnostics import Report, report_error
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, check_writable
@@ -28,6 +27,7 @@ from koord.syntax.budget import OutOfPatienceError, Patience
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
+from koord.version import __version__
 
 if TYPE_CHECKING:
     from koord.verify.engines.bits.circuit_files import Format

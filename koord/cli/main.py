@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple, NoReturn, Protocol, TextIO, cast
 
-from koord import __version__
 from koord.cli.endings import Endings
 from koord.cli.exits import Exit
+from koord.version import __version__
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
@@ -79,6 +79,9 @@ COMMANDS = (
     Entry("check-refinement", "check that compiled programs do what the rules allow"),
 )
 
+
+#: The flags that are called otherwise than the arguments of the public API.
+_FLAGS = {"properties": "property"}
 
 #: Numbers that argparse takes for flags, and flags that such a number may stand behind.
 _NEGATIVE = re.compile(r"-([0-9.].*|inf(inity)?|nan)", re.ASCII | re.IGNORECASE)
@@ -188,7 +191,7 @@ def _run_command(argv: Sequence[str]) -> int:
     try:
         return module.main(arguments)
     except ArgumentError as error:
-        own.error(f"--{error.argument}: {error.message}")
+        own.error(f"--{_FLAGS.get(error.argument, error.argument)}: {error.message}")
     except KoordError as error:
         report_error(error, as_json=getattr(arguments, "json", False))
         return Exit.BAD_INPUT

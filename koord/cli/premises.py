@@ -1,4 +1,4 @@
-"""What proofs rest on, as text and as JSON."""
+"""What proofs rest on, as text."""
 
 from __future__ import annotations
 
@@ -51,23 +51,3 @@ def _what(
         return name
     listed = ", ".join(map(str, numbers))
     return f"{name}: promise{'s' if len(numbers) > 1 else ''} {listed} of {of}"
-
-
-def as_json(found: Resting) -> dict[str, object]:
-    """The same as the object that ``--json`` prints."""
-    return {
-        "claims": list(found.claims),
-        "needed": [_premise(premise) for premise in found.needed],
-        "spare": [_premise(premise) for premise in found.spare],
-        "untried": [_premise(premise) for premise in found.untried],
-    }
-
-
-def _premise(premise: Premise) -> dict[str, object]:
-    return {
-        "kind": premise.kind.value,
-        "name": premise.name,
-        "promise": premise.promise,
-        "promises": premise.promises,
-        "place": str(premise.span),
-    }

@@ -13,6 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api.files import InputFile
+from koord.api.rerun import rerun_dict
 from koord.api.traces import read_trace
 from koord.cli import departures
 from koord.cli.arguments import add_json, check_files, number
@@ -114,7 +115,7 @@ def _replay(request: Request) -> Exit:
     departure = rerun(trace) if compared else None
     if request.as_json:
         told = as_json(trace, found)
-        told["compiled"] = departures.as_json(departure, first=0) if compared else None
+        told["compiled"] = rerun_dict(departure, first=0) if compared else None
         json.dump(told, sys.stdout, indent=2)
         print()
     else:

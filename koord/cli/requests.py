@@ -5,27 +5,16 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
-from enum import Enum
 from fractions import Fraction
 from typing import ClassVar
 
 from msgspec import field
 
+from koord.api.results import ArgumentError
 from koord.api.robots import Fleet
+from koord.api.verify import Engine, Options, engine_of
 from koord.cli.files import DASH, check_writable
 from koord.syntax.content import ByContent
-
-
-class Engine(Enum):
-    """How a verdict is found."""
-
-    AUTO = "auto"  #: induction, then whichever of the others fits the program
-    ABC = "abc"  #: the same as bits, but that abc looks for proofs, if it is installed
-    BITS = "bits"  #: finite instances bit by bit: SAT, IC3
-    BMC = "bmc"  #: bounded model checking, round by round
-    SPACER = "spacer"  #: constrained Horn clauses: reals and integers, all rounds
-    SEARCH = "search"  #: all configurations one by one
-    INDUCTION = "induction"  #: for all rounds at once
 
 
 class Request(ByContent, frozen=True):
@@ -56,9 +45,23 @@ class Request(ByContent, frozen=True):
 
     def left_s(self) -> float | None:
         """What is left of the time for everything together; None: no limit."""
-        if self.timeout_s is None:
-            return None
-        return max(0.0, self.asked_at + self.timeout_s - time.monotonic())
+        return self.options.left_s
+
+    @property
+    def options(self) -> Options:
+        """How verdicts are looked for."""
+        return Options(
+            rounds=self.rounds,
+            engine=self.engine,
+            properties=self.properties,
+            ends_at=None if self.timeout_s is None else self.asked_at + self.timeout_s,
+            property_timeout_s=self.claim_s,
+            jobs=self.jobs,
+            max_violations=self.violations,
+            seed=self.seed,
+            instants=self.instants,
+            rests_on=self.rests_on,
+        )
 
 
 def request_of(arguments: argparse.Namespace) -> Request:
@@ -87,12 +90,10 @@ def request_of(arguments: argparse.Namespace) -> Request:
         check_writable(request.found, read)
     if request.rests_on and len(request.fleets) > 1:
         raise argparse.ArgumentTypeError("--rests-on takes one number of robots at a time")
-    if request.fleets[0].any_number and request.engine is not Engine.AUTO:
-        raise argparse.ArgumentTypeError(
-            "--robots any has an engine of its own: leave --engine out"
-        )
-    if request.engine is Engine.ABC:
-        _check_abc()
+    try:
+        engine_of(request.engine, every_n=request.fleets[0].any_number)
+    except ArgumentError as error:
+        raise argparse.ArgumentTypeError(_in_flags(error)) from None
     return request
 
 
@@ -119,14 +120,12 @@ def _request(arguments: argparse.Namespace) -> Request:
     )
 
 
-def _check_abc() -> None:
-    from koord.verify.engines.bits.abc import installed
-
-    if installed() is None:
-        raise argparse.ArgumentTypeError(
-            "--engine abc: there is no abc here (Debian: apt-get install berkeley-abc);"
-            " --engine bits needs none"
-        )
+def _in_flags(error: ArgumentError) -> str:
+    """What is wrong with the engine, in the words of the command line."""
+    if error.argument == "robots":
+        return "--robots any has an engine of its own: leave --engine out"
+    cure = error.message.replace("bits needs none", "--engine bits needs none")
+    return f"--{error.argument} {cure}"
 
 
 def _check_plot(files: Sequence[str], request: Request, read: Sequence[str]) -> None:

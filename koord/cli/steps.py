@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from koord.api.verdicts import Verdict
 from koord.cli.tables import Table
 from koord.cli.terminal import Paint, Style
 from koord.semantics.configurations import NO_EVENT
 from koord.syntax.system import System
 from koord.traces.names import Names
-from koord.verify.verdicts import BrokenStep, Verdict
+from koord.verify.verdicts import BrokenStep
 
 
-def lines(system: System, verdict: Verdict, style: Style) -> Iterator[str]:
+def lines(verdict: Verdict, style: Style) -> Iterator[str]:
     """The step that breaks a claim which may be true all the same."""
-    step = verdict.step
+    system, step = verdict.system, verdict.found.step
     assert step is not None
-    name = verdict.claim.name
+    name = verdict.name
     yield style.paint(f"{name}: not inductive", Paint.WARNING)
     yield "  Here all claims hold (nobody knows whether a run comes here):"
     table = Table(Names(system), style)

@@ -8,28 +8,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.api.files import write_atomically
 from koord.cli.terminal import Paint, Style, visible
 from koord.cli.verdicts import PAINT, outcome_of
 from koord.syntax.problem import Problem
-from koord.syntax.system import System
 from koord.verify.engine_names import Engine
-from koord.verify.verdicts import Outcome, Report
+from koord.verify.verdicts import Outcome
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from koord.api.verdicts import VerifyReport
+
 _MARKERS = {Outcome.HOLDS: "o", Outcome.VIOLATED: "X", Outcome.UNKNOWN: "s"}
-
-
-class Point(Struct, frozen=True):
-    """What was found for one number of robots."""
-
-    system: System
-    report: Report
 
 
 def heading(problem: Problem, style: Style) -> list[str]:
@@ -45,14 +38,14 @@ def _title(problem: Problem) -> str:
     return f"{problem.name}: {', '.join(problem.values)}"
 
 
-def row(point: Point, style: Style) -> str:
+def row(found: VerifyReport, style: Style) -> str:
     """One line of the table, to be printed as soon as it is known."""
-    report = point.report
+    report = found.report
     shown = style.paint(outcome_of(report).ljust(26), PAINT[report.outcome])
     used = dict.fromkeys(v.engine for v in report.verdicts if v.engine is not Engine.NONE)
     engines = ", ".join(engine.value for engine in used)
     time = f"{report.seconds:.2f} s"
-    return f"  {point.system.robots:>6}  {shown}  {engines:<20}  {time:>9}"
+    return f"  {found.system.robots:>6}  {shown}  {engines:<20}  {time:>9}"
 
 
 def check_drawable(path: str) -> None:
@@ -66,17 +59,17 @@ def check_drawable(path: str) -> None:
         raise ArgumentTypeError(f"--plot: {path!r} is no picture; write times.svg or times.png")
 
 
-def draw(path: str, problem: Problem, points: Sequence[Point]) -> None:
+def draw(path: str, problem: Problem, points: Sequence[VerifyReport]) -> None:
     """Time against the number of robots, as a picture. Raises KoordError."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
     figure = Figure(figsize=(6, 4), layout="constrained")
     axes = figure.add_subplot()
-    seconds = {point.system.robots: point.report.seconds for point in points}
+    seconds = {point.system.robots: point.seconds for point in points}
     axes.plot(list(seconds), list(seconds.values()), color="0.7", zorder=1)
     for outcome, marker in _MARKERS.items():
-        robots = [p.system.robots for p in points if p.report.outcome is outcome]
+        robots = [p.system.robots for p in points if p.outcome is outcome]
         if robots:
             times = [seconds[n] for n in robots]
             axes.scatter(robots, times, marker=marker, label=outcome.value, zorder=2)

@@ -1,13 +1,12 @@
-"""Verdicts as text and as JSON."""
+"""Verdicts as text."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, TypeAlias, assert_never
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, assert_never
 
 from msgspec.structs import replace
 
-from koord.cli import departures
 from koord.cli.terminal import Paint, Style, visible
 from koord.syntax.problem import Problem
 from koord.verify import obstacles
@@ -16,19 +15,18 @@ from koord.verify.engine_names import Engine, engine_named
 from koord.verify.failures import Failure
 from koord.verify.vacuity.analysis import words
 from koord.verify.verdicts import (
-    Bounds,
-    Counterexample,
     Emptiness,
     Outcome,
     Report,
     Vacuity,
     Verdict,
     Ways,
-    as_invariant,
 )
 
 if TYPE_CHECKING:
-    from koord.refinement.compiled_replay import Rerun
+    from koord.api.verdicts import VerifyReport
+
+    pass
 
 #: So many invariants that were found are shown; files have all of them.
 MOST_SHOWN = 12
@@ -39,9 +37,10 @@ SOONER = ", perhaps sooner"
 PAINT = {Outcome.HOLDS: Paint.ADDED, Outcome.VIOLATED: Paint.ERROR, Outcome.UNKNOWN: Paint.WARNING}
 
 
-def lines(problem: Problem, report: Report, style: Style) -> Iterator[str]:
+def lines(found: VerifyReport, style: Style) -> Iterator[str]:
     """The report as a table, then what makes it say less."""
-    yield style.paint(visible(str(problem)), Paint.BOLD)
+    report = found.report
+    yield style.paint(visible(str(found.problem)), Paint.BOLD)
     yield ""
     rows = [(v.claim.name, said(v), _by(v), f"{v.seconds:.2f} s") for v in report.verdicts]
     widths = [max((len(row[k]) for row in rows), default=0) for k in range(4)]
@@ -143,23 +142,14 @@ def _empty(vacuity: Vacuity, style: Style) -> str:
     return f"{label} {what}: {vacuity.detail}{place}"
 
 
-def invariants(problem: Problem, report: Report) -> str:
-    """The invariants that were found, as a file of properties."""
-    proofs = [verdict for verdict in report.verdicts if verdict.lemmas]
-    if all(verdict.engine is Engine.EVERY_N for verdict in proofs):
-        problem = replace(problem, kinds=None)
-    lines = [f"# Found for {visible(str(problem))}:", "# together they hold in every round."]
-    lines += [as_invariant(f"Found{k}", text) for k, text in enumerate(report.found, start=1)]
-    return "\n".join(lines) + "\n"
-
-
-def summary(problem: Problem, bounds: Bounds, report: Report, style: Style) -> str:
+def summary(found: VerifyReport, style: Style) -> str:
     """One line: the outcome, for whom, how far, in how long."""
+    problem, report, most = found.problem, found.report, found.bounds.rounds
     outcome = style.paint(report.outcome.value, PAINT[report.outcome])
     stopped = "interrupted, " if report.interrupted else ""
     match report.outcome:
         case Outcome.HOLDS:
-            reach = "every number of rounds" if _everywhere(report) else f"{bounds.rounds} rounds"
+            reach = "every number of rounds" if _everywhere(report) else f"{most} rounds"
             vacuously = ", but vacuously" if report.is_vacuous else ""
             text = f"{outcome}{vacuously}: {_claims(report)}, {_robots(problem, report)}, {reach}"
         case Outcome.VIOLATED:
@@ -239,110 +229,3 @@ def _robots(problem: Problem, report: Report) -> str:
     if all(v.engine is Engine.EVERY_N for v in report.verdicts):
         return replace(problem, kinds=None).fleet
     return problem.fleet
-
-
-#: Why a counterexample without end is fair, as JSON.
-Fairly: TypeAlias = "Callable[[Verdict, Counterexample], dict[str, object] | None]"
-
-#: What the compiled program did of a counterexample.
-Departed: TypeAlias = "Callable[[Verdict, Counterexample], Rerun]"
-
-
-def as_json(
-    problem: Problem,
-    bounds: Bounds,
-    report: Report,
-    departed: Departed,
-    fair: Fairly = lambda verdict, found: None,
-) -> dict[str, object]:
-    """The report as the object that ``--json`` prints."""
-    return {
-        "program": problem.texts[0],
-        "robots": None if problem.kinds is None else len(problem.kinds),
-        "delta_s": float(problem.delta_s),
-        "problem": problem.document(),
-        "rounds": bounds.rounds,
-        "outcome": report.outcome.value,
-        "seconds": round(report.seconds, 3),
-        "interrupted": report.interrupted,
-        "claims": [_verdict_json(verdict, departed, fair) for verdict in report.verdicts],
-        "found_invariants": list(report.found),
-        "vacuous": report.is_vacuous,
-        "vacuities": [_vacuity_json(vacuity) for vacuity in report.vacuities],
-        "not_looked_at": [
-            {"what": each.what.value, "subject": each.subject} for each in report.unlooked
-        ],
-        "failures": [failed(failure) for failure in report.failures],
-    }
-
-
-def failed(failure: Failure) -> dict[str, object]:
-    """What failed, for programs."""
-    return {"who": failure.who, "what": failure.what, "place": failure.where or None}
-
-
-def _vacuity_json(vacuity: Vacuity) -> dict[str, object]:
-    place = vacuity.span
-    return {
-        "what": vacuity.what.value,
-        "subject": vacuity.subject or None,
-        "detail": vacuity.detail,
-        "certain": vacuity.certain,
-        "place": None if place is None else str(place),
-    }
-
-
-def _verdict_json(verdict: Verdict, departed: Departed, fair: Fairly) -> dict[str, object]:
-    found = verdict.counterexample
-
-    def violation(shown: Counterexample) -> dict[str, object]:
-        return _violation_json(shown, departed(verdict, shown), fair(verdict, shown))
-
-    return {
-        "name": verdict.claim.name,
-        "kind": verdict.claim.kind.value,
-        "outcome": verdict.outcome.value,
-        "engine": verdict.engine.value,
-        "every_number_of_robots": verdict.engine is Engine.EVERY_N,
-        "all_rounds": verdict.outcome is Outcome.HOLDS and verdict.rounds is None,
-        "through_round": verdict.rounds,
-        "seconds": round(verdict.seconds, 3),
-        "reason": verdict.reason or None,
-        "obstacles": [
-            {
-                "engine": each.engine.value,
-                "kind": type(each).__name__,
-                "names": list(obstacles.names(each)),
-                "what": obstacles.what(each),
-                "cure": obstacles.cure(each, verdict.claim.name),
-            }
-            for each in verdict.obstacles
-        ],
-        "fairness": list(verdict.fairness),
-        "violated": None if found is None else violation(found),
-        "fewest_rounds": verdict.fewest,
-        "others": [violation(other) for other in verdict.others],
-        "ways": None if verdict.ways is None else _ways_json(1 + len(verdict.others), verdict.ways),
-    }
-
-
-def _ways_json(count: int, ways: Ways) -> dict[str, object]:
-    return {"found": count, "complete": ways.complete, "reason": ways.reason or None}
-
-
-def _violation_json(
-    found: Counterexample, departure: Rerun, fair: dict[str, object] | None
-) -> dict[str, object]:
-    return {
-        "round": found.round,
-        "phase": found.phase.value,
-        "robot": found.robot,
-        "detail": found.detail,
-        "place": None if found.span is None else str(found.span),
-        "fault": None
-        if found.fault is None
-        else {"kind": found.fault.kind.value, "place": str(found.fault.span)},
-        "loop": None if found.recording.loop is None else found.recording.loop + 1,
-        "fair": fair,
-        "compiled": departures.as_json(departure, first=1),
-    }

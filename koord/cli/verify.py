@@ -6,14 +6,17 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
 from koord.api.programs import Program
+from koord.api.progress import cores
 from koord.api.results import ArgumentError
 from koord.api.robots import system_of
+from koord.api.verify import Engine, Question, verify_each
 from koord.cli.arguments import (
     add_bounds,
     add_files,
@@ -21,7 +24,6 @@ from koord.cli.arguments import (
     add_settings,
     add_trace,
     check_files,
-    cores,
     jobs,
     seconds,
     violations,
@@ -31,13 +33,13 @@ from koord.cli.exits import Exit, gravest
 from koord.cli.exporting import add_export, export
 from koord.cli.files import DASH
 from koord.cli.inputs import Reading, load_programs
-from koord.cli.progress import TimeUpError, time_limit
-from koord.cli.requests import Engine, Request, request_of
+from koord.cli.progress import Interruption, LiveLine, TimeUpError, time_limit
+from koord.cli.requests import Request, request_of
 from koord.cli.watching import watched
 from koord.syntax.diagnostics import KoordError
 
-#: Changes when readers of what ``--json`` prints have to change.
-JSON_VERSION = 1
+if TYPE_CHECKING:
+    from koord.api.verdicts import VerifyReport
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -160,7 +162,9 @@ def _once(arguments: argparse.Namespace, request: Request) -> int:
         told: list[dict[str, object]] = []
         code = _verified(programs, request, told)
         if request.as_json:
-            print(json.dumps({"version": JSON_VERSION, "reports": told}, indent=2))
+            from koord.api.verdicts import reports_dict
+
+            print(json.dumps(reports_dict(told), indent=2))
         return code
     except ArgumentError:
         raise
@@ -171,15 +175,18 @@ def _once(arguments: argparse.Namespace, request: Request) -> int:
 
 def _verified(programs: Sequence[Program], request: Request, told: list[dict[str, object]]) -> Exit:
     """Verify programs, and show what is found of each as soon as it is known."""
-    from koord.cli.asking import asked_each
     from koord.cli.verified import tell, tell_sweep
 
-    systems = [
-        system_of(program.core, fleet, request.delta_s)
+    questions = [
+        Question(
+            program,
+            system_of(program.core, fleet, request.delta_s),
+            every_n=request.fleets[0].any_number,
+        )
         for program in programs
         for fleet in request.fleets
     ]
-    answers = asked_each(systems, request)
+    answers = _answers(questions, request)
     codes: list[Exit] = []
     for program in programs:
         if Exit.INTERRUPTED in codes:
@@ -188,7 +195,25 @@ def _verified(programs: Sequence[Program], request: Request, told: list[dict[str
         if len(request.fleets) > 1:
             codes.append(tell_sweep(program, found, request, told))
         else:
-            codes += [tell(program, asked, request, told) for asked in found]
+            codes += [tell(report, request, told) for report in found]
     if len(codes) < len(programs):
         codes.append(Exit.INTERRUPTED)
     return gravest(codes)
+
+
+def _answers(questions: Sequence[Question], request: Request) -> Iterator[VerifyReport]:
+    """The verdicts, in order, with a live line while they are looked for."""
+    shown = [LiveLine(None)]
+    with Interruption() as interruption:
+        answers = verify_each(
+            questions,
+            request.options,
+            lambda text: shown[0].show(text),
+            lambda: interruption.requested,
+        )
+        while True:
+            with LiveLine(sys.stderr) as shown[0]:
+                report = next(answers, None)
+            if report is None:
+                return
+            yield report

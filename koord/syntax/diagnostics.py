@@ -44,6 +44,10 @@ class KoordError(Exception):
         super().__init__("; ".join(f"{d.span}: {d.code} {d.message}" for d in diagnostics))
         self.diagnostics = diagnostics
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """As it comes from another process: an exception is made of what it says otherwise."""
+        return type(self), (self.diagnostics,)
+
 
 def refusal(code: str, place: Span | str, message: str, hint: str | None = None) -> KoordError:
     """The one thing wrong with an input; ``place`` is its name if it is the input as a whole."""

@@ -12,6 +12,7 @@ import os
 import pickle
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeAlias, TypeVar
 
 from msgspec import Struct, field
 
-from koord.syntax.diagnostics import Diagnostic, KoordError
+from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -67,6 +68,11 @@ _TELL_S = 0.2
 #: After Ctrl-C: when processes that did not hear it are told, and when they are ended: those that
 #: a process has forked sooner than itself, so that it can still say what it heard of them.
 _TOLD_S, _ENDED_S, _SOONER_S = 0.2, 1.0, 0.2
+
+#: Held while a process starts, and while one is put away. Of two threads that fork, the process of
+#: one would keep open what the other sends on, and each may be told that a process of the other is
+#: gone. The thread that forks holds it, and is the only one of the new process.
+_forking = threading.RLock()
 
 #: How many processes stand between this one and the one that was started first.
 _depth = 0
@@ -239,11 +245,12 @@ class Pool(Struct):
         while self._waiting and len(self._running) < most and self._stopped_at is None:
             job = self._waiting.pop(0)
             context = get_context("fork")
-            receives, sends = context.Pipe(duplex=False)
-            process = context.Process(target=_worked, args=(job.work, sends, os.getpid()))
-            process.start()
+            with _forking:
+                receives, sends = context.Pipe(duplex=False)
+                process = context.Process(target=_worked, args=(job.work, sends, os.getpid()))
+                process.start()
+                sends.close()
             job.started = time.monotonic()
-            sends.close()
             if job.lasts_s is not None:
                 ends = time.monotonic() + job.lasts_s
                 job.until = ends if job.until is None else min(ends, job.until)
@@ -342,9 +349,10 @@ def _end(job: Job[T]) -> None:
 
 def _join(job: Job[T]) -> None:
     if job.process is not None:
-        job.process.join()
-        job.exit_code = job.process.exitcode
-        job.process.close()
+        with _forking:
+            job.process.join()
+            job.exit_code = job.process.exitcode
+            job.process.close()
         job.process = None
     if job.line is not None:
         job.line.close()
@@ -358,12 +366,7 @@ class _Found(Struct, frozen=True):
     """What a process found out, or why it could not."""
 
     answer: object
-    diagnostics: tuple[Diagnostic, ...] = ()
-    raised: Exception | None = None
-
-    @property
-    def failure(self) -> Exception | None:
-        return KoordError(self.diagnostics) if self.diagnostics else self.raised
+    failure: Exception | None = None
 
 
 def _worked(work: Callable[[Teller], T], sends: Connection, parent: int) -> None:
@@ -376,7 +379,7 @@ def _worked(work: Callable[[Teller], T], sends: Connection, parent: int) -> None
         try:
             found = pickle.dumps(_Found(work(_Line(sends))))
         except KoordError as error:
-            found = pickle.dumps(_Found(None, error.diagnostics))
+            found = pickle.dumps(_Found(None, error))
         except KeyboardInterrupt:
             return
         except Exception as error:
@@ -402,10 +405,10 @@ def _raised(error: Exception) -> bytes:
     where = traceback.format_exc()
     error.add_note(where)
     try:
-        found = pickle.dumps(_Found(None, raised=error))
+        found = pickle.dumps(_Found(None, error))
         pickle.loads(found)
     except Exception:
-        found = pickle.dumps(_Found(None, raised=RuntimeError(where)))
+        found = pickle.dumps(_Found(None, RuntimeError(where)))
     return found
 
 

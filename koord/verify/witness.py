@@ -7,7 +7,6 @@ from itertools import combinations
 from msgspec import Struct
 from msgspec.structs import replace
 
-import koord.verify.encoding.solver as solving
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.execution import RecordedInputs, Step, execute, until
@@ -29,6 +28,7 @@ from koord.syntax.types import INT, ArrayType, MapType, RecordType, SequenceType
 from koord.traces.rendering import show_value
 from koord.verify.claims import Claim, ClaimKind, Findings, Phase, broken
 from koord.verify.encoding import moments
+from koord.verify.encoding import solver as solving
 from koord.verify.encoding.symbols import Symbolic, SymbolicAnswer, SymbolicInputs
 from koord.verify.encoding.terms import Term
 from koord.verify.promises import unkept

@@ -15,7 +15,7 @@ from random import Random
 
 import pytest
 
-from koord.cli.counterexamples import trace_of
+from koord.api.verdicts import trace_of
 from koord.refinement.compiled_replay import rerun
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system

@@ -12,13 +12,11 @@ from random import Random
 
 import pytest
 
-from koord.cli.verdicts import SOONER, as_json, said
-from koord.syntax.problem import Problem
-from koord.syntax.system import System
+from koord.cli.verdicts import SOONER, said
 from koord.verify.claims import ClaimKind
 from koord.verify.engines.bits import abc
 from koord.verify.strategy import Choice
-from koord.verify.verdicts import Bounds, Outcome, Verdict
+from koord.verify.verdicts import Outcome, Verdict
 from tests.agreement.test_engines import Searched, searched
 from tests.generators.staged import staged
 from tests.verify.asking import Answers, ask, of_text
@@ -32,13 +30,9 @@ CHOICES = (Choice.SEARCH, Choice.BITS, *ABC, Choice.BMC, Choice.SPACER, Choice.A
 ROUNDS = 6
 
 
-def told(answers: Answers, of: System) -> dict[str, object]:
-    """By name of the claim, what the JSON says of fewer rounds."""
-    problem = Problem(("test.krd",), of.program, of.kinds, of.delta_s)
-    document = as_json(problem, Bounds(ROUNDS), answers.report, lambda verdict, found: None)
-    claims = document["claims"]
-    assert isinstance(claims, list)
-    return {claim["name"]: claim["fewest_rounds"] for claim in claims}
+def told(answers: Answers) -> dict[str, object]:
+    """By name of the claim, what is said of fewer rounds."""
+    return {verdict.claim.name: verdict.fewest for verdict in answers.report.verdicts}
 
 
 def assert_first(case: Searched, verdict: Verdict) -> None:
@@ -61,7 +55,7 @@ def count_of(seeds: Iterable[int]) -> Counter[str]:
             continue
         for choice in CHOICES:
             answers = ask(case.system, rounds=ROUNDS, choice=choice)
-            in_json = told(answers, case.system)
+            in_json = told(answers)
             for verdict in answers:
                 assert in_json[verdict.claim.name] is verdict.fewest
                 if (

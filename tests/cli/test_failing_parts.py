@@ -8,10 +8,12 @@ from typing import Any
 
 import pytest
 
-from koord.cli import certifying, counterexamples, premises, slices, sweeps, verified
+from koord.api import certify, cones
+from koord.cli import counterexamples, premises, slices, sweeps, verified
 from koord.cli.exits import Exit
 from koord.cli.main import main
-from koord.verify import instants
+from koord.refinement import compiled_replay
+from koord.verify import instants, proof_core
 
 PROGRAM = """
 local:
@@ -29,20 +31,20 @@ def fail(*words: object, **named: object) -> Any:
 
 
 PARTS = {
-    "rests on": (verified, "resting", ["--rests-on"], "what the proofs rest on"),
+    "rests on": (proof_core, "resting", ["--rests-on"], "what the proofs rest on"),
     "premises": (premises, "lines", ["--rests-on"], "what the proofs rest on"),
     "story": (counterexamples, "lines", [], "the story of Small"),
-    "rerun": (counterexamples, "rerun", [], "the story of Small"),
+    "rerun": (compiled_replay, "rerun", [], "the story of Small"),
     "slices": (slices, "lines", ["--explain"], "what claims do not depend on"),
-    "certificate": (certifying, "certify", ["--certificate", "c"], "the certificate"),
+    "certificate": (certify, "certify", ["--certificate", "c"], "the certificate"),
     "trace": (verified, "_keep", ["--trace", "t.json"], "the trace"),
     "invariants": (verified, "_save", ["--save-invariants", "i"], "the file of invariants"),
 }
 
 IN_JSON = {
     "rests on": PARTS["rests on"],
-    "rerun": (counterexamples, "rerun", [], "the compiled program's run of Small"),
-    "slices": (slices, "left_out", [], "what claims do not depend on"),
+    "rerun": (compiled_replay, "rerun", [], "the compiled program's run of Small"),
+    "slices": (cones, "cones_of", [], "what claims do not depend on"),
     "certificate": PARTS["certificate"],
 }
 

@@ -18,6 +18,7 @@ from koord.semantics.domain import Constant
 from koord.traces import encode_runs
 from koord.traces.codec import encode
 from koord.traces.names import Names
+from koord.verify import witness
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
@@ -283,7 +284,7 @@ def test_what_would_not_be_legal_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A counterexample with robots that move behind its fault, as a mistake of koord's."""
-    monkeypatch.setattr("koord.verify.witness.until", lambda recording, last: recording)
+    monkeypatch.setattr(witness, "until", lambda recording, last: recording)
     file, kept = tmp_path / "slip.krd", tmp_path / "slip.json"
     file.write_text("local:\n  int n = 0\nGo:\n  pre: 1 / n > 0\n  eff:\n    n = 1\n")
     asked = ["verify", str(file), "--engine", "bmc"]

@@ -17,8 +17,9 @@ from jsonschema import Draft202012Validator
 import koord
 from koord.api.programs import Program
 from koord.api.robots import AS_STATED, Fleet
-from koord.cli import asking, requests, run, verified, verify, watching
+from koord.api.verify import Engine
 from koord.cli import main as frame
+from koord.cli import requests, run, verified, verify, watching
 from koord.cli.exits import Exit
 
 GOOD = "local:\n  int x = 0\ngo:\n  pre: x < 3\n  eff: x = x + 1\ninvariant Small: x <= 3\n"
@@ -64,7 +65,7 @@ def test_every_flag_of_verify_arrives(monkeypatch: pytest.MonkeyPatch, program: 
                 fleets=(Fleet(3, (("Car", 2), ("Drone", 1))),),
                 rounds=5,
                 delta_s=Fraction(1, 3),
-                engine=requests.Engine.BMC,
+                engine=Engine.BMC,
                 properties=("Small",),
                 timeout_s=2.5,
                 claim_s=None,
@@ -99,7 +100,7 @@ def test_the_defaults_are_those_of_the_documentation(
     assert (request.fleets, request.rounds, request.engine) == (
         (AS_STATED,),
         20,
-        requests.Engine.AUTO,
+        Engine.AUTO,
     )
     assert (request.properties, request.timeout_s, request.trace) == ((), None, None)
     assert 1 <= request.jobs <= (os.cpu_count() or 1)
@@ -109,8 +110,8 @@ def test_several_programs_end_with_the_gravest_code(
     monkeypatch: pytest.MonkeyPatch, program: str
 ) -> None:
     codes = [Exit.OK, Exit.VIOLATED, Exit.UNKNOWN]
-    monkeypatch.setattr(asking, "asked_each", lambda systems, request: iter(systems))
-    monkeypatch.setattr(verified, "tell", lambda loaded, asked, request, told: codes.pop())
+    monkeypatch.setattr(verify, "verify_each", lambda questions, *options: iter(questions))
+    monkeypatch.setattr(verified, "tell", lambda report, request, told: codes.pop())
     assert frame.main(["verify", program, program, program]) == Exit.VIOLATED
     assert codes == []
 

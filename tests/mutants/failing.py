@@ -30,8 +30,8 @@ FAILING = (
     ),
     Mutant(
         "a run that could not be compared counts as the same",
-        "cli.verified._as_json.departed",
-        "counterexamples.not_compared()",
+        "api.verdicts.Verdict._violation",
+        'Departure(0, "the run could not be compared")',
         "None",
         (PARTS,),
     ),

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from koord.cli.counterexamples import trace_of
+from koord.api.verdicts import trace_of
 from koord.refinement.compiled_replay import Departure, rerun
 from koord.refinement.rounding import Unjudged
 from koord.refinement.running import ready

@@ -8,11 +8,12 @@ from random import Random
 
 import pytest
 
+import koord
+from koord.api.verdicts import VerifyReport
 from koord.cli import verdicts
 from koord.cli.terminal import Style
 from koord.syntax import core
 from koord.syntax.load import load
-from koord.syntax.problem import Problem
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify import obstacles
@@ -144,11 +145,11 @@ invariant Odd: forall i: x@i != 91
     odd = report.verdicts[0]
     assert (odd.outcome, odd.rounds) == (Outcome.HOLDS, 2)
     assert [type(each) for each in odd.obstacles] == [NotInductive]
-    problem = Problem(("odd.krd",), system.program, system.kinds, system.delta_s)
-    shown = "\n".join(verdicts.lines(problem, report, Style()))
+    loaded = koord.load(Source("odd.krd", text))
+    whole = VerifyReport(loaded, system, Bounds(2), report)
+    shown = "\n".join(verdicts.lines(whole, Style()))
     assert "a proof for all rounds was looked for besides, and given up, of Odd:" in shown
-    document = verdicts.as_json(problem, Bounds(2), report, lambda verdict, found: None)
-    assert "'kind': 'NotInductive'" in str(document["claims"])
+    assert "'kind': 'NotInductive'" in str(whole.to_dict())
     (alone, *_) = verify(system, Bounds(2), Choice.BMC).verdicts
     assert alone.outcome is Outcome.HOLDS
     assert not alone.obstacles  # nobody looked for one

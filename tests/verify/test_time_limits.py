@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import time
 from collections.abc import Callable
 from textwrap import dedent
 from typing import Any
@@ -213,7 +214,7 @@ def test_all_that_is_done_for_a_claim_counts(
         return False
 
     clock = [0.0]
-    monkeypatch.setattr("koord.verify.time_limits.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
     monkeypatch.setattr(time_limits._Asking, "together", together)
     monkeypatch.setattr(time_limits._Asking, "each", each)
     verify_apart(system, replace(AMPLE, claim_s=10.0))

@@ -102,7 +102,7 @@ def test_work_that_is_not_counted_ends_in_proportion_to_the_effort() -> None:
     clock = [100.0]
     effort = Effort.of_seconds(3)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("koord.verify.encoding.solver.time.monotonic", lambda: clock[0])
+        patch.setattr(time, "monotonic", lambda: clock[0])
         s._solver = Idle("canceled", work=40)
         assert s.check([d.fresh("x", BOOL)], NEVER, effort) is Answer.UNKNOWN
     assert told["timeout"] == 1_000 * LONGEST_S

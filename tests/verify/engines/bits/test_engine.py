@@ -12,6 +12,7 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
+from koord.verify.engines.bits import engine
 from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.ic3 import Cube, Invariant, Question
@@ -334,7 +335,7 @@ def test_an_invariant_is_found_where_robots_change_places(
         found.append(Invariant(cubes, 0))
         return holds_always(g, question, cubes, deadline)
 
-    monkeypatch.setattr("koord.verify.engines.bits.engine.holds_always", noting)
+    monkeypatch.setattr(engine, "holds_always", noting)
     with open("specs/examples/task.krd", encoding="utf-8") as file:
         text = file.read()
     alone = text[: text.index("invariant Holds:")] + (

@@ -14,6 +14,7 @@ from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, RecordType
 from koord.verify.bounded_check import Bounded, ByUnrolling
 from koord.verify.claims import Claim, Phase, claims_of
 from koord.verify.effort import PER_SECOND, Deadline, Effort
+from koord.verify.engines import workers
 from koord.verify.engines.induction.engine import Inductive, prove
 from koord.verify.engines.workers import ANSWERED_S, PROOF_S, ByInduction
 from koord.verify.ledger import Ledger, Subject
@@ -365,7 +366,7 @@ def test_where_all_is_answered_proofs_cost_little(monkeypatch: pytest.MonkeyPatc
         given.append(effort.left)
         return Inductive({}, {}, {})
 
-    monkeypatch.setattr("koord.verify.engines.workers.prove", attempt)
+    monkeypatch.setattr(workers, "prove", attempt)
     for rounds in (2, 20):
         ledger = Ledger(plain_subject(system), Bounds(rounds), Deadline(), claims_of(system))
         unrolling = ByUnrolling()

@@ -1,0 +1,80 @@
+"""Why a run without end is fair, and what would exclude it."""
+
+from __future__ import annotations
+
+import time
+
+from msgspec import Struct
+
+from koord.api.programs import Program
+from koord.semantics.domain import EXACT
+from koord.semantics.execution import execute
+from koord.syntax.system import System
+from koord.traces.fairness import Excuses, excuses
+from koord.verify.fairness_suggestions import Lassoed, Text, excluding
+from koord.verify.verdicts import Counterexample, Verdict
+
+
+class Fair(Struct, frozen=True):
+    """Why a lasso is fair, and expectations under which it is not."""
+
+    why: Excuses
+    excluding: tuple[str, ...]
+
+
+def fairness_of(
+    program: Program,
+    system: System,
+    verdict: Verdict,
+    found: Counterexample,
+    left_s: float | None,
+) -> Fair | None:
+    """What is to be said of a counterexample; None if it ends. ``left_s``: as in ``--timeout``."""
+    stated = verdict.claim.stated
+    if found.recording.loop is None or stated is None:
+        return None
+    until = None if left_s is None else time.monotonic() + left_s
+    steps = execute(EXACT, system, found.recording)
+    ends = [step.configuration for step in steps if step.rule in ("INIT", "ENV-TRANS")]
+    why = excuses(system, found.recording, ends)
+    text = Text(program.source, program.settings, program.properties)
+    lasso = Lassoed(system, found.recording, ends, why, stated)
+    return Fair(why, excluding(text, lasso, until))
+
+
+def fairness_dict(fair: Fair) -> dict[str, object]:
+    """The same as plain data; rounds count from 1."""
+    return {
+        "rounds": list(fair.why.rounds),
+        "robots": [
+            {
+                "robot": of.robot,
+                "runs": list(of.runs),
+                "not_ready": list(of.idle),
+                "skips_though_ready": list(of.skips),
+                "events": [
+                    {
+                        "event": event.event,
+                        "standing": event.standing.value,
+                        "enabled": list(event.enabled),
+                        "ran": list(event.ran),
+                    }
+                    for event in of.events
+                ],
+                "locks": [
+                    {
+                        "variables": list(lock.variables),
+                        "asks": list(lock.asks),
+                        "granted": list(lock.granted),
+                    }
+                    for lock in of.locks
+                ],
+            }
+            for of in fair.why.robots
+        ],
+        "expectations": [
+            {"name": each.name, "robot": each.robot, "met": list(each.met)}
+            for each in fair.why.expectations
+        ],
+        "excluded_by": list(fair.excluding),
+    }

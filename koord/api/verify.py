@@ -1,0 +1,388 @@
+"""Verifying: a verdict on each property of a program, on one system or on several at a time.
+
+Solvers work in processes of their own, so that calls in several threads know nothing of each other
+([0036](../../specs/decisions/0036-threads-verify-in-processes.md)).
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from enum import Enum
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.api.programs import Loadable, Program, program_of
+from koord.api.progress import Cancellation, Listener, asker, cores, teller
+from koord.api.results import ArgumentError
+from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
+from koord.syntax.system import System
+
+if TYPE_CHECKING:
+    from koord.api.verdicts import VerifyReport
+    from koord.verify.processes import Teller
+    from koord.verify.proof_core import Resting
+    from koord.verify.verdicts import Bounds, Report
+
+T = TypeVar("T")
+
+
+class Engine(Enum):
+    """How a verdict is found."""
+
+    AUTO = "auto"  #: induction, then whichever of the others fits the program
+    ABC = "abc"  #: the same as bits, but that abc looks for proofs, if it is installed
+    BITS = "bits"  #: finite instances bit by bit: SAT, IC3
+    BMC = "bmc"  #: bounded model checking, round by round
+    SPACER = "spacer"  #: constrained Horn clauses: reals and integers, all rounds
+    SEARCH = "search"  #: all configurations one by one
+    INDUCTION = "induction"  #: for all rounds at once
+
+
+class Question(Struct, frozen=True):
+    """A program with robots, about which verdicts are wanted; ``every_n``: any number of robots."""
+
+    program: Program
+    system: System
+    every_n: bool = False
+
+
+class Options(Struct, frozen=True, kw_only=True):
+    """How verdicts are looked for. ``ends_at`` is when all has to end, by `time.monotonic`."""
+
+    rounds: int = 20
+    engine: Engine = Engine.AUTO
+    properties: tuple[str, ...] = ()
+    ends_at: float | None = None
+    property_timeout_s: float | None = None
+    jobs: int = 1
+    max_violations: int = 1
+    seed: int = 0
+    instants: bool = False
+    rests_on: bool = False
+
+    @property
+    def left_s(self) -> float | None:
+        """What is left of the time for everything together; None: no limit."""
+        return None if self.ends_at is None else max(0.0, self.ends_at - time.monotonic())
+
+    @property
+    def bounds(self) -> Bounds:
+        """How far engines look, from now on."""
+        from koord.verify.verdicts import Bounds
+
+        return Bounds(self.rounds, self.left_s, self.max_violations, self.property_timeout_s)
+
+
+def verify(
+    program: Loadable,
+    *,
+    robots: Robots = None,
+    rounds: int = 20,
+    delta_s: Seconds = None,
+    properties: Sequence[str] = (),
+    engine: Engine | str = Engine.AUTO,
+    timeout_s: float | None = None,
+    property_timeout_s: float | None = None,
+    jobs: int | None = None,
+    max_violations: int = 1,
+    instants: bool = False,
+    rests_on: bool = False,
+    seed: int = 0,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> VerifyReport:
+    """A verdict on each property of a program, and a run for each that is violated.
+
+    ``robots`` is how many there are, how many of each kind (``{"Car": 2, "Drone": 1}``), or
+    ``"any"`` for every number of them; ``delta_s`` how long a round takes, in seconds. Without
+    them, what the program states. ``rounds`` is how far bounded engines look. ``properties`` are
+    the names of those that are verified (all).
+
+    ``timeout_s`` is the time for everything, ``property_timeout_s`` that for each property, in
+    seconds of the wall; ``jobs`` the number of processes (as many as there are cores).
+    ``max_violations`` asks for several ways to break a property, ``instants`` for verdicts between
+    the ends of rounds, ``rests_on`` for what the proofs need. ``seed`` is of all that is random.
+
+    ``progress`` hears what is being done; after ``cancellation`` the report has what is known.
+
+    Raises :class:`koord.KoordError` for a program with errors, or that is too large for so many
+    robots, :class:`koord.ArgumentError` for arguments that do not fit it.
+
+    >>> report = koord.verify("task.krd", robots=3, rounds=20)
+    >>> report.holds
+    True
+    """
+    loaded = program_of(program)
+    fleet = fleet_of(robots)
+    question = Question(
+        loaded, system_of(loaded.core, fleet, delta_of(delta_s)), every_n=fleet.any_number
+    )
+    options = Options(
+        rounds=rounds,
+        engine=engine_of(engine, every_n=fleet.any_number),
+        properties=tuple(properties),
+        ends_at=None if timeout_s is None else time.monotonic() + timeout_s,
+        property_timeout_s=property_timeout_s,
+        jobs=jobs or cores(),
+        max_violations=max_violations,
+        seed=seed,
+        instants=instants,
+        rests_on=rests_on,
+    )
+    (report,) = verify_each([question], options, teller(progress), asker(cancellation))
+    return report
+
+
+def engine_of(engine: Engine | str, *, every_n: bool) -> Engine:
+    """The engine that is asked for. Raises ArgumentError if it is not there, or does not fit."""
+    try:
+        found = Engine(engine)
+    except ValueError:
+        known = ", ".join(each.value for each in Engine)
+        raise ArgumentError("engine", f"there is no {engine!r}; there are {known}") from None
+    if every_n and found is not Engine.AUTO:
+        raise ArgumentError("robots", "any number has an engine of its own: leave the engine out")
+    if found is Engine.ABC:
+        from koord.verify.engines.bits.abc import installed
+
+        if installed() is None:
+            raise ArgumentError(
+                "engine",
+                "abc: there is no abc here (Debian: apt-get install berkeley-abc); bits needs none",
+            )
+    return found
+
+
+def verify_each(
+    questions: Sequence[Question],
+    options: Options,
+    tell: Callable[[str], None],
+    interrupted: Callable[[], bool],
+) -> Iterator[VerifyReport]:
+    """The verdicts on some systems, in order.
+
+    Several are asked about in processes of their own, ``options.jobs`` at a time. Once it is
+    ``interrupted`` the answers are what is known by then, and there may be fewer of them.
+    """
+    check_loadable()
+    load_for_threads()
+    # Loaded once, before there are several processes.
+    import koord.verify.time_limits  # noqa: F401
+    from koord.verify.processes import Pool
+
+    if len(questions) == 1:
+        yield _answer(questions[0], options, tell, interrupted)
+        return
+
+    def answer(question: Question, jobs: int, tell: Teller) -> VerifyReport:
+        return _answer(question, replace(options, jobs=jobs), tell, interrupted)
+
+    with Pool(options.jobs, tell, interrupted) as pool:
+        work = []
+        for question in questions:
+            # Beside the last one nobody else has anything to do in the end.
+            jobs = options.jobs if question is questions[-1] else 1
+            job = pool.hand_in(_named(question, questions), partial(answer, question, jobs))
+            work.append((question, job))
+        for question, job in work:
+            try:
+                found = pool.answer(job)
+            except KeyboardInterrupt:
+                return
+            yield found or _unanswered(question, options, job.end)
+
+
+def check_loadable() -> None:
+    """Raise MemoryError where Z3 would crash while it is loaded, for want of memory.
+
+    Another process tries it, which is done only where memory is limited.
+    """
+    try:
+        from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
+    except ImportError:
+        return
+    if getrlimit(RLIMIT_AS)[0] == RLIM_INFINITY or "koord.verify.time_limits" in sys.modules:
+        return
+
+    def loads(tell: Teller) -> bool:
+        try:
+            _load_engines()
+        except Exception:  # of whatever kind, for want of memory
+            return False
+        return True
+
+    if not in_process(loads, lambda text: None, lambda: False):
+        raise MemoryError
+
+
+def load_for_threads() -> None:
+    """Where there are other threads, load what processes will need before one is forked.
+
+    A module that another thread is loading at that moment would never be there in the process.
+    """
+    others = [t for t in threading.enumerate() if t is not threading.main_thread() and not t.daemon]
+    if not others and threading.current_thread() is threading.main_thread():
+        return
+    _load_engines()
+
+
+def _load_engines() -> None:
+    import koord.verify.certificates
+    import koord.verify.engines.bits.engine
+    import koord.verify.engines.horn.engine
+    import koord.verify.export.problems
+    import koord.verify.instants
+    import koord.verify.liveness_strategy
+    import koord.verify.proof_core  # noqa: F401
+
+
+def in_process(
+    work: Callable[[Teller], T], tell: Callable[[str], None], interrupted: Callable[[], bool]
+) -> T:
+    """Work with a solver, in a process of its own.
+
+    Raises what the work raises, KeyboardInterrupt if it is ``interrupted``, and MemoryError where
+    the process dies.
+    """
+    from koord.verify.processes import Pool
+
+    with Pool(1, tell, interrupted) as pool:
+        job = pool.hand_in("", work)
+        found = pool.answer(job)
+    if found is None:
+        raise MemoryError(job.end)
+    return found
+
+
+def _named(question: Question, questions: Sequence[Question]) -> str:
+    """What tells a system from others that are asked about."""
+    if len({id(each.program) for each in questions}) == len(questions):
+        return question.system.program.name
+    return f"{question.system.robots} robots"
+
+
+def _unanswered(question: Question, options: Options, end: str) -> VerifyReport:
+    """What is known if the process of a system died."""
+    from koord.api.verdicts import VerifyReport
+    from koord.verify.claims import claims_of, liveness_of
+    from koord.verify.engine_names import Engine
+    from koord.verify.obstacles import Failed
+    from koord.verify.verdicts import Outcome, Report, Verdict
+
+    system = question.system
+    failed = (Failed(Engine.NONE, end),)
+    verdicts = tuple(
+        Verdict(claim, Outcome.UNKNOWN, Engine.NONE, 0.0, reason=end, obstacles=failed)
+        for claim in (*claims_of(system), *liveness_of(system))
+    )
+    report = Report(verdicts, (), 0.0)
+    return VerifyReport(question.program, system, options.bounds, report, ends_at=options.ends_at)
+
+
+def _answer(
+    question: Question,
+    options: Options,
+    tell: Callable[[str], None],
+    interrupted: Callable[[], bool],
+) -> VerifyReport:
+    """The verdicts on one system: if any number of robots is asked for, an example of them."""
+    from koord.api.verdicts import Parts, VerifyReport
+    from koord.verify.claims import claims_of, liveness_of
+    from koord.verify.effort import Deadline
+    from koord.verify.strategy import Choice
+    from koord.verify.time_limits import verify_apart
+    from koord.verify.verdicts import Report
+
+    system = question.system
+    known = [claim.name for claim in (*claims_of(system), *liveness_of(system))]
+    shadows = None
+    between: list[str] = []
+    if options.instants:
+        from koord.verify import instants
+
+        left = Deadline.after(options.left_s)
+        shadows = in_process(
+            lambda tell: instants.shadowed(system, left, options.seed), tell, interrupted
+        )
+        between = [*shadows.names, *(claim.name for claim, _ in shadows.unsaid)]
+    check_names(options.properties, [*known, *between])
+    choice = Choice.EVERY_N if question.every_n else Choice(options.engine.value)
+    bounds = options.bounds
+    own = [name for name in options.properties if name in known]
+    report = Report((), (), 0.0)
+    if own or not options.properties:
+        report = verify_apart(
+            system,
+            bounds,
+            choice,
+            names=own,
+            seed=options.seed,
+            jobs=options.jobs,
+            progress=tell,
+            interrupted=interrupted,
+        )
+    found = None
+    if shadows is None or report.interrupted:
+        shadows = None
+    else:
+        found = instants.verified(
+            shadows,
+            options.bounds,
+            choice,
+            wanted=lambda name: not options.properties or name in options.properties,
+            seed=options.seed,
+            jobs=options.jobs,
+            progress=tell,
+            interrupted=interrupted,
+        )
+    parts = Parts()
+    rests_on = None
+    if options.rests_on and not report.interrupted:
+        with parts.enduring("what the proofs rest on"):
+            rests_on = _rests_on(system, report, options, tell, interrupted)
+    return VerifyReport(
+        question.program,
+        system,
+        bounds,
+        report,
+        found,
+        shadows,
+        rests_on,
+        tuple(parts.failures),
+        options.ends_at,
+    )
+
+
+def _rests_on(
+    system: System,
+    report: Report,
+    options: Options,
+    tell: Callable[[str], None],
+    interrupted: Callable[[], bool],
+) -> Resting | None:
+    """What the proofs rest on; None where somebody ended the search for this."""
+    from koord.verify.proof_core import resting
+
+    bounds, seed = options.bounds, options.seed
+
+    def work(tell: Teller) -> Resting:
+        return resting(system, report.verdicts, bounds, seed=seed, progress=tell)
+
+    try:
+        return in_process(work, tell, interrupted)
+    except KeyboardInterrupt:
+        return None
+
+
+def check_names(wanted: Sequence[str], known: Sequence[str]) -> None:
+    """A misspelt name must not pass for a verdict. Raises ArgumentError."""
+    for word in wanted:
+        if word not in known:
+            listed = ", ".join(known)
+            raise ArgumentError("properties", f"there is no {word!r}; there are {listed}")
