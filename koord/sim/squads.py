@@ -173,7 +173,10 @@ class Wheeled(Touching, Protocol):
 class Tracker(Protocol):
     """The law by which vehicles on the ground follow the routes of their group."""
 
-    missed: Bools  #: who stands at the end of its route and has not reached it
+    @property
+    def missed(self) -> Bools:
+        """Who stands at the end of its route and has not reached it."""
+        ...
 
     def command(self, measured: Measured, dt_s: float) -> Floats:
         """Commands for the next step, shape ``(n, 2)``."""

@@ -1,4 +1,4 @@
-"""How cars follow their routes: where they are on them, how fast to go, and how to steer."""
+"""How what drives follows its route: where it is on it, how fast to go; and how cars steer."""
 
 from __future__ import annotations
 
@@ -21,21 +21,80 @@ if TYPE_CHECKING:
 _DONE_M = 0.03
 
 #: What is left of a leg is driven at this speed at least.
-_CREEP_MPS = 0.08
+CREEP_MPS = 0.08
 
 #: A car begins a leg when its wheels are turned so, to this.
 _WHEELS_RAD = 0.03
 
-#: A car that stands at the end of its route for so long and has not reached it has missed it.
+#: Who stands at the end of its route for so long and has not reached it has missed it.
 _MISSED_S = 1.0
 
 
 class Measured(Struct, frozen=True):
-    """What cars know of themselves: position ``(n, 3)``, where they point, their speed (signed)."""
+    """What vehicles know of themselves: position ``(n, 3)``, heading, and speed (signed)."""
 
     position: Floats
     heading_rad: Floats
     speed_mps: Floats
+
+
+class Legs:
+    """How far a group on the ground is along the legs of its routes, and who has missed an end."""
+
+    def __init__(self, group: Group, accel_mps2: float) -> None:
+        self.group, self._accel = group, accel_mps2
+        self.way: Floats = np.ones(group.count)
+        self.missed: Bools = np.zeros(group.count, np.bool_)
+        self._waited: Floats = np.zeros(group.count)
+
+    def advance(self, robots: Ints, measured: Measured) -> tuple[Ints, Ints, Floats]:
+        """Move ``s`` to where robots are, and on to the next leg.
+
+        Returns those of them that are not at the end of their leg, the segments that they are on,
+        and what is left of their legs.
+        """
+        group, routes = self.group, self.group.routes
+        s = np.maximum(
+            group.s[robots], routes.nearest(robots, group.s[robots], measured.position[robots])
+        )
+        k = routes.segment(robots, s)
+        end = routes.leg_end[robots, k]
+        slow = stands(measured, robots)
+        done = (end - s <= _DONE_M) & (end < routes.length[robots]) & slow
+        s = np.where(done, end, np.minimum(s, end - 1e-9))
+        k = routes.segment(robots, s)
+        group.s[robots], self.way[robots] = s, routes.way[robots, k]
+        left = routes.leg_end[robots, k] - s
+        goes = left > _DONE_M
+        return robots[goes], k[goes], left[goes]
+
+    def pace(self, robots: Ints, last: Floats, left: Floats, dt_s: float) -> Floats:
+        """The speed of travel: as the route allows a moment on, reached at the robots' own pace."""
+        pace, s = self.group.routes.pace, self.group.s[robots]
+        spot = self.group.routes.at(robots, np.minimum(s + last * dt_s, s + left))
+        speed: Floats = np.minimum(spot.speed_mps, last + pace.accel_mps2 * dt_s)
+        return np.maximum(speed, CREEP_MPS)
+
+    def speeds(self, going: Bools, speed: Floats, measured: Measured, dt_s: float) -> Floats:
+        """The speeds of all, of which those that are not going brake."""
+        slowest = np.abs(measured.speed_mps) - self._accel * dt_s
+        self.group.speed[:] = np.where(going, speed, 0.0)
+        return np.where(going, speed, np.maximum(slowest, 0.0))
+
+    def watch(self, wanted: Bools, going: Bools, dt_s: float) -> None:
+        """Find out who stands at the end of a route that it has not come near enough to."""
+        group = self.group
+        there = group.automata.reached | ~np.isnan(group.automata.since_s)
+        stuck = wanted & ~going & ~there & (group.routes.size > 0)
+        self._waited = np.where(stuck, self._waited + dt_s, 0.0)
+        self.missed = self._waited >= _MISSED_S
+        self._waited[self.missed] = 0.0
+
+
+def stands(measured: Measured, robots: Ints) -> Bools:
+    """Which robots stand, or as good as."""
+    slow: Bools = np.abs(measured.speed_mps[robots]) < CREEP_MPS
+    return slow
 
 
 class Driving:
@@ -45,14 +104,17 @@ class Driving:
         assert isinstance(group.body, Car)
         self.group, self.car, self.horizon = group, group.body, horizon
         self.inputs: Floats = np.zeros((group.count, 2))  #: speed of travel and steering angle
-        self.way: Floats = np.ones(group.count)
-        self.missed: Bools = np.zeros(group.count, np.bool_)
-        self._waited: Floats = np.zeros(group.count)
+        self.legs = Legs(group, self.car.accel_mps2)
         self._predictive: Predictive | None = None
         if steering is Steering.PREDICTIVE:
             from koord.runtime.motion.predictive import Predictive
 
             self._predictive = Predictive(group.count, self.car, horizon)
+
+    @property
+    def missed(self) -> Bools:
+        """Who stands at the end of its route and has not reached it."""
+        return self.legs.missed
 
     def command(self, measured: Measured, dt_s: float) -> Floats:
         """Speeds (negative: backwards) and steering angles, shape ``(n, 2)``, for the next step."""
@@ -63,46 +125,26 @@ class Driving:
         cars = np.flatnonzero(wanted & (group.routes.size > 0))
         going = np.zeros(group.count, np.bool_)
         if len(cars):
-            k, left = self._advance(cars, measured)
-            goes = left > _DONE_M
-            cars, k, left = cars[goes], k[goes], left[goes]
+            cars, k, left = self.legs.advance(cars, measured)
             inputs[cars, 1], turning = self._turn_wheels(cars, k, measured)
             cars, left = cars[~turning], left[~turning]
             going[cars] = True
             if len(cars):
                 inputs[cars] = self._steer(cars, left, measured, dt_s)
-        self._watch(wanted, going, dt_s)
-        slowest = np.abs(measured.speed_mps) - self.car.accel_mps2 * dt_s
-        inputs[:, 0] = np.where(going, inputs[:, 0], np.maximum(slowest, 0.0))
+        self.legs.watch(wanted, going, dt_s)
+        inputs[:, 0] = self.legs.speeds(going, inputs[:, 0], measured, dt_s)
         self.inputs = inputs
-        group.speed[:] = np.where(going, inputs[:, 0], 0.0)
-        return np.column_stack([self.way * inputs[:, 0], inputs[:, 1]])
-
-    def _advance(self, cars: Ints, measured: Measured) -> tuple[Ints, Floats]:
-        """Move ``s`` to where cars are, and on to the next leg.
-
-        Returns the segments that they are on then, and what is left of their legs.
-        """
-        group, routes = self.group, self.group.routes
-        s = np.maximum(group.s[cars], routes.nearest(cars, group.s[cars], measured.position[cars]))
-        k = routes.segment(cars, s)
-        end = routes.leg_end[cars, k]
-        slow = np.abs(measured.speed_mps[cars]) < _CREEP_MPS
-        done = (end - s <= _DONE_M) & (end < routes.length[cars]) & slow
-        s = np.where(done, end, np.minimum(s, end - 1e-9))
-        k = routes.segment(cars, s)
-        group.s[cars], self.way[cars] = s, routes.way[cars, k]
-        return k, routes.leg_end[cars, k] - s
+        return np.column_stack([self.legs.way * inputs[:, 0], inputs[:, 1]])
 
     def _turn_wheels(self, cars: Ints, k: Ints, measured: Measured) -> tuple[Floats, Bools]:
         """Where the wheels of cars on segments should be, and who begins a leg with others."""
         routes, s = self.group.routes, self.group.s[cars]
         first = (k == 0) | (routes.leg_end[cars, np.maximum(k - 1, 0)] < routes.leg_end[cars, k])
         bend = routes.at(cars, s, k).curvature
-        right = pursuit.steering(bend, self.way[cars], self.car)
-        stands = (np.abs(measured.speed_mps[cars]) < _CREEP_MPS) & (s - routes.s[cars, k] < 0.01)
+        right = pursuit.steering(bend, self.legs.way[cars], self.car)
+        still = stands(measured, cars) & (s - routes.s[cars, k] < 0.01)
         wrong = np.abs(self.inputs[cars, 1] - right) > _WHEELS_RAD
-        turning: Bools = first & stands & wrong
+        turning: Bools = first & still & wrong
         return right, turning
 
     def _steer(self, cars: Ints, left: Floats, measured: Measured, dt_s: float) -> Floats:
@@ -110,22 +152,14 @@ class Driving:
             return self._pursue(cars, left, measured, dt_s)
         return self._predict(cars, left, measured, self._predictive)
 
-    def _pace(self, cars: Ints, s: Floats, left: Floats, dt_s: float) -> Floats:
-        """The speed of travel: as the route allows a moment on, reached at the car's own pace."""
-        pace = self.group.routes.pace
-        last = self.inputs[cars, 0]
-        allowed = self.group.routes.at(cars, np.minimum(s + last * dt_s, s + left)).speed_mps
-        speed: Floats = np.minimum(allowed, last + pace.accel_mps2 * dt_s)
-        return np.maximum(speed, _CREEP_MPS)
-
     def _pursue(self, cars: Ints, left: Floats, measured: Measured, dt_s: float) -> Floats:
         routes, s = self.group.routes, self.group.s[cars]
-        speed = self._pace(cars, s, left, dt_s)
+        speed = self.legs.pace(cars, self.inputs[cars, 0], left, dt_s)
         ahead = pursuit.look_ahead(speed)
         spot = routes.at(cars, s + np.minimum(ahead, left) - 1e-9)
         beyond = np.maximum(ahead - left, 0.0)
         aim = spot.position[:, :2] + beyond[:, None] * spot.tangent[:, :2]
-        way = self.way[cars]
+        way = self.legs.way[cars]
         course = measured.heading_rad[cars] + np.where(way < 0, np.pi, 0.0)
         bend = pursuit.curvature_towards(aim, measured.position[cars, :2], course)
         return np.column_stack([speed, pursuit.steering(bend, way, self.car)])
@@ -133,7 +167,7 @@ class Driving:
     def _predict(
         self, cars: Ints, left: Floats, measured: Measured, controller: Predictive
     ) -> Floats:
-        routes, s, way = self.group.routes, self.group.s[cars], self.way[cars]
+        routes, s, way = self.group.routes, self.group.s[cars], self.legs.way[cars]
         steps, dt, accel = self.horizon.steps, self.horizon.step_s, routes.pace.accel_mps2
         # Where the car will be after each step, going as fast as the end of the leg allows.
         at, speed = np.zeros((len(cars), steps + 1)), np.empty((len(cars), steps))
@@ -148,7 +182,7 @@ class Driving:
         spots = routes.at(np.repeat(cars, steps + 1), (s[:, None] + at).ravel())
         allowed = spots.speed_mps.reshape(at.shape)[:, 1:]
         speed = np.minimum(speed, allowed)
-        speed[:, 0] = np.maximum(speed[:, 0], _CREEP_MPS)
+        speed[:, 0] = np.maximum(speed[:, 0], CREEP_MPS)
         bends = spots.curvature.reshape(at.shape)[:, :-1]
         here = spots.position.reshape(*at.shape, 3)[:, 0, :2]
         course = spots.course_rad.reshape(at.shape)[:, 0]
@@ -158,14 +192,5 @@ class Driving:
         turned = wrapped(measured.heading_rad[cars] - pointing)
         error = np.column_stack([np.zeros(len(cars)), across, turned])
         return controller.inputs(
-            cars, error, Course(speed, bends, _CREEP_MPS), way, self.inputs[cars]
+            cars, error, Course(speed, bends, CREEP_MPS), way, self.inputs[cars]
         )
-
-    def _watch(self, wanted: Bools, going: Bools, dt_s: float) -> None:
-        """Find out who stands at the end of a route that it has not come near enough to."""
-        group = self.group
-        there = group.automata.reached | ~np.isnan(group.automata.since_s)
-        stuck = wanted & ~going & ~there & (group.routes.size > 0)
-        self._waited = np.where(stuck, self._waited + dt_s, 0.0)
-        self.missed = self._waited >= _MISSED_S
-        self._waited[self.missed] = 0.0

@@ -43,7 +43,7 @@ class Hindrance(Enum):
     """Why a robot does not go where it is to go."""
 
     OUTSIDE = "that is outside of the world's bounds"
-    ABOVE_GROUND = "that is above the ground, which no car leaves"
+    ABOVE_GROUND = "that is above the ground, which it never leaves"
     ON_GROUND = "that is so near to the ground that no drone flies there"
     NO_WAY = "its planner finds no way there"
     NO_POINTS = "the path that it was given has no points"

@@ -51,7 +51,7 @@ _LEAVING_M = 0.5
 
 
 class SpacePlanner(Struct, frozen=True):
-    """Paths through space for what can move in every direction: trees in R³."""
+    """Paths for what can set out in every direction: trees in R³, or in the plane of the ground."""
 
     ground: Ground
     effort: Effort
@@ -69,28 +69,31 @@ class SpacePlanner(Struct, frozen=True):
         if free.path_free(direct, body.radius_m):
             return direct
         util.RNG.setSeed(seed % 2**31 + 1)
-        space = base.RealVectorStateSpace(3)
-        bounds = base.RealVectorBounds(3)
-        for axis in range(3):
+        axes = 2 if body.ON_GROUND else 3
+        space = base.RealVectorStateSpace(axes)
+        bounds = base.RealVectorBounds(axes)
+        for axis in range(axes):
             bounds.setLow(axis, world.low[axis])
             bounds.setHigh(axis, world.high[axis])
         space.setBounds(bounds)
         reach = body.radius_m + MARGIN_M
         enough = _leaving(free, start.position, reach)
 
+        height = (lambda _: start.position[2]) if body.ON_GROUND else (lambda state: state[2])
+
         def valid(state: Any) -> bool:
-            return enough(state[0], state[1], state[2])
+            return enough(state[0], state[1], height(state))
 
         query = _Query(space, valid, self.effort, self.optimal, range_m=2.0)
         begin, end = query.state(), query.state()
-        for axis in range(3):
+        for axis in range(axes):
             begin[axis], end[axis] = start.position[axis], goal[axis]
         path = query.solve(begin, [end])
         if path is None:
             return None
         geometric.PathSimplifier(query.information).reduceVertices(path, maxSteps=30)
         states = path.getStates()
-        return _pinned(np.array([(s[0], s[1], s[2]) for s in states]), start.position, goal)
+        return _pinned(np.array([(s[0], s[1], height(s)) for s in states]), start.position, goal)
 
 
 class CurvePlanner(Struct, frozen=True):
