@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never
 
 import numpy as np
 from msgspec import Struct, field
@@ -22,6 +22,7 @@ from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import Effort, Touched
 from koord.runtime.motion.world import World
 from koord.sim.disturbances import Delay, Disturbances, Fixes
+from koord.sim.vehicles.wheels import Hull, PhysicalWheels, Rolling
 
 if TYPE_CHECKING:
     from koord.sim.vehicles.contact import Floor
@@ -168,6 +169,21 @@ class Wheeled(Touching, Protocol):
     def advance(self, command: Floats, dt_s: float, steps: int) -> None:
         """Go on for some steps with commands, shape ``(n, 2)``."""
         ...
+
+
+def wheeled(setup: SquadSetup, told: Rolling, hull: Hull) -> Wheeled:
+    """Vehicles on wheels at the level of their device; ``told`` is how they move alone."""
+    match setup.model.level:
+        case Level.SIMPLE:
+            return told
+        case Level.FULL | Level.FAST:
+            from koord.sim.vehicles.contact import Colliding
+
+            return Colliding(told, hull, setup.engines.floor)
+        case Level.MUJOCO:
+            return PhysicalWheels(told, setup.engines.arena)
+        case _:
+            assert_never(setup.model.level)
 
 
 class Tracker(Protocol):

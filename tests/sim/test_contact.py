@@ -12,8 +12,9 @@ import shapely
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car
 from koord.runtime.motion.world import Box, Disc, Obstacle, Polygon, World
-from koord.sim.vehicles.cars import Bicycles, hull
+from koord.sim.vehicles.cars import Bicycles
 from koord.sim.vehicles.contact import Colliding, Floor
+from koord.sim.vehicles.wheels import Hull
 
 CAR = Car()
 WIDE = World((-20, -20, 0), (20, 20, 3))
@@ -21,7 +22,7 @@ TOWARDS = np.array([[0.8, 0.0]])
 
 
 def colliding(start: Floats, heading: Floats, floor: Floor) -> Colliding:
-    return Colliding(Bicycles(CAR, start, heading), hull(CAR), floor)
+    return Colliding(Bicycles(CAR, start, heading), Hull(CAR.mass_kg, *CAR.outline_m), floor)
 
 
 def outline(position: Floats, heading: float) -> shapely.Polygon:

@@ -16,7 +16,7 @@ from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, Worl
 from koord.sim.disturbances import Disturbances, Positioning, Wind
 from koord.sim.fleet import Fleet, Placed
 from koord.sim.squads import DeviceModel
-from koord.sim.vehicles.cars import Bicycles, PhysicalCars, car_described, track_m
+from koord.sim.vehicles.cars import Bicycles, track_m
 from koord.sim.vehicles.drones import PhysicalDrones, drone_described
 from koord.sim.vehicles.quadrotors import Quadrotors
 
@@ -24,6 +24,7 @@ mujoco = pytest.importorskip("mujoco")
 
 from koord.sim.vehicles import mjcf  # noqa: E402
 from koord.sim.vehicles.physics import Arena  # noqa: E402
+from koord.sim.vehicles.wheels import PhysicalWheels  # noqa: E402
 
 CAR, DRONE = Car(), Drone()
 WIDE = World((-20, -20, 0), (20, 20, 3))
@@ -32,8 +33,8 @@ HERE = np.zeros((1, 3))
 ENDS = ("front", "rear")
 
 
-def cars(at: list[Point], heading: list[float], world: World = WIDE) -> PhysicalCars:
-    return PhysicalCars(Bicycles(CAR, np.array(at), np.array(heading)), Arena(world))
+def cars(at: list[Point], heading: list[float], world: World = WIDE) -> PhysicalWheels:
+    return PhysicalWheels(Bicycles(CAR, np.array(at), np.array(heading)), Arena(world))
 
 
 def orders(step: int) -> Floats:
@@ -53,7 +54,7 @@ def flight(step: int) -> Reference:
 def test_the_model_is_made_of_what_devices_say() -> None:
     car, drone = replace(CAR, mass_kg=4.2, wheelbase_m=0.4), replace(DRONE, mass_kg=1.5)
     one, other = (
-        car_described("car0", car, (1.0, 2.0, 0.0), 0.5),
+        Bicycles(car, HERE, np.zeros(1)).described("car0", (1.0, 2.0, 0.0), 0.5),
         drone_described("drone0", drone, (0.0, 0.0, 1.0)),
     )
     text = mjcf.model(WIDE, [one, other])
@@ -190,7 +191,7 @@ def test_walls_keep_cars_in() -> None:
 def test_a_drone_can_land_on_a_car() -> None:
     """Vehicles of different kinds meet, too."""
     arena = Arena(WIDE)
-    car = PhysicalCars(Bicycles(CAR, np.array([[-CAR.middle_m, 0, 0]]), np.zeros(1)), arena)
+    car = PhysicalWheels(Bicycles(CAR, np.array([[-CAR.middle_m, 0, 0]]), np.zeros(1)), arena)
     drone = PhysicalDrones(DRONE, np.array([[0, 0, 0.5]]), arena)
     for k in range(120):
         car.advance(np.zeros((1, 2)), 0.01, 5)

@@ -9,16 +9,16 @@ much.
 from __future__ import annotations
 
 import math
-from typing import Protocol, assert_never
+from typing import assert_never
 
 import numpy as np
-from msgspec import Struct
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.field import GROUND_ROBOT_M
 from koord.runtime.motion.libraries import missing
 from koord.runtime.motion.planning import Hindrance, Touched
 from koord.runtime.motion.world import Box, Disc, Flat, Obstacle, Polygon, World
+from koord.sim.vehicles.wheels import Hull, Rolling
 
 try:
     import pymunk
@@ -40,26 +40,6 @@ _PAIRS = batch.ArbiterFields.BODY_A_ID | batch.ArbiterFields.BODY_B_ID
 _GRIP_MPS2 = 8.8
 
 _WALL_M = 0.05
-
-
-class Kinematics(Protocol):
-    """How vehicles on wheels move where nothing is in their way. Arrays have a row for each."""
-
-    position: Floats
-    heading: Floats
-    speed: Floats
-
-    def take(self, speed: Floats, turn: Floats) -> None:
-        """Go on from the speeds and the rates of turning that contact has left."""
-        ...
-
-    def actuate(self, command: Floats, dt_s: float) -> None:
-        """Speeds a step later, within the limits."""
-        ...
-
-    def turning(self) -> Floats:
-        """How fast they turn, rad/s."""
-        ...
 
 
 class Floor:
@@ -155,27 +135,10 @@ class Floor:
         self.space.add(*shapes)
 
 
-class Hull(Struct, frozen=True):
-    """The body of a vehicle in the plane: a rectangle, or a disc of that length."""
-
-    mass_kg: float
-    length_m: float
-    width_m: float
-    middle_m: float = 0.0  #: from the position forward to its middle
-    is_disc: bool = False
-
-    @property
-    def inertia_kgm2(self) -> float:
-        """About the vertical, of a body that is as dense everywhere."""
-        if self.is_disc:
-            return self.mass_kg * self.length_m**2 / 8
-        return self.mass_kg * (self.length_m**2 + self.width_m**2) / 12
-
-
 class Colliding:
     """Vehicles with bodies, of one device, on a floor that they may share with others."""
 
-    def __init__(self, model: Kinematics, hull: Hull, floor: Floor) -> None:
+    def __init__(self, model: Rolling, hull: Hull, floor: Floor) -> None:
         self.model, self._hull, self._floor = model, hull, floor
         self._command: Floats = np.zeros((len(model.heading), 2))
         self._inertia = hull.inertia_kgm2

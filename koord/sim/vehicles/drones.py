@@ -133,10 +133,8 @@ class PhysicalDrones(Quadrotors):
             yield drone_described(name, self.drone, (x, y, z + HEIGHT_M / 2))
 
     def settle(self, model: Any, data: Any) -> None:
-        from koord.sim.vehicles.physics import coordinates
-
         self._bodies = np.array([model.body(name).id for name in self.names])
-        self._qpos, self._qvel = coordinates(model, self.names)
+        self._qpos, self._qvel = mjcf.coordinates(model, self.names)
         self._rotors = np.array(
             [[model.actuator(f"{name} rotor {k}").id for k in range(4)] for name in self.names]
         )

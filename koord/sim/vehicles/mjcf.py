@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import assert_never
+from typing import Any, assert_never
 
+import numpy as np
 from msgspec import Struct
 
+from koord.runtime.motion.arrays import Ints
 from koord.runtime.motion.cascade import GRAVITY
 from koord.runtime.motion.world import Box, Disc, Flat, Obstacle, Point, Polygon, World
 
@@ -85,6 +87,13 @@ def model(world: World, vehicles: Iterable[Described]) -> str:
             "</mujoco>",
         ]
     )
+
+
+def coordinates(model: Any, names: Iterable[str]) -> tuple[Ints, Ints]:
+    """Where in a model of MuJoCo the coordinates and velocities of free bodies begin."""
+    bodies = [model.body(name) for name in names]
+    qpos = [model.joint(body.jntadr[0]).qposadr[0] for body in bodies]
+    return np.array(qpos), np.array([body.dofadr[0] for body in bodies])
 
 
 # --- what drives ----------------------------------------------------------------------------------

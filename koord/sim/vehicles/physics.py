@@ -12,9 +12,6 @@ import warnings
 from collections.abc import Iterable
 from typing import Any, Protocol
 
-import numpy as np
-
-from koord.runtime.motion.arrays import Ints
 from koord.runtime.motion.libraries import missing
 from koord.runtime.motion.planning import Hindrance, Touched
 from koord.runtime.motion.world import World
@@ -120,13 +117,6 @@ class Arena:
                 part.settle(model, data)
             self._made = model, data
         return self._made
-
-
-def coordinates(model: Any, names: Iterable[str]) -> tuple[Ints, Ints]:
-    """Where the coordinates and the velocities of bodies that move freely begin."""
-    bodies = [model.body(name) for name in names]
-    qpos = [model.joint(body.jntadr[0]).qposadr[0] for body in bodies]
-    return np.array(qpos), np.array([body.dofadr[0] for body in bodies])
 
 
 def _of_world(name: str) -> Touched | None:
