@@ -100,16 +100,22 @@ def coordinates(model: Any, names: Iterable[str]) -> tuple[Ints, Ints]:
 
 
 def chassis(
-    name: str, at: Point, heading_rad: float, mass_kg: float, box_m: tuple[float, float, float]
+    name: str,
+    at: Point,
+    heading_rad: float,
+    mass_kg: float,
+    outline_m: tuple[float, float, float],
+    is_disc: bool = False,
 ) -> Iterator[str]:
     """The beginning of a body on wheels: length, width, and from its frame to its middle."""
-    length, width, middle = box_m
+    length, width, middle = outline_m
     turn = numbers(math.cos(heading_rad / 2), 0, 0, math.sin(heading_rad / 2))
     half = (length / 2, width / 2, (_BODY_HIGH_M - _BODY_LOW_M) / 2)
     centre = (middle, 0, (_BODY_HIGH_M + _BODY_LOW_M) / 2)
     yield f'<body name="{name}" pos="{numbers(*at)}" quat="{turn}"><freejoint/>'
+    shape, size = ("cylinder", half[1:]) if is_disc else ("box", half)
     yield (
-        f'<geom type="box" size="{numbers(*half)}" pos="{numbers(*centre)}" '
+        f'<geom type="{shape}" size="{numbers(*size)}" pos="{numbers(*centre)}" '
         f'mass="{mass_kg!r}" friction="{BODY_GRIP}" {SOLID}/>'
     )
 
@@ -126,6 +132,15 @@ def wheel(name: str, x: float, y: float, steers: bool = False) -> Iterator[str]:
         f'mass="{WHEEL_KG}" friction="{_TYRE_GRIP}" {_WHEEL}/>'
     )
     yield "</body>"
+
+
+def ball(x: float, radius_m: float) -> str:
+    """A ball in the frame of its vehicle, on which that stands and which rolls any way."""
+    # As it has priority, its friction counts and not the floor's.
+    return (
+        f'<geom type="sphere" size="{radius_m!r}" pos="{numbers(x, 0, radius_m)}" mass="0.01" '
+        f'priority="1" friction="0.001" {_WHEEL}/>'
+    )
 
 
 def engine(name: str, on: str, mass_kg: float, accel_mps2: float) -> str:
