@@ -10,7 +10,16 @@ import pytest
 from msgspec.structs import replace
 
 from koord.runtime.motion.automaton import State, Visit
-from koord.runtime.motion.bodies import Body, Car, Drone, Ideal, Level, PlannerName, Steering
+from koord.runtime.motion.bodies import (
+    Body,
+    Car,
+    DifferentialDrive,
+    Drone,
+    Ideal,
+    Level,
+    PlannerName,
+    Steering,
+)
 from koord.runtime.motion.clearance import clearance_of
 from koord.runtime.motion.geometry import point_path
 from koord.runtime.motion.world import Point, World
@@ -23,6 +32,7 @@ from tests.runtime.motion.worlds import CLUTTERED
 CAR = DeviceModel(Car(), PlannerName.RRT_CAR)
 PURSUING = DeviceModel(Car(), PlannerName.RRT_CAR, steering=Steering.PURSUIT)
 DRONE = DeviceModel(Drone(), PlannerName.RRT_DRONE)
+ROVER = DeviceModel(DifferentialDrive(), PlannerName.RRT_DIFF)
 POINT = DeviceModel(Ideal(), PlannerName.STRAIGHT)
 ROUGH = Disturbances(Positioning(0.01, 0.01, 20.0), 0.1, Wind((0.5, 0, 0), 0.5))
 
@@ -32,8 +42,16 @@ MIXED = [
     Placed(PURSUING, (-2.5, 3.0, 0.0), -1.0),
     Placed(DRONE, (2.5, 3.0, 0.0)),
     Placed(POINT, (0.0, -3.0, 0.5)),
+    Placed(ROVER, (-3.0, 0.0, 0.0), 3.0),
 ]
-GOALS: list[Point] = [(2.3, -1.5, 0), (-2, -1.5, 1), (-0.5, -1.5, 0), (-2, 3, 1.5), (2, -3, 1)]
+GOALS: list[Point] = [
+    (2.3, -1.5, 0),
+    (-2, -1.5, 1),
+    (-0.5, -1.5, 0),
+    (-2, 3, 1.5),
+    (2, -3, 1),
+    (3, 0, 0),
+]
 
 
 def digest(robots: list[Placed], seed: int, seconds: float) -> str:
@@ -127,8 +145,8 @@ def test_equal_seeds_make_equal_runs() -> None:
 def test_levels_change_what_happens_and_not_what_is_reached() -> None:
     ends = []
     for level in Level:
-        kinds = (DeviceModel(Car(), CAR.planner, level), DeviceModel(Drone(), DRONE.planner, level))
-        robots = [Placed(kinds[0], (-2.5, -2.5, 0.0), 0.5), Placed(kinds[1], (2.5, -2.5, 0.0))]
+        one, other = (replace(model, level=level) for model in (CAR, DRONE))
+        robots = [Placed(one, (-2.5, -2.5, 0.0), 0.5), Placed(other, (2.5, -2.5, 0.0))]
         fleet = Fleet(CLUTTERED, robots, 1)
         for k in (0, 1):
             fleet.go_to(k, GOALS[k])
@@ -139,12 +157,12 @@ def test_levels_change_what_happens_and_not_what_is_reached() -> None:
     assert not np.array_equal(ends[0], ends[1])
 
 
-@pytest.mark.parametrize("kind", [CAR, DRONE, POINT])
+@pytest.mark.parametrize("kind", [CAR, ROVER, DRONE, POINT])
 def test_reached_comes_after_the_dwell_time_by_the_clock(kind: DeviceModel) -> None:
     visit = Visit(0.2, 0.75)
     timed = DeviceModel(kind.body, PlannerName.STRAIGHT, visit=visit)
     fleet = Fleet(World(), [Placed(timed, (0, 0, 0))])
-    end = (1.5, 0.0, 0.0) if isinstance(kind.body, Car) else (1.5, 0.0, 1.0)
+    end = (1.5, 0.0, 0.0) if kind.body.ON_GROUND else (1.5, 0.0, 1.0)
     fleet.follow(0, [(0, 0, 0), end])
     since, reached = [], []
 

@@ -23,6 +23,8 @@ class PlannerName(Enum):
     RRT_STAR_CAR = "RRT_STAR_CAR"
     RRT_DRONE = "RRT_DRONE"
     RRT_STAR_DRONE = "RRT_STAR_DRONE"
+    RRT_DIFF = "RRT_DIFF"
+    RRT_STAR_DIFF = "RRT_STAR_DIFF"
 
     @property
     def optimal(self) -> bool:
@@ -162,6 +164,44 @@ class Car(Struct, frozen=True):
         return replace(self, cruise_mps=speed_mps, speed_mps=fastest)
 
 
+class DifferentialDrive(Struct, frozen=True):
+    """A round robot on two driven wheels side by side, of the size of a Kobuki (TurtleBot 2).
+
+    Its position is the middle of its axle, about which it turns on the spot.
+    """
+
+    LOOK: ClassVar[Look] = Look("rover")
+    ON_GROUND: ClassVar[bool] = True
+    IS_EXACT: ClassVar[bool] = False
+
+    radius_m: float = 0.176
+    track_m: float = 0.23  #: from the middle of a wheel to that of the other
+    mass_kg: float = 2.35
+    wheel_mps: float = 0.7  #: the fastest a wheel can go, either way
+    wheel_accel_mps2: float = 1.5
+    cruise_mps: float = 0.4
+    cruise_accel_mps2: float = 0.6
+    cruise_turn_radps: float = 1.9  #: at which it turns at most: its gyroscope's limit
+    above_ground_m: ClassVar[float] = 0.0
+    turning_m: ClassVar[float] = 0.0
+
+    @property
+    def inner_radius_m(self) -> float:
+        return self.radius_m
+
+    @property
+    def outline_m(self) -> tuple[float, float, float]:
+        return 2 * self.radius_m, 2 * self.radius_m, 0.0
+
+    @property
+    def pace(self) -> Pace:
+        return Pace(self.cruise_mps, self.cruise_accel_mps2, 0.5, math.radians(20))
+
+    def cruising(self, speed_mps: float) -> DifferentialDrive:
+        fastest = max(self.wheel_mps, 1.5 * speed_mps)
+        return replace(self, cruise_mps=speed_mps, wheel_mps=fastest)
+
+
 class Drone(Struct, frozen=True):
     """A quadrotor with a footprint of 40 × 40 cm (paper, VI-A)."""
 
@@ -249,6 +289,11 @@ VEHICLES: dict[str, VehicleType] = {
         Drone(),
         (PlannerName.RRT_DRONE, PlannerName.RRT_STAR_DRONE, PlannerName.STRAIGHT),
         "koord.sim.vehicles.drones",
+    ),
+    "DIFF": VehicleType(
+        DifferentialDrive(),
+        (PlannerName.RRT_DIFF, PlannerName.RRT_STAR_DIFF, PlannerName.STRAIGHT),
+        "koord.sim.vehicles.differential",
     ),
     "IDEAL": VehicleType(
         Ideal(),

@@ -58,8 +58,20 @@ function drawDisc(context, robot, unit, colour) {
   arrow(context, r * 0.6, r * 1.15, r * 0.34);
 }
 
+function drawRover(context, robot, unit, colour) {
+  const r = robot.radius * unit;
+  context.fillStyle = theme("--ink");
+  for (const side of [-1, 1]) context.fillRect(-r * 0.3, side * r * 0.8 - r * 0.14, r * 0.6, r * 0.28);
+  context.fillStyle = colour;
+  context.beginPath();
+  context.arc(0, 0, r * 0.8, 0, 7);
+  context.fill();
+  context.fillStyle = theme("--panel"); // a nose that points forwards
+  arrow(context, r * 0.15, r * 0.65, r * 0.3);
+}
+
 /** By the names of `Look`: how a robot is drawn, and whether its roll and pitch are recorded. */
-const GLYPHS = { car: { draw: drawCar }, drone: { draw: drawDrone, tilts: true } };
+const GLYPHS = { car: { draw: drawCar }, drone: { draw: drawDrone, tilts: true }, rover: { draw: drawRover } };
 
 function arrow(context, from, to, half) {
   context.beginPath();
