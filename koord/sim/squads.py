@@ -22,7 +22,7 @@ from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import Effort, Touched
 from koord.runtime.motion.world import World
 from koord.sim.disturbances import Delay, Disturbances, Fixes
-from koord.sim.vehicles.wheels import Hull, PhysicalWheels, Rolling
+from koord.sim.vehicles.wheels import Hull, Rolling
 
 if TYPE_CHECKING:
     from koord.sim.vehicles.contact import Floor
@@ -181,6 +181,8 @@ def wheeled(setup: SquadSetup, told: Rolling, hull: Hull) -> Wheeled:
 
             return Colliding(told, hull, setup.engines.floor)
         case Level.MUJOCO:
+            from koord.sim.vehicles.physics import PhysicalWheels
+
             return PhysicalWheels(told, setup.engines.arena)
         case _:
             assert_never(setup.model.level)

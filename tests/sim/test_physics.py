@@ -22,9 +22,7 @@ from koord.sim.vehicles.quadrotors import Quadrotors
 
 mujoco = pytest.importorskip("mujoco")
 
-from koord.sim.vehicles import mjcf  # noqa: E402
-from koord.sim.vehicles.physics import Arena  # noqa: E402
-from koord.sim.vehicles.wheels import PhysicalWheels  # noqa: E402
+from koord.sim.vehicles.physics import Arena, PhysicalWheels, model_of  # noqa: E402
 
 CAR, DRONE = Car(), Drone()
 WIDE = World((-20, -20, 0), (20, 20, 3))
@@ -57,7 +55,7 @@ def test_the_model_is_made_of_what_devices_say() -> None:
         Bicycles(car, HERE, np.zeros(1)).described("car0", (1.0, 2.0, 0.0), 0.5),
         drone_described("drone0", drone, (0.0, 0.0, 1.0)),
     )
-    text = mjcf.model(WIDE, [one, other])
+    text = model_of(WIDE, [one, other])
     model = mujoco.MjModel.from_xml_string(text)
     assert model.body("car0").subtreemass[0] == pytest.approx(4.2)
     front, rear = (model.body(model.joint(f"car0 {end} left").bodyid[0]) for end in ENDS)

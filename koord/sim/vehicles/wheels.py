@@ -1,10 +1,9 @@
-"""What vehicles on wheels have in common: kinematics, hulls, and joints for MuJoCo."""
+"""What vehicles on wheels have in common: how they move with nothing in their way, and hulls."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from msgspec import Struct
@@ -14,9 +13,6 @@ from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.planning import Touched
 from koord.runtime.motion.world import Point
 from koord.sim.vehicles import mjcf
-
-if TYPE_CHECKING:
-    from koord.sim.vehicles.physics import Arena
 
 
 class Rolling(ABC):
@@ -85,53 +81,3 @@ class Hull(Struct, frozen=True):
         if self.is_disc:
             return self.mass_kg * self.length_m**2 / 8
         return self.mass_kg * (self.length_m**2 + self.width_m**2) / 12
-
-
-class PhysicalWheels:
-    """Vehicles of one device whose wheels MuJoCo turns. Arrays have a row for each."""
-
-    flies = False
-
-    def __init__(self, told: Rolling, arena: Arena) -> None:
-        """``told`` stand where the vehicles do, and are told what they are."""
-        self.position: Floats = told.position.copy()
-        self.heading: Floats = told.heading.copy()
-        self.speed: Floats = np.zeros(len(told.heading))
-        # What motors are told changes as fast as it does where nothing is in the way.
-        self._told, self._arena = told, arena
-        self._command: Floats = np.zeros((len(told.heading), 2))
-        self.names = arena.join(self, told.NAME, len(told.heading))
-
-    def advance(self, command: Floats, dt_s: float, steps: int) -> None:
-        """Go on for some steps with commands, shape ``(n, 2)``."""
-        self._command = command
-        self._arena.advance(self, dt_s, steps)
-
-    def touched(self, number: int) -> tuple[Touched, ...]:
-        """What one of them touches."""
-        return self._arena.touched(self.names[number])
-
-    def described(self) -> Iterator[mjcf.Described]:
-        for name, at, heading_rad in zip(self.names, self.position, self.heading, strict=True):
-            yield self._told.described(name, at.tolist(), float(heading_rad))
-
-    def settle(self, model: Any, data: Any) -> None:
-        self._qpos, self._qvel = mjcf.coordinates(model, self.names)
-        self._motors = np.array(
-            [
-                [model.actuator(f"{name} {one}").id for one in self._told.MOTORS]
-                for name in self.names
-            ]
-        )
-
-    def act(self, data: Any, dt_s: float) -> None:
-        self._told.actuate(self._command, dt_s)
-        data.ctrl[self._motors] = self._told.controls()
-
-    def look(self, data: Any) -> None:
-        q = data.qpos[self._qpos[:, None] + np.arange(7)]
-        v = data.qvel[self._qvel[:, None] + np.arange(2)]
-        w, x, y, z = q[:, 3:].T
-        self.heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        self.position = q[:, :3].copy()
-        self.speed = np.cos(self.heading) * v[:, 0] + np.sin(self.heading) * v[:, 1]
