@@ -37,7 +37,7 @@ def interpreted(name: str, numbers_name: str, policy_name: str, rounds: int) -> 
     from koord.sampling.monitors import Watch
     from koord.sampling.policies import AtRandom, First, Play
     from koord.sampling.running import new_run
-    from koord.semantics.execution import execute
+    from koord.semantics.recordings import execute
     from koord.syntax.load import load
     from koord.syntax.source import Source
     from koord.syntax.system import dealt

@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from koord.api.programs import Program
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import execute
+from koord.semantics.recordings import execute
 from koord.syntax.system import System
 from koord.traces.fairness import Excuses, excuses
 from koord.verify.fairness_suggestions import Lassoed, Text, excluding

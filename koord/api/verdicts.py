@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from koord.refinement.compiled_replay import Rerun
     from koord.semantics.configurations import Configuration
     from koord.semantics.domain import Constant
-    from koord.semantics.execution import Step
+    from koord.semantics.recordings import Step
     from koord.syntax.analysis.premises import Premise
     from koord.verify.instants import Shadowed
     from koord.verify.proof_core import Resting
@@ -171,7 +171,7 @@ class Verdict(Result, frozen=True):
 
     def steps(self, run: Counterexample) -> Iterator[Step]:
         """A counterexample step by step, run by the reference semantics once more."""
-        from koord.semantics.execution import execute
+        from koord.semantics.recordings import execute
 
         return execute(Numbers.EXACT.domain, self.system, run.recording)
 

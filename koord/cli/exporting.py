@@ -22,7 +22,7 @@ from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import Reading, load_programs
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import visible
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax.budget import OutOfPatienceError, Patience
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import NOWHERE

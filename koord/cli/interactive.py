@@ -11,7 +11,7 @@ from koord.cli.tables import Shown, Table
 from koord.sampling.monitors import Watch
 from koord.sampling.policies import First, take
 from koord.sampling.running import Moment, Move, Run
-from koord.semantics.execution import Step
+from koord.semantics.recordings import Step
 from koord.semantics.rounds import IllegalStepError
 from koord.traces.trace import Violation
 

@@ -24,7 +24,7 @@ from koord.cli.tables import Rounds, Table, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.refinement.compiled_replay import Departure, rerun
 from koord.sampling.policies import Taken
-from koord.semantics.execution import Step
+from koord.semantics.recordings import Step
 from koord.syntax.diagnostics import KoordError
 from koord.traces.names import Names
 from koord.traces.replay import Refused, Replayed, replay

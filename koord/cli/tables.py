@@ -18,8 +18,7 @@ from msgspec import Struct, field
 from koord.cli.terminal import Paint, Style, visible
 from koord.semantics.configurations import Configuration, Written
 from koord.semantics.domain import Constant
-from koord.semantics.execution import Step
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording, Step
 from koord.semantics.storage import Storage
 from koord.syntax.system import System
 from koord.traces.changes import Change, changes

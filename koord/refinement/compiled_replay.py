@@ -39,7 +39,7 @@ from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.configurations import FaultKind as FaultName
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Round
+from koord.semantics.recordings import Round
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import FLOAT
 from koord.syntax.walk import nodes

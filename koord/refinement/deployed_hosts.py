@@ -17,7 +17,7 @@ from koord.sampling.sampled_inputs import Question, SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import DOUBLES
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete
 from koord.syntax import core
 from koord.syntax.core import ExternalKind, Home
 from koord.syntax.system import System

@@ -26,7 +26,7 @@ from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.configurations import Written
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Phase
-from koord.semantics.recording import Answer, Reading, Start
+from koord.semantics.recordings import Answer, Reading, Start
 from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError
 from koord.syntax.system import System

@@ -11,9 +11,16 @@ from koord.refinement.running import Ran
 from koord.refinement.summaries import with_summaries
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import DOUBLES, Constant
-from koord.semantics.execution import RecordedInputs, Step, execute
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recording import Answer, Concrete, Recording, Round
+from koord.semantics.recordings import (
+    Answer,
+    Concrete,
+    RecordedInputs,
+    Recording,
+    Round,
+    Step,
+    execute,
+)
 from koord.semantics.rounds import (
     IllegalStepError,
     evolved,

@@ -19,7 +19,7 @@ from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Proposal
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.semantics.oracle import Phase
-from koord.semantics.recording import Concrete, Round
+from koord.semantics.recordings import Concrete, Round
 from koord.semantics.storage import contents
 from koord.semantics.values import Rec
 from koord.syntax import core

@@ -17,11 +17,11 @@ from msgspec.structs import replace
 from koord.semantics.configurations import Configuration, Store
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.domain import DOUBLES, Constant
-from koord.semantics.execution import RecordedInputs
-from koord.semantics.recording import Answer, Opening, Reading, Round
+from koord.semantics.environment import environment_turn
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import Answer, Opening, Reading, RecordedInputs, Round
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import Cell, Storage, Tree
-from koord.semantics.turns import environment_turn, holds_in
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core
 from koord.traces.lassos import flaw_of

@@ -20,7 +20,7 @@ from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.configurations import Configuration, Fault, FaultKind
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Opening, Recording, Round
+from koord.semantics.recordings import Opening, Recording, Round
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import NOWHERE, Span

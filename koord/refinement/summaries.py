@@ -21,11 +21,18 @@ from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import DOUBLES, Constant
-from koord.semantics.execution import RecordedInputs
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recording import Answer, Concrete, Opening, Reading, Recording, Round
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import (
+    Answer,
+    Concrete,
+    Opening,
+    Reading,
+    RecordedInputs,
+    Recording,
+    Round,
+)
 from koord.semantics.rounds import IllegalStepError, evolved, initialised, run_event, run_skip
-from koord.semantics.turns import holds_in
 from koord.syntax import core
 from koord.syntax.core import Direction
 from koord.syntax.system import System

@@ -31,9 +31,17 @@ from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.proposals import Fault as Found
 from koord.semantics.configurations import Configuration, Fault, FaultKind, Robot, Store, Written
 from koord.semantics.domain import DOUBLES, Constant
-from koord.semantics.execution import Step, execute
 from koord.semantics.oracle import Key, Phase
-from koord.semantics.recording import Answer, Opening, Reading, Recording, Round, Start
+from koord.semantics.recordings import (
+    Answer,
+    Opening,
+    Reading,
+    Recording,
+    Round,
+    Start,
+    Step,
+    execute,
+)
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.values import default
 from koord.syntax import core

@@ -23,7 +23,7 @@ from koord.runtime.shapes import Shape, from_plain
 from koord.semantics.configurations import Configuration, Fault, FaultKind
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Phase
-from koord.semantics.recording import Answer, Concrete, Opening, Reading, Recording, Round, Start
+from koord.semantics.recordings import Answer, Concrete, Opening, Reading, Recording, Round, Start
 from koord.syntax import core
 from koord.syntax.core import Direction, Home
 from koord.syntax.source import NOWHERE

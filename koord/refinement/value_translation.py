@@ -11,7 +11,7 @@ from koord.runtime.robot import Robot as Running
 from koord.runtime.robot import Written as Output
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store, Written
 from koord.semantics.domain import DOUBLES, Constant
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete
 from koord.semantics.storage import Cell, Storage, Tree, unset
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core

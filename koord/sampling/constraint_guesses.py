@@ -16,7 +16,7 @@ from koord.semantics.domain import Constant
 from koord.semantics.expressions import evaluate, statement
 from koord.semantics.machine import Machine
 from koord.semantics.quantifiers import instances
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete
 from koord.semantics.storage import held
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core

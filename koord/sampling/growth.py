@@ -6,7 +6,7 @@ from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax.diagnostics import refusal

@@ -13,6 +13,7 @@ from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.stand_ins import driven
 from koord.semantics.configurations import Configuration, Robot
 from koord.semantics.domain import Constant, Domain
+from koord.semantics.environment import environment_turn
 from koord.semantics.expressions import statement
 from koord.semantics.machine import Legality, Machine
 from koord.semantics.oracle import Phase
@@ -20,7 +21,6 @@ from koord.semantics.quantifiers import instances
 from koord.semantics.rounds import Stepped, initialised
 from koord.semantics.statements import machine
 from koord.semantics.storage import contents, held, stored
-from koord.semantics.turns import environment_turn
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, Home, QuantifierKind
 from koord.syntax.diagnostics import KoordError, refusal

@@ -12,12 +12,12 @@ from msgspec import Struct, field
 from koord.sampling.property_parts import Part, Place, changed, parts_of
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant, Domain
-from koord.semantics.execution import Step
 from koord.semantics.expressions import statement
 from koord.semantics.oracle import Inputs, Phase
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import Step
 from koord.semantics.statements import machine
 from koord.semantics.storage import held
-from koord.semantics.turns import holds_in
 from koord.syntax import core
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System

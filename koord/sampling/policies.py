@@ -10,8 +10,7 @@ from msgspec import Struct
 
 from koord.sampling.monitors import Watch
 from koord.sampling.running import Move, Run
-from koord.semantics.execution import Step
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording, Step
 from koord.semantics.rounds import IllegalStepError
 from koord.traces.trace import Violation
 

@@ -13,7 +13,7 @@ from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Key, Phase
-from koord.semantics.recording import Answer, Concrete, Reading, Recording, Start
+from koord.semantics.recordings import Answer, Concrete, Reading, Recording, Start
 from koord.semantics.storage import contents
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core

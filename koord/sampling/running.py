@@ -1,7 +1,7 @@
 """Runs in the making: step by step by the rules, with a policy to choose and a sampler to answer.
 
 The rules themselves stand in :mod:`rounds`; what is chosen and answered here becomes a recording,
-and :func:`koord.semantics.recording.execute` makes the same run of it again.
+and :func:`koord.semantics.recordings.execute` makes the same run of it again.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.configurations import Configuration, Turn
 from koord.semantics.domain import Constant, Domain
-from koord.semantics.execution import Step
 from koord.semantics.oracle import Phase
-from koord.semantics.recording import Answer, Opening, Recording, Round
+from koord.semantics.recordings import Answer, Opening, Recording, Round, Step
 from koord.semantics.rounds import (
     IllegalStepError,
     enabled,

@@ -14,7 +14,7 @@ from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.expressions import evaluate
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recording import Answer, Concrete, Reading, Start
+from koord.semantics.recordings import Answer, Concrete, Reading, Start
 from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.semantics.values import Rec, Seq, Table, map_scalars

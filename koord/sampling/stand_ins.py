@@ -12,7 +12,7 @@ from koord.sampling.library import Point, along, as_value, point, points, toward
 from koord.sampling.values import Sampler
 from koord.semantics.configurations import Robot
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete
 from koord.semantics.storage import contents
 from koord.semantics.values import Rec, Seq
 from koord.syntax import core

@@ -14,7 +14,7 @@ from random import Random
 from typing import ClassVar, assert_never
 
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete
 from koord.semantics.storage import Cell, Storage, Tree, contents
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax.system import System

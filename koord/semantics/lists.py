@@ -6,8 +6,8 @@ from typing import TypeVar, assert_never
 
 from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import disjunction
+from koord.semantics.every_number import Crowd
 from koord.semantics.machine import Machine
-from koord.semantics.parameterised import Crowd
 from koord.semantics.values import (
     Family,
     Seq,

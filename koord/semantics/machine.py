@@ -19,9 +19,9 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Fault, FaultKind, Written
 from koord.semantics.domain import Domain
-from koord.semantics.masks import Mask
+from koord.semantics.every_number import Crowd
+from koord.semantics.locations import Mask
 from koord.semantics.oracle import Oracle
-from koord.semantics.parameterised import Crowd
 from koord.semantics.storage import Storage, merge_storage, set_only_if
 from koord.semantics.values import Value
 from koord.syntax import core

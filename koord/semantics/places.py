@@ -7,20 +7,9 @@ from typing import TypeVar, assert_never
 
 from koord.semantics.configurations import FaultKind, Robot
 from koord.semantics.domain import disjunction
+from koord.semantics.locations import AtField, AtIndex, AtKey, Location, descend, part_of
 from koord.semantics.machine import Machine
-from koord.semantics.storage import (
-    AtField,
-    AtIndex,
-    AtKey,
-    Cell,
-    Location,
-    Storage,
-    Tree,
-    contents,
-    descend,
-    merge_storage,
-    part_of,
-)
+from koord.semantics.storage import Cell, Storage, Tree, contents, merge_storage
 from koord.semantics.values import (
     Value,
     default,

@@ -7,8 +7,8 @@ from typing import TypeAlias, TypeVar
 
 from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import disjunction
+from koord.semantics.every_number import Crowd, NotFiniteError
 from koord.semantics.machine import Machine
-from koord.semantics.parameterised import Crowd, NotFiniteError
 from koord.semantics.storage import (
     held,
 )

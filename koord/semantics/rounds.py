@@ -23,15 +23,14 @@ from koord.semantics.configurations import (
     Written,
 )
 from koord.semantics.domain import Domain
+from koord.semantics.environment import Evolved, environment_turn
 from koord.semantics.machine import Legality
 from koord.semantics.oracle import Inputs
 from koord.semantics.storage import Storage, unset
 from koord.semantics.turns import (
-    Evolved,
     Turned,
     committed,
     declared,
-    environment_turn,
     guard_of,
     initial_turn,
     program_turn,

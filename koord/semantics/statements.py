@@ -9,27 +9,12 @@ from typing import TypeVar, assert_never
 from koord.semantics.configurations import Configuration, FaultKind, Store, Written
 from koord.semantics.domain import Domain, NumberTooLongError
 from koord.semantics.expressions import condition, evaluate, variables_in
+from koord.semantics.locations import AtIndex, AtKey, Location, descend, marked, part_of, write
 from koord.semantics.machine import Machine, Memory
-from koord.semantics.masks import marked
 from koord.semantics.oracle import Oracle
 from koord.semantics.places import located
 from koord.semantics.quantifiers import integers, listable
-from koord.semantics.room import in_room
-from koord.semantics.storage import (
-    AtIndex,
-    AtKey,
-    Cell,
-    Location,
-    Many,
-    Storage,
-    Tree,
-    descend,
-    held,
-    part_of,
-    stored,
-    unset,
-    write,
-)
+from koord.semantics.storage import Cell, Many, Storage, Tree, held, in_room, stored, unset
 from koord.semantics.values import (
     Family,
     Rec,

@@ -7,12 +7,13 @@ trees of atoms.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Generic, TypeAlias, TypeVar
 
 from msgspec import Struct
 
 from koord.semantics.domain import Domain, conjunction
-from koord.semantics.parameterised import Crowd, NotFiniteError, Size
+from koord.semantics.every_number import Crowd, NotFiniteError, Size
 from koord.semantics.values import (
     UNLISTED,
     Family,
@@ -23,20 +24,24 @@ from koord.semantics.values import (
     default,
     equal,
     family_of,
-    in_range,
-    insert,
     listed,
-    lookup,
     merge,
-    merge_known,
-    pick,
     record,
     sequence,
-    table,
 )
 from koord.syntax.core import BinaryOp
 from koord.syntax.source import NOWHERE
-from koord.syntax.types import BOOL, INT, ArrayType, RecordType, Robots, Type
+from koord.syntax.types import (
+    BOOL,
+    ArrayType,
+    MapType,
+    RecordType,
+    Robots,
+    SequenceType,
+    Type,
+    how_many,
+    within,
+)
 
 V = TypeVar("V")
 
@@ -67,24 +72,6 @@ def many_of(crowd: Crowd[V], at: Callable[[V], Storage[V]]) -> Many[V]:
 
 
 Storage: TypeAlias = "Cell[V] | Tree[V]"
-
-
-# --- steps with their index or key evaluated ----------------------------------------------------
-
-
-class AtIndex(Struct, Generic[V], frozen=True):
-    index: V
-
-
-class AtKey(Struct, Generic[V], frozen=True):
-    key: Value[V]
-
-
-class AtField(Struct, frozen=True):
-    position: int
-
-
-Location: TypeAlias = "AtIndex[V] | AtKey[V] | AtField"
 
 
 # --- making -------------------------------------------------------------------------------------
@@ -162,178 +149,6 @@ def _family_contents(d: Domain[V], many: Many[V], type_: Type) -> tuple[Value[V]
     return value, all_set
 
 
-def descend(
-    d: Domain[V], storage: Storage[V], location: Location[V]
-) -> tuple[Storage[V] | None, V]:
-    """The storage one step below a tree, and whether the step is legal. None: nothing is there."""
-    assert isinstance(storage, Tree)
-    if isinstance(location, AtField):
-        return storage.parts[location.position], d.const(True, BOOL)
-    assert isinstance(location, AtIndex)
-    if isinstance(storage, Many):
-        return storage.at(location.index), in_range(d, location.index, storage.crowd.count)
-    legal = in_range(d, location.index, d.const(len(storage.parts), INT))
-    return _pick_storage(d, location.index, storage.parts), legal
-
-
-def _pick_storage(d: Domain[V], index: V, parts: Sequence[Storage[V]]) -> Storage[V] | None:
-    known = d.known(index)
-    if known is not None:
-        assert isinstance(known, int)
-        if 0 <= known < len(parts):
-            return parts[known]
-        return parts[0] if parts else None
-    if not parts:
-        return None
-    chosen = parts[-1]
-    for position in range(len(parts) - 2, -1, -1):
-        here = d.binary(BinaryOp.EQ, index, d.const(position, INT))
-        chosen = merge_storage(d, here, parts[position], chosen)
-    return chosen
-
-
-def part_of(d: Domain[V], value: Value[V], location: Location[V]) -> tuple[Value[V] | None, V]:
-    """The part of a value one step below it, and whether the step is legal."""
-    if isinstance(location, AtField):
-        return record(value).fields[location.position], d.const(True, BOOL)
-    if isinstance(location, AtIndex):
-        items = sequence(value)
-        legal = in_range(d, location.index, items.length)
-        if isinstance(items, Family):
-            return items.at(location.index), legal
-        return pick(d, location.index, items.items), legal
-    found, there = lookup(d, table(value), location.key)
-    return there, found
-
-
-# --- writing ------------------------------------------------------------------------------------
-
-
-def write(
-    d: Domain[V],
-    storage: Storage[V],
-    locations: Sequence[Location[V]],
-    fresh: Storage[V],
-) -> tuple[Storage[V], V]:
-    """The storage with ``fresh`` at a place below it, and whether the place exists. [LOCATION]
-
-    ``fresh`` is the storage of the written part where that part is a tree or an atom, and a set
-    cell with the part's new value where the part lies inside an atom.
-    """
-    if not locations:
-        return fresh, d.const(True, BOOL)
-    first, rest = locations[0], locations[1:]
-    if isinstance(storage, Cell):
-        assert isinstance(fresh, Cell)
-        value, legal = _write_inside(d, storage.value, locations, fresh.value)
-        # A key may be put into a map only once the map itself is set, as with a list's element.
-        return Cell(storage.is_set, value), conjunction(d, [storage.is_set, legal])
-    if isinstance(first, AtField):
-        part, legal = write(d, storage.parts[first.position], rest, fresh)
-        return Tree(_replaced(storage.parts, first.position, part)), legal
-    assert isinstance(first, AtIndex)
-    return _write_element(d, storage, first.index, rest, fresh)
-
-
-def _write_element(
-    d: Domain[V], storage: Tree[V], index: V, rest: Sequence[Location[V]], fresh: Storage[V]
-) -> tuple[Storage[V], V]:
-    if isinstance(storage, Many):
-        return _write_robots(d, storage, index, rest, fresh)
-    legal = in_range(d, index, d.const(len(storage.parts), INT))
-    known = d.known(index)
-    if known is not None:
-        assert isinstance(known, int)
-        if not 0 <= known < len(storage.parts):
-            return storage, legal
-        part, below = write(d, storage.parts[known], rest, fresh)
-        return Tree(_replaced(storage.parts, known, part)), below
-    parts = []
-    for position, part in enumerate(storage.parts):
-        here = d.binary(BinaryOp.EQ, index, d.const(position, INT))
-        changed, below = write(d, part, rest, fresh)
-        parts.append(merge_storage(d, here, changed, part))
-        legal = conjunction(d, [legal, d.binary(BinaryOp.IMPLIES, here, below)])
-    return Tree(tuple(parts)), legal
-
-
-def _write_robots(
-    d: Domain[V], many: Many[V], index: V, rest: Sequence[Location[V]], fresh: Storage[V]
-) -> tuple[Storage[V], V]:
-    """The same where the elements are those of a crowd."""
-    part, below = write(d, many.at(index), rest, fresh)
-
-    def at(i: V) -> Storage[V]:
-        here = d.binary(BinaryOp.EQ, i, index)
-        return merge_storage_known(d, here, part, many.at(i))
-
-    legal = in_range(d, index, many.crowd.count)
-    return many_of(many.crowd, remembering(at)), conjunction(d, [legal, below])
-
-
-def _write_inside(
-    d: Domain[V], value: Value[V], locations: Sequence[Location[V]], fresh: Value[V]
-) -> tuple[Value[V], V]:
-    """The same inside the value of an atom."""
-    if not locations:
-        return fresh, d.const(True, BOOL)
-    first, rest = locations[0], locations[1:]
-    if isinstance(first, AtField):
-        fields = record(value).fields
-        part, legal = _write_inside(d, fields[first.position], rest, fresh)
-        return Rec(_replaced(fields, first.position, part)), legal
-    if isinstance(first, AtKey):
-        return _write_key(d, table(value), first.key, rest, fresh)
-    items = sequence(value)
-    legal = in_range(d, first.index, items.length)
-    if isinstance(items, Family):
-        return _write_family(d, items, first.index, rest, fresh)
-    known = d.known(first.index)
-    if known is not None and known not in range(len(items.items)):
-        return value, legal
-    changed = []
-    for position, item in enumerate(items.items):
-        here = d.binary(BinaryOp.EQ, first.index, d.const(position, INT))
-        if d.known(here) is False:
-            changed.append(item)
-            continue
-        part, below = _write_inside(d, item, rest, fresh)
-        changed.append(merge_known(d, here, part, item))
-        legal = conjunction(d, [legal, d.binary(BinaryOp.IMPLIES, here, below)])
-    return Seq(items.length, tuple(changed)), legal
-
-
-def _write_family(
-    d: Domain[V], family: Family[V], index: V, rest: Sequence[Location[V]], fresh: Value[V]
-) -> tuple[Value[V], V]:
-    part, below = _write_inside(d, family.at(index), rest, fresh)
-
-    def at(i: V) -> Value[V]:
-        return merge_known(d, d.binary(BinaryOp.EQ, i, index), part, family.at(i))
-
-    legal = in_range(d, index, family.length)
-    return family_of(family.crowd, at), conjunction(d, [legal, below])
-
-
-def _write_key(
-    d: Domain[V], entries: Table[V], key: Value[V], rest: Sequence[Location[V]], fresh: Value[V]
-) -> tuple[Value[V], V]:
-    if not rest:
-        return insert(d, entries, key, fresh), d.const(True, BOOL)
-    found, there = lookup(d, entries, key)
-    if there is None:
-        return entries, d.const(False, BOOL)
-    part, below = _write_inside(d, there, rest, fresh)
-    return insert(d, entries, key, part), conjunction(d, [found, below])
-
-
-T = TypeVar("T")
-
-
-def _replaced(parts: tuple[T, ...], position: int, part: T) -> tuple[T, ...]:
-    return (*parts[:position], part, *parts[position + 1 :])
-
-
 def remembering(at: Callable[[V], Storage[V]]) -> Callable[[V], Storage[V]]:
     """The same, but what was asked last is not worked out again.
 
@@ -401,3 +216,44 @@ def same_storage(d: Domain[V], left: Storage[V], right: Storage[V]) -> V:
     assert isinstance(right, Tree)
     pairs = zip(left.parts, right.parts, strict=True)
     return conjunction(d, [same_storage(d, a, b) for a, b in pairs])
+
+
+# --- room ---------------------------------------------------------------------------------------
+
+
+def in_room(storage: Storage[V], type_: Type) -> Storage[V]:
+    """The same storage, its maps with room for no more entries than there are keys. [E-MAP]
+
+    Where nobody knows whether a map has a key, a write at it makes room for one entry more, and a
+    loop over the map takes a turn for each. Keys are distinct, so of a type with few values only
+    the first few entries count. Of values that are known nothing is left out.
+    """
+    if not _has_few_keys(type_) or isinstance(storage, Many):
+        return storage
+    if isinstance(storage, Cell):
+        return Cell(storage.is_set, _value_in_room(storage.value, type_))
+    if isinstance(type_, RecordType):
+        pairs = zip(storage.parts, type_.fields, strict=True)
+        return Tree(tuple(in_room(part, field) for part, (_, field) in pairs))
+    assert isinstance(type_, ArrayType)
+    return Tree(tuple(in_room(part, type_.element) for part in storage.parts))
+
+
+def _value_in_room(value: Value[V], type_: Type) -> Value[V]:
+    match type_:
+        case RecordType(fields=fields) if isinstance(value, Rec):
+            pairs = zip(value.fields, fields, strict=True)
+            return Rec(tuple(_value_in_room(part, field) for part, (_, field) in pairs))
+        case SequenceType(element=element) if type(value) is Seq:
+            return Seq(value.length, tuple(_value_in_room(item, element) for item in value.items))
+        case MapType(key=key, value=held) if isinstance(value, Table):
+            entries = value.entries[: how_many(key)]
+            return Table(value.length, tuple((k, _value_in_room(v, held)) for k, v in entries))
+        case _:
+            return value
+
+
+@cache
+def _has_few_keys(type_: Type) -> bool:
+    """Whether there is a map in a type of whose keys are few values."""
+    return any(isinstance(t, MapType) and how_many(t.key) is not None for t in within(type_))

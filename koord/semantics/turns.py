@@ -1,4 +1,4 @@
-"""One robot's turns: initial, program, environment. Point-wise in the robot, over any domain."""
+"""One robot's turns, the initial one and those of the program, over any domain."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import (
     NO_EVENT,
-    Configuration,
     Fault,
     Robot,
     Store,
@@ -18,16 +17,16 @@ from koord.semantics.configurations import (
     Written,
 )
 from koord.semantics.domain import Domain, conjunction
-from koord.semantics.expressions import condition, evaluate, statement
+from koord.semantics.expressions import condition, evaluate
+from koord.semantics.locations import Mask, joined
 from koord.semantics.machine import Legality, Machine
-from koord.semantics.masks import Mask, joined
 from koord.semantics.oracle import Inputs, Phase
 from koord.semantics.statements import assign, machine, run
 from koord.semantics.storage import Storage, stored, unset
 from koord.syntax import core
-from koord.syntax.core import BinaryOp, Direction, Start
+from koord.syntax.core import BinaryOp, Start
 from koord.syntax.system import Status, System
-from koord.syntax.types import BOOL, INT, ArrayType, Robots, Type
+from koord.syntax.types import INT, ArrayType, Robots, Type
 
 V = TypeVar("V")
 
@@ -239,104 +238,3 @@ def _joined_all(
     return tuple(
         joined(d, before, source[slot], masks.get(slot)) for slot, before in enumerate(target)
     )
-
-
-# --- the environment's turn ---------------------------------------------------------------------
-
-
-class Evolved(Struct, Generic[V], frozen=True):
-    """A robot's ports after the environment's turn.
-
-    ``promises`` are contracts of modules that have a model: they are to be proved, not assumed.
-    """
-
-    ports: tuple[Storage[V], ...]
-    faults: tuple[tuple[V, Fault], ...]
-    legality: tuple[Legality[V], ...]
-    promises: tuple[tuple[V, core.Contract], ...]
-
-
-def environment_turn(
-    d: Domain[V], system: System, robot: int, state: Robot[V], inputs: Inputs[V]
-) -> Evolved[V]:
-    """A robot's ports from one round to the next. [ENV-TRANS]"""
-    agent = system.agent(robot)
-    m = machine(
-        d,
-        system,
-        inputs.oracle(Phase.ENV, robot),
-        robot=robot,
-        ports=state.ports,
-        after=state.ports,
-    )
-    m.in_environment = True
-    for module in agent.modules:
-        if module.environment is not None:
-            # [ENV-MODEL]: reads are of the ports before, writes are of those after.
-            m.memory.bound = [None] * module.environment_bound
-            run(m, module.environment)
-        else:
-            _sense(m, agent, module, inputs, robot)
-    promises = []
-    for module in agent.modules:
-        for contract in module.contracts:
-            kept = _kept(m, contract)
-            if module.environment is not None:
-                promises.append((kept, contract))
-            else:
-                m.require("ENV-CONTRACT", kept, f"contract {contract.name}", contract.span)
-    return Evolved(tuple(m.memory.after), tuple(m.faults), tuple(m.legality), tuple(promises))
-
-
-def _sense(
-    m: Machine[V], agent: core.Agent, module: core.Module, inputs: Inputs[V], robot: int
-) -> None:
-    """Sensors without a model read anything. [ENV-FREE]"""
-    for position in module.ports:
-        port = agent.ports[position]
-        if port.direction is Direction.SENSOR:
-            variable = port.declaration.variable
-            value = inputs.sensor(robot, port)
-            m.memory.after[variable.slot] = stored(m.d, variable.type, value, m.system.size)
-
-
-def _kept(m: Machine[V], contract: core.Contract) -> V:
-    """Whether ``requires`` before the turn implies ``ensures`` after it. [ENV-CONTRACT]
-
-    A statement that faults counts as false (decision record 0006).
-    """
-    m.memory.bound = [None] * contract.bound
-    required = conjunction(m.d, [statement(m, e) for e in contract.requires])
-    ensured = conjunction(m.d, [statement(m, e) for e in contract.ensures])
-    return m.d.binary(BinaryOp.IMPLIES, required, ensured)
-
-
-def holds_in(
-    d: Domain[V],
-    system: System,
-    configuration: Configuration[V],
-    e: core.Expr,
-    bound: int,
-    inputs: Inputs[V],
-) -> tuple[V, tuple[Legality[V], ...]]:
-    """Whether a closed statement holds in a configuration. [PROP-INVARIANT]
-
-    The second component is what recorded answers of external functions in it must satisfy.
-    """
-    m = machine(d, system, inputs.oracle(Phase.CHECK, 0), bound=bound, view=configuration)
-    return statement(m, e), tuple(m.legality)
-
-
-__all__ = [
-    "BOOL",
-    "Evolved",
-    "Turned",
-    "committed",
-    "declared",
-    "environment_turn",
-    "guard_of",
-    "holds_in",
-    "initial_turn",
-    "program_turn",
-    "skip_turn",
-]

@@ -14,7 +14,7 @@ from typing import Any, Generic, NoReturn, TypeAlias, TypeVar
 from msgspec import Struct
 
 from koord.semantics.domain import Constant, Domain, conjunction, disjunction
-from koord.semantics.parameterised import Crowd, NotFiniteError, Size
+from koord.semantics.every_number import Crowd, NotFiniteError, Size
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import (
@@ -35,6 +35,7 @@ from koord.syntax.types import (
 )
 
 V = TypeVar("V")
+T = TypeVar("T")
 
 
 #: Lists and maps whose length a domain does not know have room for so many elements at most.
@@ -270,7 +271,9 @@ def in_range(d: Domain[V], index: V, length: V) -> V:
     return conjunction(d, [low, d.binary(BinaryOp.LT, index, length)])
 
 
-def pick(d: Domain[V], index: V, items: Sequence[Value[V]]) -> Value[V] | None:
+def pick(
+    d: Domain[V], index: V, items: Sequence[T], merged: Callable[[Domain[V], V, T, T], T]
+) -> T | None:
     """The item at an index; any item where the index is out of range; None if there is none."""
     if not items:
         return None
@@ -281,7 +284,7 @@ def pick(d: Domain[V], index: V, items: Sequence[Value[V]]) -> Value[V] | None:
     chosen = items[-1]
     for position in range(len(items) - 2, -1, -1):
         here = d.binary(BinaryOp.EQ, index, d.const(position, INT))
-        chosen = merge(d, here, items[position], chosen)
+        chosen = merged(d, here, items[position], chosen)
     return chosen
 
 

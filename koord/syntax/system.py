@@ -34,7 +34,7 @@ class System(ByContent, frozen=True):
     program: core.Program
     kinds: tuple[int, ...]
     delta_s: Fraction = core.USUAL_DELTA_S
-    crowd: Any = None  #: a ``Crowd`` of ``semantics/parameterised.py``, or no
+    crowd: Any = None  #: a ``Crowd`` of ``semantics/every_number.py``, or no
     patience: Patience = field(default_factory=lambda: ENDLESS)
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from enum import Enum
+from math import prod
 
 from msgspec import Struct
 
@@ -171,6 +172,21 @@ def atoms(type_: Type) -> Iterator[Type]:
             yield from atoms(part)
     else:
         yield type_
+
+
+def how_many(type_: Type) -> int | None:
+    """How many values a type has, where these can be counted."""
+    match type_:
+        case BoolType():
+            return 2
+        case EnumType(members=members):
+            return len(members)
+        case RecordType(fields=fields):
+            counts = [how_many(field) for _, field in fields]
+            known = [count for count in counts if count is not None]
+            return prod(known) if len(known) == len(counts) else None
+        case _:
+            return None
 
 
 def is_flat(type_: Type) -> bool:

@@ -16,7 +16,7 @@ from koord.semantics.configurations import (
     Written,
 )
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Answer, Concrete, Opening, Reading, Recording, Round, Start
+from koord.semantics.recordings import Answer, Concrete, Opening, Reading, Recording, Round, Start
 from koord.semantics.storage import Storage
 from koord.syntax.core import Home
 from koord.syntax.source import Span

@@ -16,7 +16,7 @@ from koord.semantics.domain import EXACT, Constant
 from koord.semantics.expressions import evaluate, statement
 from koord.semantics.machine import Machine
 from koord.semantics.oracle import Key, NoOracle, Oracle, Phase
-from koord.semantics.recording import Answer, Concrete, Reading, Start
+from koord.semantics.recordings import Answer, Concrete, Reading, Start
 from koord.semantics.statements import machine
 from koord.semantics.storage import Cell, Storage
 from koord.semantics.values import Rec, Seq, Table

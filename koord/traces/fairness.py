@@ -16,7 +16,7 @@ from msgspec import Struct
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.liveness import expected, locks_of
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax.system import System
 from koord.traces.lassos import Lasso, able_in, holds_at, ran
 

@@ -18,8 +18,7 @@ from typing import Any
 
 from koord.semantics.configurations import NO_EVENT, Configuration
 from koord.semantics.domain import Constant
-from koord.semantics.execution import Step, execute
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete, Step, execute
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import Cell, Storage
 from koord.semantics.values import Rec, Seq, Table

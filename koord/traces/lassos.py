@@ -16,9 +16,10 @@ from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store
 from koord.semantics.domain import EXACT, Constant, Domain
 from koord.semantics.liveness import LIVENESS, Response, expected, locks_of, responses
 from koord.semantics.oracle import NoInputs
-from koord.semantics.recording import Recording, Round
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import Recording, Round
 from koord.semantics.storage import Storage
-from koord.semantics.turns import guard_of, holds_in
+from koord.semantics.turns import guard_of
 from koord.syntax import core
 from koord.syntax.analysis.auxiliary import Var, auxiliary
 from koord.syntax.core import Home

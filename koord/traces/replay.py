@@ -10,15 +10,23 @@ from msgspec import Struct
 
 from koord.semantics.configurations import Configuration, Written
 from koord.semantics.domain import Constant, Domain
-from koord.semantics.execution import RecordedInputs, RecordedOracle, Step, execute
 from koord.semantics.liveness import LIVENESS
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.races import overlap, rewritten
-from koord.semantics.recording import Answer, Concrete, Round
+from koord.semantics.properties import holds_in, overlap
+from koord.semantics.recordings import (
+    Answer,
+    Concrete,
+    RecordedInputs,
+    RecordedOracle,
+    Round,
+    Step,
+    execute,
+)
 from koord.semantics.rounds import IllegalStepError
-from koord.semantics.turns import holds_in, program_turn
+from koord.semantics.turns import program_turn
 from koord.semantics.values import identical
 from koord.syntax import core
+from koord.syntax.analysis.lost_updates import rewritten
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
 from koord.syntax.walk import nodes

@@ -16,8 +16,7 @@ from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration, Written
 from koord.semantics.domain import DOUBLES, EXACT, Constant, Domain
-from koord.semantics.execution import Step, execute
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording, Step, execute
 from koord.syntax import core
 from koord.syntax.problem import Problem
 from koord.syntax.source import Source

@@ -17,7 +17,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete
 from koord.semantics.values import Rec, Seq
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, ListOp, QuantifierKind, UnaryOp

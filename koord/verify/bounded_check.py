@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from msgspec import Struct, field
 
 from koord.semantics.domain import disjunction
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax.budget import OutOfPatienceError
 from koord.syntax.core import UnaryOp
 from koord.syntax.diagnostics import KoordError

@@ -12,9 +12,9 @@ from koord.semantics.domain import Domain, conjunction, disjunction
 from koord.semantics.liveness import LIVENESS
 from koord.semantics.machine import Legality
 from koord.semantics.oracle import Inputs
-from koord.semantics.races import rewritten
-from koord.semantics.turns import holds_in
+from koord.semantics.properties import holds_in
 from koord.syntax import core
+from koord.syntax.analysis.lost_updates import rewritten
 from koord.syntax.core import Home, PropertyKind, UnaryOp
 from koord.syntax.system import System
 from koord.syntax.walk import nodes

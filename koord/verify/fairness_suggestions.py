@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax import ast, core
 from koord.syntax.elaboration import Settings
 from koord.syntax.load import load

@@ -15,11 +15,11 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.semantics.domain import disjunction
+from koord.semantics.environment import environment_turn
+from koord.semantics.every_number import NotFiniteError
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.parameterised import NotFiniteError
-from koord.semantics.recording import Answer, Recording
+from koord.semantics.recordings import Answer, Recording
 from koord.semantics.storage import same_storage
-from koord.semantics.turns import environment_turn
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Direction, Home, UnaryOp
 from koord.syntax.source import NOWHERE, Span

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import execute
 from koord.semantics.oracle import Phase as Asked
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording, execute
 from koord.semantics.rounds import IllegalStepError
 from koord.syntax.system import System
 from koord.traces.lassos import broken_by, flaw_of

@@ -14,8 +14,8 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.semantics.domain import NumberTooLongError
-from koord.semantics.parameterised import NotFiniteError
-from koord.semantics.recording import Recording
+from koord.semantics.every_number import NotFiniteError
+from koord.semantics.recordings import Recording
 from koord.syntax.budget import OutOfPatienceError
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System

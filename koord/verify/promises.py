@@ -17,7 +17,7 @@ from koord.sampling.values import values_within
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.expressions import statement
 from koord.semantics.oracle import Key
-from koord.semantics.recording import Answer, Concrete
+from koord.semantics.recordings import Answer, Concrete
 from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.semantics.values import default

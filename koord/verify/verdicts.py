@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.verify.claims import Claim, Phase

@@ -9,18 +9,29 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.execution import RecordedInputs, Step, execute, until
 from koord.semantics.expressions import condition, statement
 from koord.semantics.oracle import Phase as Asked
+from koord.semantics.properties import overlap
 from koord.semantics.quantifiers import instances
-from koord.semantics.races import overlap, updates
-from koord.semantics.recording import Answer, Opening, Reading, Recording, Round, Start
+from koord.semantics.recordings import (
+    Answer,
+    Opening,
+    Reading,
+    RecordedInputs,
+    Recording,
+    Round,
+    Start,
+    Step,
+    execute,
+    until,
+)
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.semantics.turns import program_turn
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core
+from koord.syntax.analysis.lost_updates import updates
 from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.system import System

@@ -14,10 +14,11 @@ from msgspec import Struct
 
 from koord.semantics.configurations import Configuration, Fault, Robot, Store, Written
 from koord.semantics.domain import Constant
+from koord.semantics.environment import Evolved
 from koord.semantics.machine import Legality
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete
 from koord.semantics.storage import Storage, Tree
-from koord.semantics.turns import Evolved, Turned
+from koord.semantics.turns import Turned
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax.system import System
 from koord.syntax.types import (

@@ -16,7 +16,7 @@ import z3
 from koord.semantics.configurations import Configuration, Robot, Store
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recording import Answer, Concrete, Reading, Start
+from koord.semantics.recordings import Answer, Concrete, Reading, Start
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.values import Rec, Seq, Table, Value, default
 from koord.syntax import core

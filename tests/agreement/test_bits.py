@@ -15,9 +15,11 @@ from typing import Any, cast
 import pytest
 
 from koord.semantics.domain import EXACT, Constant
+from koord.semantics.environment import environment_turn
+from koord.semantics.every_number import NotFiniteError
 from koord.semantics.oracle import Inputs
-from koord.semantics.parameterised import NotFiniteError
-from koord.semantics.turns import committed, environment_turn, holds_in, program_turn
+from koord.semantics.properties import holds_in
+from koord.semantics.turns import committed, program_turn
 from koord.syntax import core
 from koord.syntax.types import (
     BOOL,

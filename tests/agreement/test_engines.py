@@ -20,7 +20,7 @@ from koord.refinement.compiled_replay import rerun
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
 from koord.refinement.running import ready
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System
 from koord.traces.codec import decode, encode
 from koord.traces.replay import replay

@@ -17,7 +17,7 @@ from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
 from koord.refinement.generating.properties import property_
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import execute
+from koord.semantics.recordings import execute
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind
 from koord.syntax.system import System

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Turn
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.execution import RecordedInputs
+from koord.semantics.recordings import RecordedInputs
 from koord.semantics.rounds import run_event, run_skip
 from koord.semantics.turns import Turned, committed, program_turn, skip_turn
 from koord.syntax.system import Status

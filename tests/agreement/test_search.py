@@ -14,8 +14,8 @@ import pytest
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
 from koord.refinement.generating.programs import system
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import RecordedInputs, execute
-from koord.semantics.turns import holds_in
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import RecordedInputs, execute
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.system import System
 from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds, Subject, Survey, Violated

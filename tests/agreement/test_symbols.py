@@ -12,17 +12,12 @@ from random import Random
 import pytest
 
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import RecordedInputs
+from koord.semantics.environment import environment_turn
+from koord.semantics.every_number import NotFiniteError
 from koord.semantics.oracle import Inputs
-from koord.semantics.parameterised import NotFiniteError
-from koord.semantics.turns import (
-    committed,
-    declared,
-    environment_turn,
-    holds_in,
-    initial_turn,
-    program_turn,
-)
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import RecordedInputs
+from koord.semantics.turns import committed, declared, initial_turn, program_turn
 from koord.syntax import core
 from koord.syntax.types import BOOL
 from koord.verify.encoding.terms import Term, Terms

@@ -9,20 +9,18 @@ import pytest
 
 from koord.refinement.generating.palette import Path, Way, end, palette, paths
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.masks import joined, marked, written
-from koord.semantics.storage import (
+from koord.semantics.locations import (
     AtField,
     AtIndex,
     AtKey,
-    Cell,
     Location,
-    Storage,
-    Tree,
-    contents,
+    joined,
+    marked,
     part_of,
-    stored,
     write,
+    written,
 )
+from koord.semantics.storage import Cell, Storage, Tree, contents, stored
 from koord.semantics.values import Table, Value, equal, insert, lookup, put_at, without
 from koord.syntax.types import BOOL, INT, MapType, Type
 from koord.verify.encoding.terms import Term, Terms

@@ -11,8 +11,7 @@ from koord.refinement.generating.profiles import GENERAL, WILD
 from koord.refinement.generating.programs import system
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant, Domain
-from koord.semantics.execution import RecordedInputs
-from koord.semantics.recording import Round
+from koord.semantics.recordings import RecordedInputs, Round
 from koord.semantics.rounds import Stepped, evolved, run_event, run_skip
 from koord.syntax.system import System
 from tests.generators.configurations import configuration

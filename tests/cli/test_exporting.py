@@ -11,7 +11,7 @@ import pytest
 from koord.cli import exporting
 from koord.cli.exits import Exit
 from koord.cli.main import main
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax.source import NOWHERE
 from koord.verify.export import problems as verify_exporting
 

@@ -26,7 +26,7 @@ from koord.runtime.configuration import reading
 from koord.runtime.configuration.checking import load as configured
 from koord.sampling.growth import MOST_LISTED, _check_all, _Scale
 from koord.semantics.domain import EXACT, LONGEST_NUMBER_BITS, Constant, NumberTooLongError
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.semantics.storage import Cell
 from koord.semantics.values import MOST_ROOM, Seq, put_at
 from koord.syntax.analysis.limits import DEEPEST_TYPE, MOST_PARTS

@@ -11,7 +11,8 @@ from typing import TypeAlias, TypeVar
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recording import Answer, Opening, Reading, Recording, Round, Start
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import Answer, Opening, Reading, Recording, Round, Start
 from koord.semantics.rounds import (
     IllegalStepError,
     Stepped,
@@ -21,7 +22,6 @@ from koord.semantics.rounds import (
     run_event,
     run_skip,
 )
-from koord.semantics.turns import holds_in
 from koord.semantics.values import Value
 from koord.syntax import core
 from koord.syntax.core import ExternalKind, Home

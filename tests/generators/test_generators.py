@@ -17,7 +17,7 @@ from koord.refinement.generating.profiles import FINITE, GENERAL, Profile
 from koord.refinement.generating.programs import system
 from koord.semantics.configurations import Turn
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import execute
+from koord.semantics.recordings import execute
 from koord.syntax import core, types
 from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT

@@ -159,14 +159,14 @@ SEMANTICS = (
     ),
     Mutant(
         "what a contract ensures is not assumed",
-        "semantics.turns.environment_turn",
+        "semantics.environment.environment_turn",
         'm.require("ENV-CONTRACT", kept, f"contract {contract.name}", contract.span)',
         'm.require("ENV-CONTRACT", m.truth(True), f"contract {contract.name}", contract.span)',
         (BMC,),
     ),
     Mutant(
         "a contract is assumed whether or not its requires holds",
-        "semantics.turns._kept",
+        "semantics.environment._kept",
         "m.d.binary(BinaryOp.IMPLIES, required, ensured)",
         "ensured if required is not None else required",
         (BMC,),
@@ -229,7 +229,7 @@ SEMANTICS = (
     ),
     Mutant(
         "writes of parts do not reach the store",
-        "semantics.masks.joined",
+        "semantics.locations.joined",
         (
             "if mask.parts:\n"
             "    triples = zip(target.parts, source.parts, mask.parts, strict=True)\n"
@@ -248,14 +248,14 @@ SEMANTICS = (
     ),
     Mutant(
         "lost updates ignore the keys of a map",
-        "semantics.races.overlap",
+        "semantics.properties.overlap",
         "[condition, other, equal(d, key, their_key)]",
         "[condition, other]",
         (BMC,),
     ),
     Mutant(
         "lost updates ignore elements and fields",
-        "semantics.races.overlap",
+        "semantics.properties.overlap",
         "[overlap(d, a, b) for a, b in zip(mine.parts, theirs.parts, strict=False)]",
         "[written(d, a) for a in mine.parts]",
         (BMC,),

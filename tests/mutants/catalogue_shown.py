@@ -55,21 +55,21 @@ SHOWN = (
     ),
     Mutant(
         "an argument that is no number is another one each time",
-        "semantics.execution.RecordedOracle.external",
+        "semantics.recordings.RecordedOracle.external",
         "not all(map(identical, answer.arguments, arguments))",
         "answer.arguments != arguments",
         (REPLAY,),
     ),
     Mutant(
         "an answer that is no number is another one each time",
-        "semantics.execution._consistent",
+        "semantics.recordings._consistent",
         "not identical(known.setdefault(question, answer.value), answer.value)",
         "known.setdefault(question, answer.value) != answer.value",
         (REPLAY,),
     ),
     Mutant(
         "a part of an entry is written without the rest",
-        "semantics.races.updates",
+        "syntax.analysis.lost_updates.updates",
         "place.is_below_key or place.variable in _origins(givers, _read(value))",
         "place.variable in _origins(givers, _read(value))",
         (CLAIMS, "tests/verify/test_lost_entries.py"),
@@ -83,7 +83,7 @@ SHOWN = (
     ),
     Mutant(
         "what is popped into a part of an entry updates nothing",
-        "semantics.races.updates",
+        "syntax.analysis.lost_updates.updates",
         "into.variable.home is Home.ALLWRITE",
         "into.variable.home is Home.LOCAL",
         (CLAIMS,),

@@ -9,7 +9,7 @@ import pytest
 
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of
 from koord.verify.engines.explicit.findings import Claim, Exhausted, Subject
 from koord.verify.engines.explicit.finiteness import NotFinite

@@ -13,7 +13,7 @@ from koord.cli.tables import Shown, Table
 from koord.cli.terminal import PLAIN
 from koord.refinement.cases import Case, Tried, all_generated, generated, tried
 from koord.semantics.domain import DOUBLES, Constant
-from koord.semantics.execution import execute
+from koord.semantics.recordings import execute
 from koord.semantics.storage import Cell, Storage
 from koord.syntax import core
 from koord.syntax.walk import nodes

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from koord.refinement.judging import judge, judge_robots
 from koord.refinement.running import Ran
 from koord.semantics.oracle import Phase
-from koord.semantics.recording import Answer
+from koord.semantics.recordings import Answer
 from koord.syntax import core
 from koord.syntax.walk import nodes
 from koord.traces.trace import Trace

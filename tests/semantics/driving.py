@@ -10,7 +10,7 @@ from koord.sampling.policies import Play, Policy
 from koord.sampling.running import Move, Run, new_run
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
-from koord.semantics.execution import Step
+from koord.semantics.recordings import Step
 from koord.syntax import core
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt

@@ -18,7 +18,8 @@ from msgspec.structs import replace
 from koord.semantics.configurations import NO_EVENT, Configuration, Turn
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recording import Concrete
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import Concrete
 from koord.semantics.rounds import (
     IllegalStepError,
     Stepped,
@@ -28,7 +29,6 @@ from koord.semantics.rounds import (
     run_skip,
 )
 from koord.semantics.storage import Cell, Storage, Tree, unset
-from koord.semantics.turns import holds_in
 from koord.semantics.values import Rec
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind

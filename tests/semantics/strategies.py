@@ -7,7 +7,7 @@ from fractions import Fraction
 from hypothesis import strategies as st
 
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.values import Rec, Seq, Table, default
 from koord.syntax.types import (

@@ -10,9 +10,8 @@ import pytest
 from msgspec.structs import replace
 
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import execute
 from koord.semantics.liveness import responses
-from koord.semantics.recording import Opening, Recording, Round
+from koord.semantics.recordings import Opening, Recording, Round, execute
 from koord.syntax import core
 from koord.syntax.source import Source
 from koord.syntax.system import System

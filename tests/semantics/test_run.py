@@ -15,8 +15,7 @@ from koord.sampling.monitors import Watch
 from koord.sampling.policies import AtRandom
 from koord.semantics.configurations import NO_EVENT, Configuration, FaultKind
 from koord.semantics.domain import Constant
-from koord.semantics.execution import execute
-from koord.semantics.recording import Recording, Round
+from koord.semantics.recordings import Recording, Round, execute
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import Cell
 from koord.syntax import core

@@ -29,7 +29,7 @@ from koord.sampling.running import Move
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.oracle import Phase
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete
 from koord.semantics.values import Seq
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError

@@ -14,9 +14,8 @@ from koord.sampling.monitors import Watch
 from koord.sampling.policies import AtRandom
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
-from koord.semantics.execution import execute
-from koord.semantics.recording import Recording
-from koord.semantics.turns import holds_in
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import Recording, execute
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source

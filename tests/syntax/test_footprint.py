@@ -10,7 +10,7 @@ from koord.refinement.generating.profiles import FINITE, GENERAL
 from koord.refinement.generating.programs import system
 from koord.semantics.configurations import Robot
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.execution import execute
+from koord.semantics.recordings import execute
 from koord.semantics.storage import Cell, Storage
 from koord.semantics.values import Seq
 from koord.syntax import core

@@ -10,11 +10,11 @@ import pytest
 from koord.refinement.generating.programs import system as generated
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.execution import execute
 from koord.semantics.liveness import expected
 from koord.semantics.oracle import NoInputs
-from koord.semantics.recording import Recording
-from koord.semantics.turns import guard_of, holds_in
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import Recording, execute
+from koord.semantics.turns import guard_of
 from koord.syntax.system import Status, System
 from koord.traces.fairness import Excuses, Standing, excuses, told
 from koord.verify.engines.explicit.fair_search import lively

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from koord.sampling.policies import AtRandom, First
 from koord.semantics.configurations import FaultKind
-from koord.semantics.recording import Concrete
+from koord.semantics.recordings import Concrete
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError

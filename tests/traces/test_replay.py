@@ -15,7 +15,7 @@ from koord.sampling.policies import AtRandom, First
 from koord.semantics.configurations import Configuration, FaultKind
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Phase
-from koord.semantics.recording import Answer, Opening, Recording, Round
+from koord.semantics.recordings import Answer, Opening, Recording, Round
 from koord.semantics.storage import Cell
 from koord.syntax import core
 from koord.syntax.system import System, dealt

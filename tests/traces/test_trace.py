@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from koord.sampling.policies import AtRandom, First
 from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import Constant
-from koord.semantics.execution import execute
-from koord.semantics.recording import Concrete, Recording, Round
+from koord.semantics.recordings import Concrete, Recording, Round, execute
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.values import Rec, Seq, Table, identical
 from koord.syntax import core

@@ -9,8 +9,7 @@ from functools import partial
 
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.execution import execute
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording, execute
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source

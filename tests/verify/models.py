@@ -8,7 +8,7 @@ from itertools import permutations
 
 from koord.semantics.configurations import Configuration, Robot, Store, Turn
 from koord.semantics.domain import EXACT, Constant, conjunction
-from koord.semantics.execution import RecordedInputs
+from koord.semantics.recordings import RecordedInputs
 from koord.semantics.rounds import IllegalStepError, initialised, run_event, run_skip
 from koord.semantics.storage import Cell, Storage, Tree, same_storage, unset
 from koord.semantics.values import Rec, Seq, Table, Value

@@ -16,12 +16,14 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration, Turn
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.masks import Mask
+from koord.semantics.environment import environment_turn
+from koord.semantics.locations import Mask
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recording import Concrete
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import Concrete
 from koord.semantics.rounds import IllegalStepError, initialised, run_event, run_skip
 from koord.semantics.storage import Storage
-from koord.semantics.turns import environment_turn, holds_in, program_turn
+from koord.semantics.turns import program_turn
 from koord.semantics.values import Rec, Seq
 from koord.syntax import core
 from koord.syntax.core import Home, PropertyKind

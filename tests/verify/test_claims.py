@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from koord.recheck.updates import updated as updated_again
-from koord.semantics.races import rewritten
 from koord.syntax import core
+from koord.syntax.analysis.lost_updates import rewritten
 from koord.syntax.elaboration.settings import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source

@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import execute
+from koord.semantics.recordings import execute
 from koord.syntax.elaboration import Settings
 from koord.syntax.load import load
 from koord.syntax.source import Source

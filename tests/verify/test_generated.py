@@ -15,7 +15,7 @@ import pytest
 
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System
 from koord.verify.claims import ClaimKind, claims_of
 from koord.verify.engines.explicit.findings import Claim as Searched

@@ -14,10 +14,9 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.execution import RecordedInputs, execute
-from koord.semantics.recording import Recording
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import RecordedInputs, Recording, execute
 from koord.semantics.rounds import evolved
-from koord.semantics.turns import holds_in
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax.load import load
 from koord.syntax.source import NOWHERE, Source
 from koord.syntax.system import System, dealt

@@ -10,8 +10,8 @@ from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
-from koord.semantics.parameterised import NotFiniteError
-from koord.semantics.recording import Recording
+from koord.semantics.every_number import NotFiniteError
+from koord.semantics.recordings import Recording
 from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
 from koord.verify.claims import Claim, Phase, claims_of

@@ -8,8 +8,7 @@ from fractions import Fraction
 import pytest
 
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import execute
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording, execute
 from koord.syntax import core
 from koord.syntax.system import dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ListType

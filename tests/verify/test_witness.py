@@ -6,9 +6,8 @@ import pytest
 from msgspec.structs import replace
 
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import execute
 from koord.semantics.oracle import Phase as Asked
-from koord.semantics.recording import Opening, Recording, Round
+from koord.semantics.recordings import Opening, Recording, Round, execute
 from koord.syntax import core
 from koord.syntax.source import Span
 from koord.syntax.system import System, dealt

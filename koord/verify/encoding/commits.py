@@ -7,10 +7,9 @@ from typing import TypeAlias
 
 from koord.semantics.configurations import Store
 from koord.semantics.domain import conjunction
-from koord.semantics.masks import joined, restricted
-from koord.semantics.races import overlap
-from koord.semantics.room import in_room
-from koord.semantics.storage import Storage, merge_storage
+from koord.semantics.locations import joined, restricted
+from koord.semantics.properties import overlap
+from koord.semantics.storage import Storage, in_room, merge_storage
 from koord.syntax import core
 from koord.syntax.core import BinaryOp
 from koord.syntax.system import System

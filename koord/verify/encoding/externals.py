@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.semantics.values import Rec, Seq, Table, Value
 from koord.syntax import core
 from koord.syntax.types import (

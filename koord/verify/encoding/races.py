@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
 from koord.semantics.domain import conjunction, disjunction
-from koord.semantics.masks import Mask, joined
+from koord.semantics.locations import Mask, joined
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, UnaryOp

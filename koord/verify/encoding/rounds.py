@@ -14,9 +14,10 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Turn
 from koord.semantics.domain import conjunction, disjunction
-from koord.semantics.races import rewritten
-from koord.semantics.turns import declared, environment_turn, initial_turn, program_turn
+from koord.semantics.environment import environment_turn
+from koord.semantics.turns import declared, initial_turn, program_turn
 from koord.syntax.analysis.footprint import stops_show
+from koord.syntax.analysis.lost_updates import rewritten
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import Status, System
 from koord.syntax.types import BOOL, INT

@@ -26,7 +26,7 @@ from koord.verify.encoding.unknowns import LIST_CAPACITY, Symbolic, Unknowns
 
 
 class SymbolicAnswer(Struct, frozen=True):
-    """The term that stands for one answer; see :class:`koord.semantics.recording.Answer`."""
+    """The term that stands for one answer; see :class:`koord.semantics.recordings.Answer`."""
 
     phase: Phase
     robot: int

@@ -12,7 +12,6 @@ from msgspec import Struct
 from koord.semantics.domain import conjunction
 from koord.semantics.expressions import statement
 from koord.semantics.oracle import Key
-from koord.semantics.room import how_many
 from koord.semantics.statements import machine
 from koord.semantics.storage import Cell, Storage, Tree, held
 from koord.semantics.values import Rec, Seq, Table, Value, equal, listed
@@ -31,6 +30,7 @@ from koord.syntax.types import (
     Robots,
     ScalarType,
     Type,
+    how_many,
     is_flat,
     part_types,
 )

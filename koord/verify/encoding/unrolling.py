@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import count
 
-from koord.semantics.turns import holds_in
+from koord.semantics.properties import holds_in
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, broken

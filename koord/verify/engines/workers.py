@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax import core
 from koord.syntax.budget import OutOfPatienceError
 from koord.verify.bounded_check import AFTERWARDS_S, ByUnrolling

@@ -8,7 +8,7 @@ from contextlib import suppress
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System
 from koord.verify.claims import Claim, claims_of
 from koord.verify.engines.bits.circuit import circuit_of

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from koord.semantics.domain import EXACT, Constant
 from koord.semantics.expressions import statement
 from koord.semantics.oracle import NoOracle, Oracle
-from koord.semantics.recording import Answer, Opening, Reading, Recording, Round, Start
+from koord.semantics.recordings import Answer, Opening, Reading, Recording, Round, Start
 from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.semantics.values import Rec, Seq, Table, Value, map_scalars

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from koord.sampling.run_extension import Plain, extended
 from koord.sampling.values import Sampler
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.semantics.rounds import IllegalStepError
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System

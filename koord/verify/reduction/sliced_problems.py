@@ -8,7 +8,7 @@ from typing import TypeVar
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax.analysis.auxiliary import Var
 from koord.verify.claims import Claim, Phase, claims_of, liveness_of
 from koord.verify.ledger import Ledger, Subject, Works

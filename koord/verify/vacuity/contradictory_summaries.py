@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from koord.semantics.domain import conjunction
+from koord.semantics.every_number import NotFiniteError
 from koord.semantics.expressions import evaluate, statement
 from koord.semantics.machine import Machine
 from koord.semantics.oracle import Phase
-from koord.semantics.parameterised import NotFiniteError
 from koord.semantics.statements import machine
 from koord.semantics.storage import held
 from koord.semantics.values import Rec, Seq, Table

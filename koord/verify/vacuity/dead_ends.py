@@ -13,8 +13,8 @@ from msgspec import field
 
 from koord.semantics.configurations import NO_EVENT, Robot, Store
 from koord.semantics.domain import conjunction
+from koord.semantics.environment import environment_turn
 from koord.semantics.storage import stored
-from koord.semantics.turns import environment_turn
 from koord.syntax import core
 from koord.syntax.core import Direction, UnaryOp
 from koord.syntax.diagnostics import KoordError

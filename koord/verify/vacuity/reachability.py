@@ -13,8 +13,7 @@ from koord.sampling.monitors import Watch
 from koord.sampling.policies import AtRandom, First, Play, Policy
 from koord.sampling.running import Run, new_run
 from koord.semantics.domain import disjunction
-from koord.semantics.execution import Step
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording, Step
 from koord.syntax.budget import OutOfPatienceError
 from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import KoordError

@@ -19,8 +19,8 @@ from koord.runtime.engine.schedules import AtRandom
 from koord.runtime.robot import Host, Robot
 from koord.runtime.watch import Watch
 from koord.semantics.domain import DOUBLES
-from koord.semantics.execution import RecordedInputs
-from koord.semantics.turns import holds_in
+from koord.semantics.properties import holds_in
+from koord.semantics.recordings import RecordedInputs
 from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source

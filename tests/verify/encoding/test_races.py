@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.semantics.masks import Mask
+from koord.semantics.locations import Mask
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.syntax import core
 from koord.syntax.types import (

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import execute
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording, execute
 from koord.semantics.values import Rec, Seq
 from koord.syntax import core
 from koord.syntax.system import dealt

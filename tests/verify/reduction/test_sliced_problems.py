@@ -9,7 +9,7 @@ import pytest
 from koord.cli.main import main
 from koord.sampling.run_extension import extended
 from koord.sampling.values import Sampler
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.verify.engine_names import Engine
 from koord.verify.reduction import problems
 from koord.verify.strategy import Choice

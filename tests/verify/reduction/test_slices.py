@@ -11,7 +11,7 @@ import pytest
 
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System
 from koord.verify.claims import claims_of, liveness_of
 from koord.verify.engines.explicit.findings import Exhausted, Subject

@@ -8,7 +8,7 @@ from typing import Any, cast
 from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax import core
 from koord.syntax.core import BinaryOp
 from koord.syntax.source import NOWHERE

@@ -8,7 +8,7 @@ from typing import Any, cast
 from msgspec import Struct, field
 
 from koord.semantics.domain import Constant
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax.system import System
 from koord.syntax.types import FloatType, OpaqueType, StreamType, StringType, Type
 from koord.verify.claims import Phase

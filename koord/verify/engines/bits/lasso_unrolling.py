@@ -7,7 +7,7 @@ from typing import cast
 
 from msgspec.structs import replace
 
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax.budget import OutOfPatienceError
 from koord.syntax.system import System
 from koord.verify.claims import Phase

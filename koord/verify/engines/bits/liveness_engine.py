@@ -9,9 +9,9 @@ from functools import partial
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from koord.semantics.every_number import NotFiniteError
 from koord.semantics.liveness import Response, expected, reads_ran, responses
-from koord.semantics.parameterised import NotFiniteError
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax import core
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.budget import OutOfPatienceError

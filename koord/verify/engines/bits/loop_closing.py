@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from koord.semantics.recording import Answer, Concrete, Recording
+from koord.semantics.recordings import Answer, Concrete, Recording
 from koord.semantics.values import Rec, Seq, Table
 
 

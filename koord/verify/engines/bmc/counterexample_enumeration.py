@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice, permutations, product
 
 from koord.semantics.domain import conjunction
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax.budget import OutOfPatienceError
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import System

@@ -9,7 +9,7 @@ from msgspec import Struct, field
 
 from koord.semantics.configurations import Store
 from koord.semantics.domain import conjunction, disjunction
-from koord.semantics.masks import Mask, joined, restricted
+from koord.semantics.locations import Mask, joined, restricted
 from koord.semantics.storage import Many, Storage, Tree, many_of, merge_storage_known
 from koord.semantics.turns import Turned
 from koord.syntax import core

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from msgspec import Struct
 
+from koord.semantics.every_number import Crowd, NotFiniteError
 from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.parameterised import Crowd, NotFiniteError
 from koord.semantics.storage import Many, Storage, many_of
 from koord.semantics.values import Family, Value, family_of, scalar
 from koord.syntax import core

@@ -15,8 +15,8 @@ from msgspec import Struct
 
 from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import conjunction, disjunction
+from koord.semantics.every_number import NotFiniteError
 from koord.semantics.machine import Machine, Memory
-from koord.semantics.parameterised import NotFiniteError
 from koord.semantics.storage import Cell, Many, Storage, Tree
 from koord.semantics.values import Family, Rec, Seq, Table, Value
 from koord.syntax.core import BinaryOp

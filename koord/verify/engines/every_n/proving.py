@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import conjunction, disjunction
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax import core
 from koord.syntax.analysis.footprint import footprint, stops_show
 from koord.syntax.budget import OutOfPatienceError

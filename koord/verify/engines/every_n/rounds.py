@@ -6,9 +6,11 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store, Turn
 from koord.semantics.domain import conjunction, disjunction
-from koord.semantics.races import overlap, rewritten
-from koord.semantics.turns import Evolved, environment_turn, guard_of, program_turn
+from koord.semantics.environment import Evolved, environment_turn
+from koord.semantics.properties import overlap
+from koord.semantics.turns import guard_of, program_turn
 from koord.syntax import core
+from koord.syntax.analysis.lost_updates import rewritten
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import Status
 from koord.syntax.types import BOOL, INT

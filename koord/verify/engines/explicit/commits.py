@@ -8,8 +8,8 @@ from itertools import permutations
 from typing import NamedTuple
 
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.masks import Mask
-from koord.semantics.races import overlap
+from koord.semantics.locations import Mask
+from koord.semantics.properties import overlap
 from koord.verify.engines.explicit.cells import CACHE_LIMIT, Interner
 from koord.verify.engines.explicit.recipes import Part
 from koord.verify.engines.explicit.states import Vault

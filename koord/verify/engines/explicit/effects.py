@@ -10,13 +10,13 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Fault, Robot
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.masks import Mask
+from koord.semantics.locations import Mask
 from koord.semantics.oracle import Inputs, NoInputs
-from koord.semantics.races import rewritten
-from koord.semantics.recording import Answer
+from koord.semantics.recordings import Answer
 from koord.semantics.storage import Storage, Tree
 from koord.semantics.turns import Turned, guard_of, program_turn
 from koord.syntax import core
+from koord.syntax.analysis.lost_updates import rewritten
 from koord.syntax.analysis.reads import Reads, reads_of, together
 from koord.syntax.system import Status, System
 from koord.syntax.walk import asks

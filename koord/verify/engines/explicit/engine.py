@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax.system import System
 from koord.verify.claims import Claim, ClaimKind, Phase
 from koord.verify.effort import Deadline

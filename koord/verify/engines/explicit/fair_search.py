@@ -16,7 +16,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from koord.semantics.liveness import Response, expected, locks_of, reads_ran, responses
-from koord.semantics.recording import Recording, Round
+from koord.semantics.recordings import Recording, Round
 from koord.syntax import core
 from koord.syntax.budget import OutOfPatienceError
 from koord.syntax.source import NOWHERE

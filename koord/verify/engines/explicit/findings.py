@@ -6,7 +6,7 @@ from enum import Enum
 
 from msgspec import Struct
 
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.verify.engines.explicit.finiteness import NotFinite
 
 

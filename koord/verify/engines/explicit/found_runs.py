@@ -12,7 +12,7 @@ from itertools import product
 
 from msgspec.structs import replace
 
-from koord.semantics.recording import Answer, Recording, Round
+from koord.semantics.recordings import Answer, Recording, Round
 from koord.syntax.system import System
 from koord.verify.engines.explicit.commits import Commits, End
 from koord.verify.engines.explicit.findings import Claim, Subject

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from koord.semantics.configurations import Fault, Store
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.recording import Opening
+from koord.semantics.recordings import Opening
 from koord.semantics.turns import declared, initial_turn
 from koord.syntax.system import System
 from koord.traces.enumeration import ExploringInputs, Given, explored

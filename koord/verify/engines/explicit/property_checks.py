@@ -10,8 +10,8 @@ from msgspec import Struct, field
 from koord.semantics.configurations import Configuration, Robot, Store
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Inputs, NoInputs
+from koord.semantics.properties import holds_in
 from koord.semantics.storage import Storage, Tree
-from koord.semantics.turns import holds_in
 from koord.syntax import core
 from koord.syntax.analysis.reads import Reads, reads_of
 from koord.syntax.core import Direction, Home

@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from koord.semantics.configurations import Store
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.masks import Mask, joined
+from koord.semantics.locations import Mask, joined
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.turns import Turned
 from koord.semantics.values import Rec, Seq, Table, Value

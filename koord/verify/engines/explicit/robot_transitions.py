@@ -15,8 +15,8 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import NO_EVENT, Fault, Store
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.recording import Answer, Reading
-from koord.semantics.turns import environment_turn
+from koord.semantics.environment import environment_turn
+from koord.semantics.recordings import Answer, Reading
 from koord.syntax import core
 from koord.syntax.analysis.reads import Reads, reads_of, together
 from koord.syntax.system import Status, System

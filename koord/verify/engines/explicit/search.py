@@ -15,7 +15,7 @@ from itertools import product
 
 from msgspec import Struct
 
-from koord.semantics.recording import Recording, Round
+from koord.semantics.recordings import Recording, Round
 from koord.syntax import core
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
 from koord.syntax.budget import OutOfPatienceError

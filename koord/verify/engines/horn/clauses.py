@@ -14,7 +14,7 @@ import z3
 from msgspec import Struct
 
 from koord.semantics.domain import Constant
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax.core import BinaryOp
 from koord.syntax.source import NOWHERE
 from koord.verify.effort import Deadline, Effort

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax.core import UnaryOp
 from koord.syntax.source import NOWHERE
 from koord.syntax.system import System

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from koord.semantics.configurations import Configuration
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.semantics.storage import Many, Storage, Tree
 from koord.semantics.values import Family, Rec, Seq, Table, Value
 from koord.syntax.source import NOWHERE

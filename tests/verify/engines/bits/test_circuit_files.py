@@ -15,7 +15,7 @@ from koord.cli import main as frame
 from koord.cli.exits import Exit
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of
 from koord.verify.engines.bits.circuit import Circuit, circuit_of
 from koord.verify.engines.bits.circuit_files import Format, exported, machine_of

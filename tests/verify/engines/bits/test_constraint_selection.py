@@ -6,7 +6,7 @@ from random import Random
 
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.verify.claims import claims_of
 from koord.verify.engines.bits.circuit import circuit_of
 from koord.verify.engines.bits.clauses import QUICK, Clauses

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC, Profile
 from koord.refinement.generating.programs import system
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt

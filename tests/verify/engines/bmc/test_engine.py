@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import EXACT
-from koord.semantics.execution import execute
+from koord.semantics.recordings import execute
 from koord.syntax import core
 from koord.syntax.system import Status, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ListType, MapType, Type

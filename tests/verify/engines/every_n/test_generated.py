@@ -12,7 +12,7 @@ import pytest
 
 from koord.refinement.generating.profiles import FINITE
 from koord.refinement.generating.programs import system
-from koord.semantics.parameterised import NotFiniteError
+from koord.semantics.every_number import NotFiniteError
 from koord.syntax.system import System, dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort

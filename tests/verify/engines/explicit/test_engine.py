@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt

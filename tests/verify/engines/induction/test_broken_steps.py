@@ -8,7 +8,7 @@ import pytest
 
 from koord.semantics.configurations import NO_EVENT, Configuration, Turn
 from koord.semantics.domain import EXACT, Constant
-from koord.semantics.execution import RecordedInputs
+from koord.semantics.recordings import RecordedInputs
 from koord.semantics.rounds import IllegalStepError, evolved, run_event, run_skip
 from koord.syntax import core
 from koord.syntax.system import System, dealt

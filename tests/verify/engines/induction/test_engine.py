@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from koord.semantics.recording import Recording
+from koord.semantics.recordings import Recording
 from koord.syntax import core
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, RecordType

@@ -1,4 +1,4 @@
-"""Which writes of two robots in one round meet. [LOST-UPDATE]
+"""Which statements update a shared variable, by the text alone. [LOST-UPDATE]
 
 A robot that computes a shared variable's new value from the old one, outside of an atomic block,
 loses the other's work if another robot writes the same location in the same round.
@@ -8,33 +8,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from typing import TypeVar
 
-from koord.semantics.domain import Domain, conjunction, disjunction
-from koord.semantics.masks import Mask, written
-from koord.semantics.values import equal
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import Span
-from koord.syntax.types import BOOL
 from koord.syntax.walk import nodes, statements
-
-V = TypeVar("V")
-
-
-def overlap(d: Domain[V], mine: Mask[V] | None, theirs: Mask[V] | None) -> V:
-    """Whether two robots wrote a common location of one variable."""
-    if mine is None or theirs is None:
-        return d.const(False, BOOL)
-    met = [
-        conjunction(d, [mine.whole, written(d, theirs)]),
-        conjunction(d, [theirs.whole, written(d, mine)]),
-    ]
-    met += [overlap(d, a, b) for a, b in zip(mine.parts, theirs.parts, strict=False)]
-    for condition, key in mine.keys:
-        for other, their_key in theirs.keys:
-            met.append(conjunction(d, [condition, other, equal(d, key, their_key)]))
-    return disjunction(d, met)
 
 
 def rewritten(program: core.Program) -> dict[tuple[int, int], frozenset[int]]:

@@ -1,0 +1,87 @@
+"""The environment's turn of one robot: its ports from one round to the next. [ENV-TRANS]"""
+
+from __future__ import annotations
+
+from typing import Generic, TypeVar
+
+from msgspec import Struct
+
+from koord.semantics.configurations import Fault, Robot
+from koord.semantics.domain import Domain, conjunction
+from koord.semantics.expressions import statement
+from koord.semantics.machine import Legality, Machine
+from koord.semantics.oracle import Inputs, Phase
+from koord.semantics.statements import machine, run
+from koord.semantics.storage import Storage, stored
+from koord.syntax import core
+from koord.syntax.core import BinaryOp, Direction
+from koord.syntax.system import System
+
+V = TypeVar("V")
+
+
+class Evolved(Struct, Generic[V], frozen=True):
+    """A robot's ports after the environment's turn.
+
+    ``promises`` are contracts of modules that have a model: they are to be proved, not assumed.
+    """
+
+    ports: tuple[Storage[V], ...]
+    faults: tuple[tuple[V, Fault], ...]
+    legality: tuple[Legality[V], ...]
+    promises: tuple[tuple[V, core.Contract], ...]
+
+
+def environment_turn(
+    d: Domain[V], system: System, robot: int, state: Robot[V], inputs: Inputs[V]
+) -> Evolved[V]:
+    """A robot's ports from one round to the next. [ENV-TRANS]"""
+    agent = system.agent(robot)
+    m = machine(
+        d,
+        system,
+        inputs.oracle(Phase.ENV, robot),
+        robot=robot,
+        ports=state.ports,
+        after=state.ports,
+    )
+    m.in_environment = True
+    for module in agent.modules:
+        if module.environment is not None:
+            # [ENV-MODEL]: reads are of the ports before, writes are of those after.
+            m.memory.bound = [None] * module.environment_bound
+            run(m, module.environment)
+        else:
+            _sense(m, agent, module, inputs, robot)
+    promises = []
+    for module in agent.modules:
+        for contract in module.contracts:
+            kept = _kept(m, contract)
+            if module.environment is not None:
+                promises.append((kept, contract))
+            else:
+                m.require("ENV-CONTRACT", kept, f"contract {contract.name}", contract.span)
+    return Evolved(tuple(m.memory.after), tuple(m.faults), tuple(m.legality), tuple(promises))
+
+
+def _sense(
+    m: Machine[V], agent: core.Agent, module: core.Module, inputs: Inputs[V], robot: int
+) -> None:
+    """Sensors without a model read anything. [ENV-FREE]"""
+    for position in module.ports:
+        port = agent.ports[position]
+        if port.direction is Direction.SENSOR:
+            variable = port.declaration.variable
+            value = inputs.sensor(robot, port)
+            m.memory.after[variable.slot] = stored(m.d, variable.type, value, m.system.size)
+
+
+def _kept(m: Machine[V], contract: core.Contract) -> V:
+    """Whether ``requires`` before the turn implies ``ensures`` after it. [ENV-CONTRACT]
+
+    A statement that faults counts as false (decision record 0006).
+    """
+    m.memory.bound = [None] * contract.bound
+    required = conjunction(m.d, [statement(m, e) for e in contract.requires])
+    ensured = conjunction(m.d, [statement(m, e) for e in contract.ensures])
+    return m.d.binary(BinaryOp.IMPLIES, required, ensured)
