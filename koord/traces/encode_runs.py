@@ -7,7 +7,7 @@ from typing import cast
 
 from msgspec import UNSET
 
-from koord.semantics import configurations, recording
+from koord.semantics import configurations, recordings
 from koord.semantics.configurations import NO_EVENT
 from koord.semantics.domain import Constant
 from koord.semantics.storage import Storage
@@ -77,12 +77,12 @@ def _event(names: Names, robot: int, position: int | None) -> str | None:
     return None if position is None else names.of(robot).events[position]
 
 
-def _reading(names: Names, reading: recording.Reading) -> form.Reading:
+def _reading(names: Names, reading: recordings.Reading) -> form.Reading:
     port = names.of(reading.robot).ports[reading.slot]
     return form.Reading(reading.robot, port.name, encode_value(reading.value, port.type))
 
 
-def _start(names: Names, start: recording.Start) -> form.Start:
+def _start(names: Names, start: recordings.Start) -> form.Start:
     named = startable(names, start.home, start.robot)[start.slot]
     home = cast(form.Home, start.home.value)
     return form.Start(home, named.name, start.robot, encode_value(start.value, named.type))
@@ -103,7 +103,7 @@ def startable(names: Names, home: Home, robot: int | None) -> Sequence[Named]:
             return names.of(robot).ports
 
 
-def _answer(names: Names, answer: recording.Answer) -> form.Answer:
+def _answer(names: Names, answer: recordings.Answer) -> form.Answer:
     result, parameters = answer_types(names, answer.function, answer.key[0])
     return form.Answer(
         answer.phase,
