@@ -25,6 +25,10 @@ class ByContent(Struct, frozen=True, eq=False):
         content = _CONTENT[type(self)]
         return bool(content(self) == content(other))
 
+    def __ne__(self, other: object) -> bool:
+        # Structs have one of their own, which would not ask the method above.
+        return not self == other
+
     def __hash__(self) -> int:
         return hash(_CONTENT[type(self)](self))
 
