@@ -166,10 +166,6 @@ WITHIN = {
 
 #: Imports between floors of a room that are still to be cut. The list only gets shorter.
 UNCUT = {
-    (
-        "koord.verify.engines.bits.invariant_printer",
-        "koord.verify.engines.every_n.wording.number_worded",
-    ),
     ("koord.verify.reduction.sliced_problems", "koord.verify.per_claim.ByRounds"),
     ("koord.verify.reduction.sliced_problems", "koord.verify.resumption.Steps"),
 }

@@ -544,13 +544,23 @@ class Agent(Node, frozen=True):
 
 
 class Function(Node, frozen=True):
-    """A function defined in Koord; parameters are the first BOUND slots. Never recursive."""
+    """A function defined in Koord; parameters are the first BOUND slots. Never recursive.
+
+    ``written`` is what the text calls it; empty: its name. Names are unique, and of the library
+    several functions may be called alike.
+    """
 
     name: str
     parameters: tuple[Variable, ...]
     result: Type | None
     body: Block
     bound: int
+    written: str = ""
+
+    @property
+    def shown(self) -> str:
+        """The name that the text uses."""
+        return self.written or self.name
 
 
 class ExternalKind(Enum):
@@ -576,6 +586,12 @@ class External(Node, frozen=True):
     ensures: tuple[Expr, ...]
     bound: int
     constructs: bool = False
+    written: str = ""  #: as that of a :class:`Function`
+
+    @property
+    def shown(self) -> str:
+        """The name that the text uses."""
+        return self.written or self.name
 
 
 class PropertyKind(Enum):

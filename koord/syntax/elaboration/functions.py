@@ -139,7 +139,13 @@ def _function(
         return None
     parameters = _parameters(body, wanted)
     return core.Function(
-        wanted.name, parameters, wanted.result, block, body.bound, span=definition.span
+        wanted.name,
+        parameters,
+        wanted.result,
+        block,
+        body.bound,
+        wanted.written,
+        span=definition.span,
     )
 
 
@@ -212,6 +218,7 @@ def _external(session: Session, wanted: Signature, findings: Findings) -> core.E
         tuple(condition for condition in requires if condition is not None),
         tuple(condition for condition in ensures if condition is not None),
         max(bound, len(parameters) + 1),
+        written=wanted.written,
         span=definition.span,
     )
 

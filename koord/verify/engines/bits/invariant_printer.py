@@ -11,8 +11,9 @@ from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.core import Home
+from koord.syntax.printing.quoting import print_number
 from koord.syntax.system import Status, System
-from koord.syntax.types import BoolType, EnumType, IntType
+from koord.syntax.types import BoolType, EnumType, IntType, within
 from koord.syntax.walk import nodes
 from koord.verify.engines.bits.invariant_core import Needed
 from koord.verify.engines.bits.prime_implicants import Table, UnsaidError, Values
@@ -25,7 +26,6 @@ from koord.verify.engines.bits.state_decoder import (
     Place,
     Robot,
 )
-from koord.verify.engines.every_n.wording import number_worded
 
 #: What robots and numbers are called in statements, where the program leaves the name free.
 ROBOTS = ("i", "j", "m", "n", "robot1", "robot2", "robot3", "robot4")
@@ -259,12 +259,14 @@ def _called(program: core.Program) -> Iterator[str]:
     yield from (given.name for given in program.parameters)
     for node in nodes(program):
         match node:
-            case core.Variable(home=home, name=name) if home is not Home.BOUND:
-                yield name
+            case core.Variable(home=home, name=name, type=type_):
+                if home is not Home.BOUND:
+                    yield name
+                for part in within(type_):
+                    if isinstance(part, EnumType):
+                        yield from part.members
             case core.Function(name=name) | core.External(name=name):
                 yield name
-            case EnumType(members=members):
-                yield from members
 
 
 class _Speaking(Struct, frozen=True):
@@ -370,7 +372,7 @@ class _Speaking(Struct, frozen=True):
                 assert isinstance(value, int | Fraction)
                 if place.of_robots and value in self.names:
                     return self.names[int(value)]
-                return number_worded(Fraction(value))
+                return print_number(Fraction(value))
 
 
 def _runs(place: Place, held: frozenset[Held]) -> Iterator[list[Held]]:

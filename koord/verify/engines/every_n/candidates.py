@@ -16,6 +16,7 @@ from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, PropertyKind, UnaryOp
+from koord.syntax.printing.quoting import Quoting
 from koord.syntax.types import (
     BOOL,
     FLOAT,
@@ -31,7 +32,6 @@ from koord.syntax.types import (
 )
 from koord.syntax.walk import nodes, rebuilt
 from koord.verify.claims import Claim, ClaimKind
-from koord.verify.engines.every_n.wording import NoWordsError, worded
 
 #: More are not worth the time that they take.
 MOST_CANDIDATES = 700
@@ -47,17 +47,30 @@ def candidates(program: core.Program) -> tuple[Claim, ...]:
     if len(program.agents) != 1:
         return ()
     found: dict[str, Claim] = {}
-    vocabulary = Vocabulary(program)
-    for condition in _conditions(vocabulary):
-        try:
-            text = worded(condition)
-        except NoWordsError:
-            continue
+    quoting = Quoting.of(program)
+    for condition in filter(_is_plain, _conditions(Vocabulary(program))):
+        text = quoting.text(condition)
         stated = core.Property(text, PropertyKind.INVARIANT, condition, 2)
         found.setdefault(text, Claim(text, ClaimKind.PROPERTY, stated))
         if len(found) >= MOST_CANDIDATES:
             break
     return tuple(found.values())
+
+
+#: What looks into lists and maps, or makes them.
+_COMPOUND = (
+    core.KeyStep | core.Builtin | core.Select | core.MakeList | core.MakeMap | core.MakeRecord
+)
+
+
+def _is_plain(condition: core.Expr) -> bool:
+    """Whether a statement is of robots' scalars alone: others hardly ever help."""
+    return not any(
+        isinstance(node, _COMPOUND)
+        or (isinstance(node, core.Const) and isinstance(node.value, str))
+        or (isinstance(node, core.Place) and node.variable.home is Home.BOUND and node.steps)
+        for node in nodes(condition)
+    )
 
 
 def _conditions(v: Vocabulary) -> Iterator[core.Expr]:
