@@ -1,5 +1,6 @@
 # make check   format, lint, strict types, fast tests: what has to pass before a commit
 # make slow    the deep searches and the long fuzzing runs
+# make sample  one case of each deep search: what `.ci/run` runs besides
 # make bench   the tables of benchmarks/
 # make format  put the layout right
 
@@ -10,13 +11,19 @@ JOBS   ?= 2
 # for how long `make slow` fuzzes the reading of programs, and that of traces
 FUZZ_SECONDS ?= 60
 
+# Many tests start processes, and each would compile all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
+# Each worker goes through half of the tests in their order, and takes of what is left of the other's.
+PARALLEL  := -n $(JOBS) --dist worksteal
+
 BIN       := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 ATHERIS   := $(VENV)/.atheris
 
 BENCHMARKS := $(filter-out benchmarks/harness.py,$(sort $(wildcard benchmarks/*.py)))
 
-.PHONY: check format lint types test slow fuzz bench clean
+.PHONY: check format lint types test sample slow fuzz bench clean
 
 check: lint types test
 
@@ -28,11 +35,14 @@ types: $(INSTALLED)
 	$(BIN)/mypy
 
 test: $(INSTALLED)
-	$(BIN)/pytest -q -n $(JOBS)
+	$(BIN)/pytest -q $(PARALLEL)
 
 slow: $(INSTALLED)
-	$(BIN)/pytest -q -n $(JOBS) -m slow
+	$(BIN)/pytest -q $(PARALLEL) -m "slow or generated"
 	$(MAKE) fuzz
+
+sample: $(INSTALLED)
+	$(BIN)/pytest -q $(PARALLEL) -m slow --one-of-each
 
 fuzz: $(INSTALLED) $(ATHERIS)
 	$(BIN)/python -m tests.fuzz.fuzz_text -max_total_time=$(FUZZ_SECONDS)
@@ -47,15 +57,24 @@ format: $(INSTALLED)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-$(INSTALLED): pyproject.toml
+# What uv.lock says is installed, by uv if it is there, and else by pip, which checks the same hashes.
+ifneq ($(shell command -v uv),)
+install = UV_PROJECT_ENVIRONMENT=$(VENV) uv sync -q --locked --inexact --python $(PYTHON) --extra $(1)
+else
+install = $(BIN)/python .ci/locked.py $(1) >$(VENV)/$(1).txt && \
+	$(BIN)/python -m pip install -q --no-compile --require-hashes --only-binary :all: -r $(VENV)/$(1).txt && \
+	$(BIN)/python -m pip install -q --no-deps -e .
+endif
+
+$(INSTALLED): pyproject.toml uv.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "koord needs Python 3.11 or newer; say which with make PYTHON=...")'
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install -q -e '.[dev]'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(call install,dev)
 	@touch $@
 
 # There is no wheel of atheris for every Python. Without it the fuzzing says so, and is left out.
 $(ATHERIS): $(INSTALLED)
-	@if $(BIN)/python -m pip install -q --only-binary atheris -e '.[fuzz]'; then touch $@; else \
+	@if { $(call install,fuzz); }; then touch $@; else \
 		echo "atheris cannot be installed for this Python"; fi
 
 clean:
