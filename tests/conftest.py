@@ -1,6 +1,36 @@
 """What every test can count on: the same examples in every run, and no clock that fails them."""
 
-from hypothesis import settings
+from __future__ import annotations
 
-settings.register_profile("koord", derandomize=True, deadline=None, print_blob=False)
-settings.load_profile("koord")
+import pytest
+from hypothesis import is_hypothesis_test, settings
+
+COMMON = settings(derandomize=True, deadline=None, print_blob=False)
+settings.register_profile("default", COMMON, max_examples=20)
+settings.register_profile("slow", COMMON, max_examples=100)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """All examples where slow tests are run, and a fifth of them elsewhere."""
+    marks = config.option.markexpr
+    settings.load_profile("slow" if "slow" in marks.replace("not slow", "") else "default")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--one-of-each", action="store_true", help="of the cases of each slow test the first one"
+    )
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Tests on what hypothesis makes are run by `make slow` again."""
+    for item in items:
+        if isinstance(item, pytest.Function) and is_hypothesis_test(item.obj):
+            item.add_marker("generated")
+    if config.getoption("one_of_each"):
+        chosen: dict[str, pytest.Item] = {}
+        for item in items:
+            if item.get_closest_marker("slow"):
+                chosen.setdefault(item.nodeid.partition("[")[0], item)
+        items[:] = chosen.values()

@@ -227,6 +227,14 @@ class Import:
 
 
 @cache
+def walked(file: File) -> tuple[ast.AST, ...]:
+    """What a file is made of, of what is asked about here."""
+    wanted = (ast.Import, ast.ImportFrom, ast.Call, ast.Name, ast.Attribute)
+    nodes = ast.walk(ast.parse(file.text, file.path))
+    return tuple(node for node in nodes if isinstance(node, wanted))
+
+
+@cache
 def imports(file: File) -> tuple[Import, ...]:
     return tuple(_imports(file))
 
@@ -236,7 +244,7 @@ def _imports(file: File) -> Iterator[Import]:
     package = file.module.split(".")
     if not file.path.endswith("__init__.py"):
         package.pop()
-    for node in ast.walk(ast.parse(file.text, file.path)):
+    for node in walked(file):
         match node:
             case ast.Import(names=names):
                 for alias in names:
@@ -342,7 +350,7 @@ def talking(file: File) -> Iterator[str]:
     """Uses of standard streams, arguments and exits below the command line."""
     if file.path.startswith(TALKING):
         return
-    for node in ast.walk(ast.parse(file.text, file.path)):
+    for node in walked(file):
         match node:
             case ast.Name(id=name, ctx=ast.Load()) if name in TALKING_NAMES:
                 yield f"{file.path}:{node.lineno}: {name} belongs in koord/cli"

@@ -6,22 +6,19 @@ import pytest
 
 from koord.verify.encoding.terms import Terms
 from tests.agreement.triples import exact_steps, steps, triple
-from tests.sampling import first
-
-#: Seeds per test, so that the triples are spread over the workers.
-BLOCK = 250
+from tests.sampling import blocks
 
 
-@pytest.mark.parametrize("block", first(1, range(8)))
-def test_the_sequential_rules_agree(block: int) -> None:
+@pytest.mark.parametrize("seeds", blocks(60, of=250, count=8))
+def test_the_sequential_rules_agree(seeds: range) -> None:
     faults = 0
-    for seed in range(block * BLOCK, (block + 1) * BLOCK):
+    for seed in seeds:
         t = triple(seed)
         exact = exact_steps(t)
         # Comparing what they look like tells 1, True and Fraction(1) apart, which are equal.
         assert repr(list(steps(Terms(), t))) == repr(exact), f"seed {seed}"
         faults += any(step.configuration.fault is not None for step in exact)
-    assert BLOCK // 20 < faults < BLOCK * 3 // 4
+    assert len(seeds) // 20 < faults < len(seeds) * 3 // 4
 
 
 @pytest.mark.slow

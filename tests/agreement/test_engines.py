@@ -37,7 +37,7 @@ from koord.verify.strategy import Choice
 from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from tests.generators.large import large
 from tests.generators.staged import staged
-from tests.sampling import first
+from tests.sampling import sampled
 from tests.semantics.driving import NO_TEXT
 from tests.verify.asking import ask, bounded, inductive, of_text
 from tests.verify.engines.bits.asking import on_bits
@@ -241,27 +241,33 @@ def many(family: Family, seeds: range) -> Counter[str]:
     return count
 
 
-#: 1,150 programs, of which more than 1,000 are finite, as the counts below ensure; 200 of them
+#: 1,150 programs, of which more than 1,000 are finite, as the counts below ensure; 36 of them
 #: are looked at by default.
 SOME = [
-    *first(1, (("finite", range(7_000 + 50 * n, 7_050 + 50 * n)) for n in range(6))),
-    *first(1, (("symmetric", range(3_000 + 50 * n, 3_050 + 50 * n)) for n in range(4))),
-    *first(2, (("staged", range(50 * n, 50 * n + 50)) for n in range(13))),
+    *sampled(
+        ("finite", range(7_000, 7_012)),
+        (("finite", range(7_000 + 50 * n, 7_050 + 50 * n)) for n in range(6)),
+    ),
+    *sampled(
+        ("symmetric", range(3_000, 3_012)),
+        (("symmetric", range(3_000 + 50 * n, 3_050 + 50 * n)) for n in range(4)),
+    ),
+    *sampled(("staged", range(12)), (("staged", range(50 * n, 50 * n + 50)) for n in range(13))),
 ]
 
 
 @pytest.mark.parametrize(("name", "seeds"), SOME)
 def test_all_engines_agree_with_the_search(name: str, seeds: range) -> None:
-    count = many(FAMILIES[name], seeds)
-    assert count["systems"] >= 44, count
-    assert count["bmc"] >= 40, count
-    assert count["violated"] >= 15, count
+    count, programs = many(FAMILIES[name], seeds), len(seeds)
+    assert count["systems"] >= 0.88 * programs, count
+    assert count["bmc"] >= 0.8 * programs, count
+    assert count["violated"] >= 0.3 * programs, count
     assert count["compiled: counterexamples"] >= count["violated"], count
     others = count.total() - count["compiled: counterexamples"]
     assert count["bits: unknown"] <= others // 40, count
-    assert count["bits: proved, and all runs seen"] >= 15, count
-    assert count["induction: proved, and all runs seen"] >= 5, count
-    assert name != "staged" or count["violated late"] >= 5, count
+    assert count["bits: proved, and all runs seen"] >= 0.3 * programs, count
+    assert count["induction: proved, and all runs seen"] >= programs // 10, count
+    assert name != "staged" or count["violated late"] >= programs // 10, count
 
 
 def test_choices_lead_back_to_none_that_they_are_of() -> None:
@@ -278,13 +284,11 @@ def test_a_start_that_was_not_looked_at_whole_is_no_round() -> None:
     assert compare(FAMILIES["symmetric"], 50_138)["search: too many ways to start"] == 1
 
 
-@pytest.mark.parametrize(
-    "seeds", [range(20, 40), pytest.param(range(40, 60), marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("seeds", sampled(range(20, 27), [range(20, 40), range(40, 60)]))
 def test_all_engines_agree_with_the_search_where_numbers_are_large(seeds: range) -> None:
     count = many(FAMILIES["large"], seeds)
-    assert count["systems"] >= 17, count
-    assert count["violated"] >= 8, count
+    assert count["systems"] >= 0.85 * len(seeds), count
+    assert count["violated"] >= 0.4 * len(seeds), count
 
 
 #: What is read is any member of an enumeration, what is chosen any number between two.

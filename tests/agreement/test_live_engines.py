@@ -22,7 +22,7 @@ from koord.verify.effort import Deadline
 from koord.verify.liveness_strategy import Ways, settled
 from koord.verify.verdicts import Bounds, Emptiness, Outcome
 from tests.agreement.test_lassos import LIVELY, searched, with_liveness
-from tests.sampling import first
+from tests.sampling import blocks
 from tests.semantics.driving import NO_TEXT
 
 
@@ -55,12 +55,12 @@ def _has_maps(of: System) -> bool:
     return any(isinstance(getattr(node, "type", None), MapType) for node in nodes(of.program))
 
 
-@pytest.mark.parametrize("block", first(1, range(4)))
-def test_bits_say_what_the_search_says(block: int) -> None:
-    count = sum((compare(seed) for seed in range(block * 40, block * 40 + 40)), Counter[str]())
-    assert count["holds"] >= 40, count
-    assert count["violated"] >= 15, count
-    assert count["unknown"] <= 15, count
+@pytest.mark.parametrize("seeds", blocks(12, of=40, count=4))
+def test_bits_say_what_the_search_says(seeds: range) -> None:
+    count = sum((compare(seed) for seed in seeds), Counter[str]())
+    assert count["holds"] >= len(seeds), count
+    assert count["violated"] >= 3 * len(seeds) // 8, count
+    assert count["unknown"] <= 3 * len(seeds) // 8, count
 
 
 @pytest.mark.slow

@@ -34,10 +34,9 @@ from tests.agreement.flattening import (
 )
 from tests.agreement.symbols import Symbols
 from tests.generators.configurations import Concrete, storage, value
-from tests.sampling import first
+from tests.sampling import blocks
 
 ROBOTS = 2
-BLOCK = 500
 
 
 class Pair:
@@ -79,9 +78,7 @@ class Pair:
         return meaning_of(self.symbols, results)
 
 
-SEEDS = pytest.mark.parametrize(
-    "seeds", first(2, (range(k * BLOCK, (k + 1) * BLOCK) for k in range(4)))
-)
+SEEDS = pytest.mark.parametrize("seeds", blocks(120, of=500, count=4))
 
 
 @SEEDS
@@ -224,8 +221,9 @@ def test_maps(seeds: range) -> None:
             assert flat == exact_value(there, p.type), seed
 
 
-def test_contents_say_what_is_set() -> None:
-    for seed in range(BLOCK):
+@SEEDS
+def test_contents_say_what_is_set(seeds: range) -> None:
+    for seed in seeds:
         p = Pair(seed)
         whole = p.storage()
         held, all_set = contents(EXACT, whole, p.type)

@@ -21,6 +21,7 @@ from koord.api.verify import Engine
 from koord.cli import main as frame
 from koord.cli import requests, run, verified, verify, watching
 from koord.cli.exits import Exit
+from tests.sampling import first
 
 GOOD = "local:\n  int x = 0\ngo:\n  pre: x < 3\n  eff: x = x + 1\ninvariant Small: x <= 3\n"
 
@@ -283,7 +284,7 @@ def test_a_sweep_is_a_row_for_each_number_of_robots(
     assert [report["robots"] for report in reports] == [1, 2, 3]
 
 
-@pytest.mark.parametrize("kind", ["svg", "png", "pdf"])
+@pytest.mark.parametrize("kind", first(1, ["svg", "png", "pdf"]))
 def test_a_sweep_is_drawn(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, race: str, kind: str
 ) -> None:
@@ -510,7 +511,10 @@ def timeless(text: str) -> Any:
 
 @pytest.mark.parametrize(
     "flags",
-    [("--robots", "1..3"), ("--robots", "2", "--engine", "bmc", "--max-violations", "2")],
+    first(
+        1,
+        [(["--robots", "1..3"],), (["--robots", "2", "--engine", "bmc", "--max-violations", "2"],)],
+    ),
     ids=["numbers of robots", "programs"],
 )
 def test_what_is_printed_does_not_hang_on_how_many_processes_there_are(

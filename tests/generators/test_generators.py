@@ -9,7 +9,7 @@ from random import Random
 from typing import get_args
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from msgspec import Struct
 from msgspec.structs import replace
 
@@ -25,6 +25,7 @@ from tests.generators.configurations import configuration
 from tests.generators.runs import recording
 from tests.generators.strategies import systems
 from tests.generators.wellformed import complaints
+from tests.sampling import examples
 
 SEEDS = range(300)
 
@@ -119,7 +120,7 @@ def test_random_recordings_replay(profile: Profile) -> None:
     assert sum(length == 3 for length in lengths) > (100 if profile is GENERAL else 200)
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(systems(FINITE))
 def test_the_strategy_gives_systems(made: System) -> None:
     assert complaints(made.program) == []
@@ -141,16 +142,16 @@ BOUND = core.Variable(core.Home.BOUND, 0, "b", INT)
 
 
 @pytest.mark.parametrize(
-    ("program", "blamed"),
+    ("effect", "guard", "blamed"),
     [
-        (altered(guard=core.Const(1, INT)), "where bool is expected"),
-        (altered((core.Assign(core.Place(BOUND), core.Const(True, BOOL)),)), "where int"),
-        (altered((core.Break(),)), "break outside"),
-        (altered((core.Return(None),)), "return outside"),
-        (altered((core.Atomic(0, ()),)), "enters {0}"),
-        (altered((core.Append(core.Place(BOUND), core.Const(1, INT)),)), "is no list"),
-        (altered(guard=core.Stopped(core.Const(True, BOOL))), "where int is expected"),
+        ((), core.Const(1, INT), "where bool is expected"),
+        ((core.Assign(core.Place(BOUND), core.Const(True, BOOL)),), None, "where int"),
+        ((core.Break(),), None, "break outside"),
+        ((core.Return(None),), None, "return outside"),
+        ((core.Atomic(0, ()),), None, "enters {0}"),
+        ((core.Append(core.Place(BOUND), core.Const(1, INT)),), None, "is no list"),
+        ((), core.Stopped(core.Const(True, BOOL)), "where int is expected"),
     ],
 )
-def test_mistakes_are_found(program: core.Program, blamed: str) -> None:
-    assert any(blamed in complaint for complaint in complaints(program))
+def test_mistakes_are_found(effect: core.Block, guard: core.Expr | None, blamed: str) -> None:
+    assert any(blamed in complaint for complaint in complaints(altered(effect, guard)))

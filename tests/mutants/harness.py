@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 from tests.mutants.mutant import ROOT, VARIABLE, Mutant
 
-#: A mutant may send the tests round in circles. That is noticed too.
-TIMEOUT_S = 300
+#: Which tests are run, one after the other until one fails, and for how long: a mutant may send
+#: them round in circles, which is noticed too, but not where the tests themselves are long.
+RUNS = (("not slow", 300), ("slow or generated", 3600))
 
-#: pytest's exit codes: all passed, some failed. Any other is a mistake of ours.
-PASSED, FAILED = 0, 1
+#: pytest's exit codes: all passed, some failed, none is so marked. Others are mistakes of ours.
+PASSED, FAILED, NONE = 0, 1, 5
 
 _FAILURE = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 
@@ -31,29 +32,46 @@ class Outcome:
 
 
 def tried(mutant: Mutant) -> Outcome:
-    """Run a mutant's tests with the mistake in place."""
+    """Run a mutant's tests with the mistake in place, the slow ones if no other notices it."""
     started = time.monotonic()
+    caught = next(filter(None, (_caught_by(mutant, *run) for run in RUNS)), "")
+    return Outcome(mutant, caught, time.monotonic() - started)
+
+
+def _caught_by(mutant: Mutant, marks: str, timeout_s: int) -> str:
     try:
-        done = _pytest(mutant.tests, mutant.name)
+        done = _pytest(mutant.tests, mutant.name, marks, timeout_s)
     except subprocess.TimeoutExpired:
-        return Outcome(mutant, "no end", time.monotonic() - started)
-    if done.returncode not in (PASSED, FAILED):
+        return "no end" if "not slow" in marks else ""
+    if done.returncode not in (PASSED, FAILED, NONE):
         raise RuntimeError(f"{mutant.name}: {done.stdout}{done.stderr}")
     found = _FAILURE.search(done.stdout)
-    caught = found[1] if found is not None else ""
-    return Outcome(mutant, caught, time.monotonic() - started)
+    return found[1] if found is not None else ""
 
 
 def untouched(mutants: Iterable[Mutant]) -> str:
     """What the mutants' tests say of the program as it is: nothing if all pass."""
     tests = dict.fromkeys(test for mutant in mutants for test in mutant.tests)
-    done = _pytest(tuple(tests), "")
+    done = _pytest(tuple(tests), "", *RUNS[0])
     return "" if done.returncode == PASSED else done.stdout
 
 
-def _pytest(tests: tuple[str, ...], mutant: str) -> subprocess.CompletedProcess[str]:
-    options = ["-x", "-q", "--tb=no", "-rfE", "-p", "no:cacheprovider", "-p", "no:xdist"]
-    command = [sys.executable, "-m", "pytest", *options, "-p", "tests.mutants.plugin", *tests]
+def _pytest(
+    tests: tuple[str, ...], mutant: str, marks: str, timeout_s: int
+) -> subprocess.CompletedProcess[str]:
+    options = [
+        "-m",
+        marks,
+        "-x",
+        "-q",
+        "--tb=no",
+        "-rfE",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:xdist",
+    ]
+    command = [sys.executable, "-m", "pytest", *options, *tests]
     environment = {**os.environ, VARIABLE: mutant}
     # A mutant of a mutant's test, if this is run under a plugin already, would be odd.
     environment.pop("PYTEST_ADDOPTS", None)
@@ -63,6 +81,6 @@ def _pytest(tests: tuple[str, ...], mutant: str) -> subprocess.CompletedProcess[
         env=environment,
         capture_output=True,
         text=True,
-        timeout=TIMEOUT_S,
+        timeout=timeout_s,
         check=False,
     )

@@ -19,7 +19,7 @@ QUICK = {
     "a stopped robot runs events": f"{_RUN}test_the_effect_goes_on_behind_stop",
     "stop only asks": f"{_RUN}test_who_stops_has_stopped_while_others_go_on",
     "short circuits evaluate everything": (
-        "tests/agreement/test_symbols.py::test_turns_and_properties_agree[0]"
+        "tests/agreement/test_symbols.py::test_turns_and_properties_agree"
     ),
     "faults in guards are ignored": (
         f"{_BMC}test_a_guard_that_faults_is_a_fault_and_does_not_oblige"

@@ -16,11 +16,11 @@ from koord.syntax.system import dealt
 from tests.recheck.certificates import Document, conjunct, document_of, rechecked, with_text
 from tests.recheck.proving import confirmed, settled_for_everyone
 from tests.recheck.test_generated import compared
+from tests.sampling import sampled
 
 pytest.importorskip("cvc5")
 
 QUICK = [
-    ("fischer.krd", 2, "1"),
     ("hvac.krd", 1, "40"),
     ("leader_elect.krd", 3, "1/10"),
     ("lineform_1d.krd", 3, "10"),
@@ -28,6 +28,7 @@ QUICK = [
 ]
 
 SLOW = [
+    ("fischer.krd", 2, "1"),
     ("cars_and_drones.krd", 3, "1/10"),
     ("delivery.krd", 2, "1/10"),
     ("fischer_drift.krd", 2, "1"),
@@ -101,6 +102,7 @@ def test_a_deeper_mistake_is_not_confirmed(change: tuple[str, int, str, str, str
     assert found.outcome is not Outcome.CONFIRMED
 
 
+@pytest.mark.slow
 def test_what_holds_for_some_numbers_is_refuted_for_every_number() -> None:
     """A certificate that says more than was shown: two robots are not any number of them."""
     document = document_of("leader_elect.krd", 2)
@@ -115,6 +117,7 @@ def test_what_holds_for_some_numbers_is_refuted_for_every_number() -> None:
     assert found.reason.startswith("with 1 robot, ")
 
 
+@pytest.mark.slow
 def test_claims_for_every_number_need_their_own_invariant() -> None:
     """What is inductive for the robots here is not supposed of any number of them."""
     document = everyone_of("leader_elect.krd", 2, "1/10")
@@ -173,11 +176,12 @@ def test_found_invariants_are_in_the_certificate(tmp_path: Path) -> None:
 # --- against a search -----------------------------------------------------------------------------
 
 
-def test_nothing_is_confirmed_for_every_number_that_a_search_breaks() -> None:
-    count = compared(0, 20, settled_for_everyone)
-    assert count["systems"] >= 5
-    assert count["broken"] >= 6
-    assert count["confirmed"] >= 10
+@pytest.mark.parametrize("last", sampled(8, [20]))
+def test_nothing_is_confirmed_for_every_number_that_a_search_breaks(last: int) -> None:
+    count = compared(0, last, settled_for_everyone)
+    assert count["systems"] >= last // 4
+    assert count["broken"] >= last // 4
+    assert count["confirmed"] >= last // 2
 
 
 @pytest.mark.slow

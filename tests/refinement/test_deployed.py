@@ -27,6 +27,7 @@ from koord.runtime.transports.inprocess import Hub
 from koord.syntax import core
 from koord.syntax.system import dealt
 from tests.refinement.running import agrees, program, seeds, sources
+from tests.sampling import first
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "specs/examples"
 
@@ -53,9 +54,10 @@ def expedition(
 # --- over a simulated network ---------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("count", first(1, [10, 50]))
 @pytest.mark.parametrize("faults", [CALM, LOSS, CHAOS], ids=["calm", "loss", "chaos"])
-def test_generated_programs_are_refined_by_deployed_robots(faults: Faults) -> None:
-    found = [tried(generated(seed, 8, Target.NETWORK, faults)) for seed in seeds(50)]
+def test_generated_programs_are_refined_by_deployed_robots(faults: Faults, count: int) -> None:
+    found = [tried(generated(seed, 8, Target.NETWORK, faults)) for seed in seeds(count)]
     assert [(o.case.seed, o.refused, o.crash) for o in found if o.failed] == []
     assert sum(o.judged.steps for o in found if o.judged is not None) > 5 * len(found)
 

@@ -14,6 +14,7 @@ from koord.refinement.running import ready
 from koord.syntax.system import dealt
 from koord.traces.trace import BEFORE_ROUNDS, Numbers, Trace, traced
 from tests.refinement.running import program, sources
+from tests.sampling import but_slow
 from tests.verify.asking import ask
 
 BROKEN = Path(__file__).resolve().parents[2] / "specs/examples/broken"
@@ -79,7 +80,12 @@ def departed(trace: Trace, wrong: str = "", right: str = "") -> Departure:
     return found
 
 
-@pytest.mark.parametrize("name", EXAMPLES.split())
+@pytest.mark.parametrize(
+    "name",
+    but_slow(
+        ["mapping_race", "sats2_out_of_turn", "mapping_blind", "delivery_no_lock"], EXAMPLES.split()
+    ),
+)
 def test_counterexamples_of_examples_are_runs_of_the_compiled_program(name: str) -> None:
     text = (BROKEN / f"{name}.krd").read_text("utf-8")
     traces = counterexamples(text, name=f"{name}.krd")

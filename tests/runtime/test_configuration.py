@@ -9,7 +9,7 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from koord.runtime.configuration.checking import DEFAULT_GROUP, DEFAULT_PORT, load
@@ -19,6 +19,7 @@ from koord.runtime.motion.bodies import PlannerName
 from koord.runtime.motion.world import Box, Disc, Polygon
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.source import Source
+from tests.sampling import examples
 
 #: The listing of the paper (fig. taskapp, right), with the dots left out.
 LISTING = """\
@@ -248,7 +249,7 @@ def test_what_is_nested_too_deep_is_refused(brackets: str) -> None:
 
 
 @given(st.text(alphabet=" \n:-[]{}&*!|>'\"#%@`abpid01.~,?\t", max_size=60))
-@settings(max_examples=300)
+@examples(300)
 def test_no_text_raises_anything_else(text: str) -> None:
     with suppress(KoordError):
         assert loaded(text).robots

@@ -7,7 +7,7 @@ from random import Random
 
 import msgspec
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from koord.runtime.encoding import encode
@@ -47,6 +47,7 @@ from koord.runtime.wire.drops import Drop
 from koord.runtime.wire.frames import HEADER_BYTES, LONGEST, ROOM, Frame, Seal, session_key
 from koord.runtime.wire.pieces import MOST_PIECES, Assembly, cut
 from koord.runtime.wire.replays import WIDTH, Window
+from tests.sampling import examples
 
 ROBOTS = 5
 RUN = Run("monday", b"a key of enough bytes", ROBOTS)
@@ -136,7 +137,7 @@ def big(size: int) -> Snapshot:
 
 
 @given(messages)
-@settings(max_examples=300)
+@examples(300)
 def test_what_is_written_is_read(message: Message) -> None:
     reader = Reader(RUN, 0)
     letters = [reader.read(datagram) for datagram in sent(message)]
@@ -235,13 +236,13 @@ def test_no_bit_can_be_flipped(at: int) -> None:
 
 
 @given(st.binary(max_size=LONGEST + 10))
-@settings(max_examples=300)
+@examples(300)
 def test_random_bytes_are_dropped(datagram: bytes) -> None:
     dropped(Reader(RUN, 0), datagram)
 
 
 @given(st.sampled_from(Kind), st.binary(max_size=60))
-@settings(max_examples=500)
+@examples(500)
 def test_authentic_nonsense_does_not_raise(kind: Kind, body: bytes) -> None:
     """A robot that has gone mad, with the right key."""
     seal = Seal(session_key(RUN.key, RUN.id))

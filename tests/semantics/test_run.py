@@ -7,7 +7,7 @@ from random import Random
 from textwrap import dedent
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -35,6 +35,7 @@ from koord.syntax.types import (
 )
 from koord.traces.occurrences import variables
 from koord.traces.trace import Numbers
+from tests.sampling import examples
 from tests.semantics import programs
 from tests.semantics.building import (
     BREAK,
@@ -862,7 +863,7 @@ FREE_TO_SKIP = [
 
 @pytest.mark.parametrize("program", FREE_TO_SKIP, ids=lambda p: p.name)
 @given(seed=st.integers(0, 10**6), late=st.integers(0, 2))
-@settings(max_examples=8)
+@examples(8)
 def test_a_late_message_may_be_a_skip(program: core.Program, seed: int, late: int) -> None:
     """[T-SKIP] [SKIP]: where a robot skips instead, everyone else is as before."""
     rng = Random(seed)

@@ -10,7 +10,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -43,6 +43,7 @@ from koord.traces.json_reader import Reader
 from koord.traces.replay import replay
 from koord.traces.trace import Numbers
 from koord.traces.value_codec import decode_value, encode_value
+from tests.sampling import examples
 from tests.semantics import programs
 from tests.semantics.building import (
     PID,
@@ -85,7 +86,7 @@ def refusal(code: str, run: Callable[[], object]) -> str:
 
 
 @given(type_=types, seed=st.integers(0, 2**32), numbers=st.sampled_from(Numbers))
-@settings(max_examples=200)
+@examples(200)
 def test_values_are_of_their_type(type_: Type, seed: int, numbers: Numbers) -> None:
     """[VALUE] [DOMAIN]"""
     value = sampler(seed, numbers).value(type_)
@@ -458,7 +459,7 @@ def apart(a: Point, b: Point) -> Fraction:
 
 
 @given(points, points, points, points)
-@settings(max_examples=200)
+@examples(200)
 def test_the_distance_of_segments_is_the_least_of_their_points(
     a: Point, b: Point, c: Point, d: Point
 ) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -24,6 +24,7 @@ from koord.syntax.types import ArrayType, Robots
 from koord.traces.trace import Numbers
 from tests.generators.runs import recording
 from tests.generators.strategies import systems
+from tests.sampling import examples
 from tests.semantics import programs
 from tests.semantics.building import (
     INT,
@@ -65,7 +66,7 @@ def check(system: System, made: Recording) -> int:
 
 @pytest.mark.parametrize("program", programs.RUNNING, ids=lambda p: p.name)
 @given(seed=st.integers(0, 10**6))
-@settings(max_examples=5)
+@examples(5)
 def test_of_programs_at_hand(program: core.Program, seed: int) -> None:
     """[PROP-INVARIANT] [PROP-READ]"""
     rng = Random(seed)
@@ -74,7 +75,7 @@ def test_of_programs_at_hand(program: core.Program, seed: int) -> None:
 
 
 @given(system=systems(), seed=st.integers(0, 10**6))
-@settings(max_examples=40)
+@examples(40)
 def test_of_generated_programs(system: System, seed: int) -> None:
     """[PROP-INVARIANT] [PROP-READ] [E-QUANT]"""
     made = recording(Random(seed), system, 2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from koord.runtime.compile import compiled
@@ -87,11 +88,13 @@ def recorded_text(
     return Recorded(simulation.recording, simulation.engine, last, fleet.attitudes(), figures)
 
 
+@cache
 def task() -> Recorded:
     """Six tasks, a car and two drones."""
     return recorded("task", TASKS, TEAM, 900, tasks=len(TASKS.tasks))
 
 
+@cache
 def lineform(robots: int = 4, rounds: int = 300) -> Recorded:
     """Drones on their way into a line."""
     starts = [(-8.0 + 16.0 * k / robots, 5.0 - 3.0 * (k % 4), 1.0) for k in range(robots)]

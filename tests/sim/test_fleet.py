@@ -28,6 +28,7 @@ from koord.sim.fleet import TICK_S, Fleet, Placed
 from koord.sim.separation import nearest
 from koord.sim.squads import DeviceModel
 from tests.runtime.motion.worlds import CLUTTERED
+from tests.sampling import first
 
 CAR = DeviceModel(Car(), PlannerName.RRT_CAR)
 PURSUING = DeviceModel(Car(), PlannerName.RRT_CAR, steering=Steering.PURSUIT)
@@ -92,7 +93,7 @@ def test_everybody_arrives(disturbances: Disturbances) -> None:
     ]
 
 
-@pytest.mark.parametrize("level", [Level.SIMPLE, Level.FULL, Level.FAST])
+@pytest.mark.parametrize("level", first(2, [Level.SIMPLE, Level.FULL, Level.FAST]))
 def test_who_meets_nobody_moves_as_if_it_were_alone(level: Level) -> None:
     """To the last bit: each process of a run simulates its own robot."""
     robots = [

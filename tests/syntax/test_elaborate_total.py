@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from koord.syntax import ast
@@ -14,6 +14,7 @@ from koord.syntax.elaboration import Elaborated, elaborate
 from koord.syntax.parsing.parser import parse
 from koord.syntax.source import Source
 from tests.generators.wellformed import complaints
+from tests.sampling import examples
 from tests.syntax.trees import programs
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,13 +40,13 @@ def check(elaborated: Elaborated) -> None:
     assert len(places) == len(set(places))
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(programs)
 def test_any_tree_is_elaborated(program: ast.Program) -> None:
     check(elaborate(program))
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(st.data())
 def test_any_mistyped_text_is_elaborated(data: st.DataObject) -> None:
     tokens = TOKEN.findall(data.draw(st.sampled_from(TEXTS)))

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import Struct
 
@@ -19,6 +19,7 @@ from koord.syntax.parsing.parser import MAX_CHARACTERS, Parsed, parse
 from koord.syntax.parsing.tokens import words
 from koord.syntax.printing.program import print_program
 from koord.syntax.source import Source, Span
+from tests.sampling import examples
 
 #: CPU seconds for one text; the slowest takes a third of it on a slow machine.
 PATIENCE_S = 6.0
@@ -151,7 +152,7 @@ def test_as_deep_as_may_be() -> None:
 # --- random texts -------------------------------------------------------------------------------
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(st.text(max_size=200))
 def test_any_text(text: str) -> None:
     parsed(text)
@@ -170,13 +171,13 @@ _BREAKS = ["\n", "\n  ", "\n    ", "\n      ", "\t"]
 _SOUP = st.lists(st.sampled_from(_BREAKS + _PIECES), max_size=60)
 
 
-@settings(max_examples=500)
+@examples(500)
 @given(_SOUP, st.booleans())
 def test_any_words(pieces: list[str], spaced: bool) -> None:
     parsed((" " if spaced else "").join(pieces))
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(st.data())
 def test_damaged_programs(data: st.DataObject) -> None:
     text = LISTING.read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ from textwrap import dedent
 from unittest.mock import patch
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import koord
@@ -19,6 +19,7 @@ from koord.syntax.printing.conditions import rows
 from koord.syntax.printing.program import format_source, print_expr, print_program, print_type
 from koord.syntax.source import Source
 from tests import strategies
+from tests.sampling import examples
 from tests.syntax.reading import expression, program, section
 
 ROOT = Path(koord.__file__).parents[1]
@@ -47,7 +48,7 @@ def formatted(text: str) -> str:
 # --- properties ---------------------------------------------------------------------------------
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(strategies.programs())
 def test_a_printed_program_reads_back_as_itself(tree: ast.Program) -> None:
     text = print_program(tree)
@@ -57,13 +58,13 @@ def test_a_printed_program_reads_back_as_itself(tree: ast.Program) -> None:
     assert print_program(parsed.program) == text
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(strategies.expressions(5))
 def test_a_printed_expression_reads_back_as_itself(tree: ast.Expr) -> None:
     assert expression(print_expr(tree)) == tree
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(strategies.types(4))
 def test_a_printed_type_reads_back_as_itself(tree: ast.TypeExpr) -> None:
     assert program(f"param {print_type(tree)} x") == ast.Program(
@@ -71,14 +72,14 @@ def test_a_printed_type_reads_back_as_itself(tree: ast.TypeExpr) -> None:
     )
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(strategies.expressions(5), st.integers(1, 60))
 def test_a_condition_in_rows_reads_back_as_itself(tree: ast.Expr, room: int) -> None:
     text = "\n".join(f"  {row.text}" for row in rows(tree, room))
     assert section(f"invariant:\n{text}\n") == ast.Invariant(None, False, tree)
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(strategies.programs(), st.integers(20, 60))
 def test_programs_on_narrow_pages_read_back_as_themselves(tree: ast.Program, width: int) -> None:
     with patch("koord.syntax.printing.statements.WIDTH", width):
@@ -86,7 +87,7 @@ def test_programs_on_narrow_pages_read_back_as_themselves(tree: ast.Program, wid
     assert program(text) == tree
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(strategies.programs(), st.sampled_from([30, 100]), st.data())
 def test_comments_and_blank_lines_anywhere_are_kept(
     tree: ast.Program, width: int, data: st.DataObject

@@ -11,7 +11,7 @@ from random import Random
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from msgspec.structs import replace
@@ -31,6 +31,7 @@ from koord.traces.trace import Numbers, Sources, Trace, Violation, ViolationKind
 from koord.traces.value_codec import decode_storage, decode_value, encode_storage, encode_value
 from tests.generators.runs import recording
 from tests.generators.strategies import systems
+from tests.sampling import examples
 from tests.semantics import programs
 from tests.semantics.driving import NO_TEXT, drive, played
 from tests.semantics.strategies import ROBOTS, storages, types, values
@@ -70,7 +71,7 @@ def example(policy: str = "first") -> Trace:
 
 
 @given(data=st.data(), type_=types, numbers=st.sampled_from(Numbers))
-@settings(max_examples=300)
+@examples(300)
 def test_values_come_back(data: st.DataObject, type_: Type, numbers: Numbers) -> None:
     """[TRACE] [VALUE]: through text, whatever the type."""
     value = data.draw(values(type_, numbers))
@@ -80,7 +81,7 @@ def test_values_come_back(data: st.DataObject, type_: Type, numbers: Numbers) ->
 
 
 @given(data=st.data(), type_=types, numbers=st.sampled_from(Numbers))
-@settings(max_examples=200)
+@examples(200)
 def test_storage_comes_back(data: st.DataObject, type_: Type, numbers: Numbers) -> None:
     """[TRACE] [ATOM]: unset atoms as such."""
     storage = data.draw(storages(type_, numbers))
@@ -127,7 +128,7 @@ def test_how_values_are_written() -> None:
 @pytest.mark.parametrize("numbers", Numbers)
 @pytest.mark.parametrize("program", programs.RUNNING, ids=lambda p: p.name)
 @given(seed=st.integers(0, 10**6))
-@settings(max_examples=6)
+@examples(6)
 def test_traces_come_back(program: core.Program, numbers: Numbers, seed: int) -> None:
     """[TRACE]: recordings, configurations, output and violations; and the schema describes them."""
     rng = Random(seed)
@@ -146,7 +147,7 @@ def test_faults_come_back(kind: FaultKind) -> None:
 
 
 @given(system=systems(), seed=st.integers(0, 10**6))
-@settings(max_examples=40)
+@examples(40)
 def test_traces_of_generated_programs_come_back(system: System, seed: int) -> None:
     """[TRACE] [RECORDING]: of programs that nobody thought of."""
     made = recording(Random(seed), system, 2)
@@ -435,7 +436,7 @@ _EXAMPLES = [
 
 
 @given(data=st.data(), which=st.sampled_from(range(len(_EXAMPLES))))
-@settings(max_examples=400)
+@examples(400)
 def test_whatever_is_changed_nothing_crashes(data: st.DataObject, which: int) -> None:
     """[TRACE] [REPLAY]: a changed trace is refused, or is one, and then replay has an answer."""
     program, document = _EXAMPLES[which]

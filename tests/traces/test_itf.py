@@ -8,7 +8,7 @@ from random import Random
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -27,6 +27,7 @@ from koord.traces.replay import replay
 from koord.traces.trace import Numbers, Trace, traced
 from tests.generators.runs import recording
 from tests.generators.strategies import systems
+from tests.sampling import examples
 from tests.semantics import programs
 from tests.semantics.building import TRUE, Build
 from tests.semantics.driving import NO_TEXT, drive, played
@@ -91,7 +92,7 @@ def test_runs_have_the_form_and_come_back(program: core.Program, numbers: Number
 
 
 @given(system=systems(), seed=st.integers(0, 10**6))
-@settings(max_examples=25)
+@examples(25)
 def test_generated_runs_have_the_form_and_come_back(system: System, seed: int) -> None:
     """[TRACE] [RECORDING]"""
     made = recording(Random(seed), system, 2)

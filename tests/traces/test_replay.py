@@ -7,7 +7,7 @@ from fractions import Fraction
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -24,6 +24,7 @@ from koord.traces.replay import Planned, Refused, planned, replay
 from koord.traces.trace import Numbers, Trace, Violation, ViolationKind, traced
 from tests.generators.runs import recording
 from tests.generators.strategies import systems
+from tests.sampling import examples
 from tests.semantics import programs
 from tests.semantics.building import TRUE, Build, I, bound, contract, e, forall
 from tests.semantics.driving import NO_TEXT, drive, played
@@ -57,7 +58,7 @@ def with_round(trace: Trace, number: int, **changed: object) -> Trace:
 @pytest.mark.parametrize("numbers", Numbers)
 @pytest.mark.parametrize("program", programs.RUNNING, ids=lambda p: p.name)
 @given(seed=st.integers(0, 10**6))
-@settings(max_examples=6)
+@examples(6)
 def test_every_run_made_by_the_rules_is_legal(
     program: core.Program, numbers: Numbers, seed: int
 ) -> None:
@@ -72,7 +73,7 @@ def test_every_run_made_by_the_rules_is_legal(
 
 
 @given(system=systems(), seed=st.integers(0, 10**6))
-@settings(max_examples=40)
+@examples(40)
 def test_generated_runs_are_legal(system: System, seed: int) -> None:
     """[REPLAY] [RECORDING]"""
     made = recording(Random(seed), system, 2)
@@ -467,7 +468,7 @@ def test_summaries_about_all_values_are_taken_on_trust() -> None:
 
 
 @given(seed=st.integers(0, 10**6))
-@settings(max_examples=60)
+@examples(60)
 def test_of_two_runs_mixed_something_is_named(seed: int) -> None:
     """[REPLAY]: the recording of one run does not lead to the configurations of another."""
     program = programs.thermostat()

@@ -7,7 +7,7 @@ from fractions import Fraction
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from koord.sampling.policies import AtRandom, First
@@ -24,6 +24,7 @@ from koord.traces.changes import changes, differences
 from koord.traces.names import Names, distinct
 from koord.traces.rendering import show_storage, show_value
 from koord.traces.trace import BEFORE_ROUNDS, Numbers, Tracer, assembled, digest, traced
+from tests.sampling import examples
 from tests.semantics import programs
 from tests.semantics.building import PID, TRUE, Build, lst, output, pos, rec
 from tests.semantics.driving import NO_TEXT, drive, played
@@ -186,7 +187,7 @@ def test_not_a_number_is_itself() -> None:
 
 
 @given(data=st.data(), type_=types, numbers=st.sampled_from(Numbers))
-@settings(max_examples=150)
+@examples(150)
 def test_identical_is_equal_but_for_the_order_of_keys(
     data: st.DataObject, type_: Type, numbers: Numbers
 ) -> None:

@@ -21,6 +21,7 @@ from koord.verify.reachability_goals import Wishes, wishes_of
 from koord.verify.vacuity.analysis import look
 from koord.verify.vacuity.unreachable import unmet
 from koord.verify.verdicts import Bounds, Counterexample
+from tests.sampling import sampled
 from tests.verify.reference import Explorer, TooManyError
 
 ROUNDS = 2
@@ -76,11 +77,12 @@ def counted(first: int, last: int) -> Counter[str]:
     return sum((agrees(seed) or Counter() for seed in range(first, last)), Counter[str]())
 
 
-def test_what_never_happens_is_told_of_generated_programs() -> None:
-    found = counted(0, 20)
-    assert found["wishes"] > 12
-    assert found["certain"] > 7
-    assert found["fulfilled"] > 2
+@pytest.mark.parametrize("last", sampled(8, [20]))
+def test_what_never_happens_is_told_of_generated_programs(last: int) -> None:
+    found = counted(0, last)
+    assert found["wishes"] >= last // 2
+    assert found["certain"] >= last // 4
+    assert found["fulfilled"] >= last // 8
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
 from koord.verify.strategy import Choice
 from koord.verify.verdicts import Outcome
+from tests.sampling import but_slow
 from tests.verify.asking import ask, bounded, inductive, of_text
 
 #: In each turn a robot goes through a map three times, and writes where it is.
@@ -60,7 +61,7 @@ def test_maps_keep_to_the_number_of_their_keys(
         assert all(room(robot.locals[0]) <= 2 for robot in configuration.robots)
 
 
-@pytest.mark.parametrize(("key", "some", "first", "second"), KEYS)
+@pytest.mark.parametrize(("key", "some", "first", "second"), but_slow(["Colour"], KEYS))
 def test_nothing_else_changes(key: str, some: str, first: str, second: str) -> None:
     of = of_text(TURNING.format(key=key, some=some, first=first, second=second))
     found = survey(of, of.program.properties, Limits(rounds=9))
@@ -115,6 +116,7 @@ invariant Some: length(xs) > 0
 """
 
 
+@pytest.mark.slow
 def test_lists_that_double_are_given_up() -> None:
     """Without a limit the circuit of one round would take all memory."""
     system = of_text(DOUBLING, robots=1)

@@ -146,6 +146,7 @@ def test_a_search_that_came_far_enough_answers_too() -> None:
     assert verdict.rounds >= 4
 
 
+@pytest.mark.slow
 def test_what_grows_for_ever_is_proved_all_the_same() -> None:
     verdict = ask(growing().program(), robots=1, rounds=4)["NotSeven"]
     assert (verdict.outcome, verdict.engine) == (Outcome.HOLDS, Engine.SPACER)
@@ -488,7 +489,7 @@ def test_what_only_long_lists_allow_is_not_said_to_be_impossible() -> None:
 
 
 @pytest.mark.parametrize(
-    "choice", first(2, (Choice.BMC, Choice.INDUCTION, Choice.AUTO)), ids=lambda c: c.name
+    "choice", first(1, (Choice.BMC, Choice.INDUCTION, Choice.AUTO)), ids=lambda c: c.name
 )
 def test_candidates_that_do_not_replay_are_unknown_and_prove_nothing(choice: Choice) -> None:
     """No rational number is the root of 2, so no run of numbers shows it; it is still so."""
@@ -536,6 +537,7 @@ def test_contracts_that_contradict_each_other_are_told_with_the_round(choice: Ch
     assert asked.empty == ["contracts: no run gets through round 1"]
 
 
+@pytest.mark.slow
 def test_events_that_never_run_are_told() -> None:
     b = climbing()
     z = b.local("z", INT, 0)
@@ -702,7 +704,11 @@ def test_equal_seeds_give_equal_reports(program: core.Program) -> None:
 @pytest.mark.parametrize(
     "program",
     [
-        pytest.param(p, id=p.name, marks=[pytest.mark.slow] if p.name == "thermostat" else [])
+        pytest.param(
+            p,
+            id=p.name,
+            marks=[pytest.mark.slow] if p.name in ("thermostat", "external_planner") else [],
+        )
         for p in (*programs.RUNNING, late(2))
     ],
 )

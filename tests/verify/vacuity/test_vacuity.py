@@ -6,6 +6,7 @@ import pytest
 
 from koord.verify.strategy import Choice
 from koord.verify.verdicts import Emptiness, Outcome
+from tests.sampling import first
 from tests.verify.asking import ask, of_text
 
 COUNTER = """
@@ -50,15 +51,18 @@ def told(text: str, robots: int = 2, rounds: int = 4, choice: Choice = Choice.AU
 
 @pytest.mark.parametrize(
     "condition",
-    [
-        "busy implies x == 2",
-        "not busy or x == 2",
-        "x == 2 or not busy",
-        "x == 2 or not busy or x > 5",
-        "x >= 0 and (not busy or x == 2)",
-        "not busy or (x > 1 implies x == 2)",
-        "x >= 0 implies (busy implies x == 2)",
-    ],
+    first(
+        3,
+        [
+            "busy implies x == 2",
+            "not busy or x == 2",
+            "x == 2 or not busy",
+            "x == 2 or not busy or x > 5",
+            "x >= 0 and (not busy or x == 2)",
+            "not busy or (x > 1 implies x == 2)",
+            "x >= 0 implies (busy implies x == 2)",
+        ],
+    ),
 )
 def test_what_statements_suppose_is_to_come_true(condition: str) -> None:
     assert told(f"{COUNTER}invariant Sure: {condition}\n") == [f"Sure: {NEVER}"]
@@ -126,6 +130,7 @@ invariant Sure{when}: seen == Clock.time implies seen >= 0
     assert late.startswith("supposition Sure: ")
 
 
+@pytest.mark.slow
 def test_what_is_supposed_of_some_robots_is_looked_for_at_them() -> None:
     """Robots may not change places where one is named, be it in what is supposed alone."""
     text = """

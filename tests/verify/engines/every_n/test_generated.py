@@ -22,6 +22,7 @@ from koord.verify.engines.explicit.findings import Exhausted, Subject
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
+from tests.sampling import sampled
 
 ROBOTS = (1, 2, 3, 4)
 
@@ -76,12 +77,13 @@ def agreed(first: int, last: int) -> Counter[str]:
     return count
 
 
-def test_what_is_proved_for_every_number_is_refuted_for_none() -> None:
-    count = agreed(0, 70)
-    assert count["systems"] == 70
-    assert count["proved"] >= 20
-    assert count["compared"] >= 40
-    assert count["all runs seen"] >= 33
+@pytest.mark.parametrize("last", sampled(14, [70]))
+def test_what_is_proved_for_every_number_is_refuted_for_none(last: int) -> None:
+    count = agreed(0, last)
+    assert count["systems"] == last
+    assert count["proved"] >= last // 4
+    assert count["compared"] >= last // 2
+    assert count["all runs seen"] >= last // 3
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.sampling import but_slow
 from tests.verify.engines.every_n.asking import broken, proved
 
 COUNT = """
@@ -41,18 +42,21 @@ def test_a_counter_counts() -> None:
 
 @pytest.mark.parametrize(
     ("old", "new", "claim"),
-    [
-        ("count + 1", "count + 2", "Right"),
-        ("      n = n + 1", "      n = n + 2", "Right"),
-        ("pre: not done[pid]", "pre: count < numAgents", "Right"),
-        ("pre: count == numAgents", "pre: count + 1 == numAgents", "Full"),
-        ("count <= numAgents", "count < numAgents", "Most"),
-        (
-            "    atomic:\n      done[pid] = true\n      count",
-            "    done[pid] = true\n    count",
-            "Right",
-        ),
-    ],
+    but_slow(
+        ["count <= numAgents", "pre: count == numAgents"],
+        [
+            ("count + 1", "count + 2", "Right"),
+            ("      n = n + 1", "      n = n + 2", "Right"),
+            ("pre: not done[pid]", "pre: count < numAgents", "Right"),
+            ("pre: count == numAgents", "pre: count + 1 == numAgents", "Full"),
+            ("count <= numAgents", "count < numAgents", "Most"),
+            (
+                "    atomic:\n      done[pid] = true\n      count",
+                "    done[pid] = true\n    count",
+                "Right",
+            ),
+        ],
+    ),
 )
 def test_one_that_does_not(old: str, new: str, claim: str) -> None:
     text = COUNT.replace(old, new, 1)
