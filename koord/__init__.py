@@ -26,8 +26,17 @@ if TYPE_CHECKING:
     from koord.api.programs import check as check
     from koord.api.programs import load as load
     from koord.api.progress import Cancellation as Cancellation
+    from koord.api.progress import CancelledError as CancelledError
     from koord.api.progress import Progress as Progress
+    from koord.api.replay import ReplayReport as ReplayReport
+    from koord.api.replay import load_trace as load_trace
+    from koord.api.replay import replay as replay
     from koord.api.results import ArgumentError as ArgumentError
+    from koord.api.run import Policy as Policy
+    from koord.api.run import RunReport as RunReport
+    from koord.api.run import run as run
+    from koord.api.stepping import Stepper as Stepper
+    from koord.api.stepping import step as step
     from koord.api.trace import Trace as Trace
     from koord.api.verdicts import Verdict as Verdict
     from koord.api.verdicts import VerifyReport as VerifyReport
@@ -44,8 +53,11 @@ _HOMES = {
     "koord.api.certify": ("Certificate", "certify"),
     "koord.api.documents": ("schema",),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
-    "koord.api.progress": ("Cancellation", "Progress"),
+    "koord.api.progress": ("Cancellation", "CancelledError", "Progress"),
+    "koord.api.replay": ("ReplayReport", "load_trace", "replay"),
     "koord.api.results": ("ArgumentError",),
+    "koord.api.run": ("Policy", "RunReport", "run"),
+    "koord.api.stepping": ("Stepper", "step"),
     "koord.api.trace": ("Trace",),
     "koord.api.verdicts": ("Verdict", "VerifyReport"),
     "koord.api.verify": ("Engine", "verify"),

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from koord.api.files import write_atomically
-from koord.api.progress import Cancellation, Listener, asker, teller
+from koord.api.progress import Cancellation, CancelledError, Listener, asker, teller
 from koord.api.results import Result
 from koord.api.verify import in_process
 from koord.version import __version__
@@ -45,7 +45,8 @@ def certify(
 ) -> Certificate | None:
     """The certificate of the claims that a report shows in all rounds; None if there are none.
 
-    It takes up to ``timeout_s`` seconds. Raises KeyboardInterrupt after ``cancellation``.
+    It takes up to ``timeout_s`` seconds. Raises :class:`koord.CancelledError` after
+    ``cancellation``.
 
     >>> koord.certify(koord.verify("task.krd")).save("task.json")
     """
@@ -61,5 +62,10 @@ def certify(
         texts = Texts(program.source, program.properties, program.settings)
         return (certificate(system, texts, shown, Deadline.after(timeout_s), __version__),)
 
-    (made,) = in_process(work, teller(progress), asker(cancellation))
+    try:
+        (made,) = in_process(work, teller(progress), asker(cancellation))
+    except KeyboardInterrupt:
+        if cancellation is None or not cancellation.requested:
+            raise
+        raise CancelledError("while proofs were looked for") from None
     return None if made is None else Certificate(dict(made.document), made.not_covered)

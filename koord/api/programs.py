@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from koord.api.files import read_program
 from koord.api.results import ArgumentError, Result, diagnostics_dict, html_table
+from koord.api.robots import exact_number
 from koord.syntax import core
 from koord.syntax import load as texts
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
@@ -171,10 +172,7 @@ def exact(value: Value) -> ParamValue:
         case bool() | int() | str() | Fraction():
             return value
         case float():
-            try:
-                return Fraction(repr(value))
-            except ValueError:
-                raise ArgumentError("params", f"{value} is not a number") from None
+            return exact_number("params", value)
         case Iterable():
             return tuple(exact(each) for each in value)
     raise ArgumentError("params", f"{value!r} is no value of a param")

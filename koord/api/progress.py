@@ -49,6 +49,10 @@ class Cancellation:
         return self._requested
 
 
+class CancelledError(Exception):
+    """A call was cancelled before there was anything to answer."""
+
+
 def teller(listener: Listener | None) -> Callable[[str], None]:
     """What engines tell their progress to: words, which the listener hears as :class:`Progress`."""
     if listener is None:

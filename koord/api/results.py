@@ -48,7 +48,8 @@ def html_table(heading: str, columns: Sequence[str], rows: Iterable[Sequence[obj
         return f"<tr>{inside}</tr>"
 
     body = "".join(row("td", cells) for cells in rows)
-    return f"<p>{escape(heading)}</p><table>{row('th', columns)}{body}</table>"
+    table = f"<table>{row('th', columns)}{body}</table>" if columns else ""
+    return f"<p>{escape(heading)}</p>{table}"
 
 
 def diagnostics_dict(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:

@@ -67,10 +67,18 @@ def delta_of(seconds: Seconds) -> Fraction | None:
     """The length of a round, exactly. Raises ArgumentError for one that is out of range."""
     if seconds is None:
         return None
-    delta_s = Fraction(repr(seconds) if isinstance(seconds, float) else seconds)
+    delta_s = exact_number("delta_s", seconds)
     if not LEAST_DELTA_S <= delta_s <= MOST_DELTA_S:
         raise ArgumentError("delta_s", f"δ must be from 1e-9 to 1e5 seconds, not {seconds}")
     return delta_s
+
+
+def exact_number(argument: str, number: float | Fraction) -> Fraction:
+    """A number exactly, a float as the decimal that it is written as. Raises ArgumentError."""
+    try:
+        return Fraction(repr(number) if isinstance(number, float) else number)
+    except ValueError:
+        raise ArgumentError(argument, f"{number} is not a number") from None
 
 
 def system_of(program: core.Program, fleet: Fleet, delta_s: Fraction | None) -> System:

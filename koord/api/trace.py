@@ -35,10 +35,14 @@ class Trace(Result, frozen=True):
 
     def to_dict(self) -> dict[str, object]:
         """As ``koord run --json`` prints it; the schema is ``trace``."""
+        found: dict[str, object] = json.loads(self.encoded())
+        return found
+
+    def encoded(self) -> bytes:
+        """The bytes of a file."""
         from koord.traces.codec import encode
 
-        found: dict[str, object] = json.loads(encode(self.recorded))
-        return found
+        return encode(self.recorded)
 
     def to_itf(self) -> dict[str, Any]:
         """In the form that tools for TLA+ read (ITF)."""

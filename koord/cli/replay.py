@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Iterator
 from fractions import Fraction
 from typing import assert_never
 
 from msgspec import Struct
-from msgspec.structs import replace
 
 from koord.api.files import InputFile
-from koord.api.rerun import rerun_dict
+from koord.api.replay import ReplayReport, replayed
 from koord.api.traces import read_trace
 from koord.cli import departures
 from koord.cli.arguments import add_json, check_files, number
@@ -22,16 +20,12 @@ from koord.cli.exits import Exit
 from koord.cli.files import name_of, read_program, read_written
 from koord.cli.tables import Rounds, Table, repeats
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.refinement.compiled_replay import Departure, rerun
 from koord.sampling.policies import Taken
 from koord.semantics.recordings import Step
 from koord.syntax.diagnostics import KoordError
 from koord.traces.names import Names
-from koord.traces.replay import Refused, Replayed, replay
+from koord.traces.replay import Refused
 from koord.traces.trace import BEFORE_ROUNDS, Trace, Violation, ViolationKind
-
-#: Raised when the JSON changes in a way that its readers must know of.
-JSON_VERSION = 1
 
 
 class Request(Struct, frozen=True):
@@ -105,38 +99,24 @@ def _replay(request: Request) -> Exit:
         sources = [given] if given is not None else []
         report_error(error, as_json=request.as_json, sources=sources)
         return Exit.BAD_INPUT
-    if request.slack is not None:
-        trace = replace(trace, slack=request.slack)
     shown = _Shown(trace) if request.show and not request.as_json else None
-    found = replay(_loosened(trace), shown.step if shown is not None else _unseen)
+    report = replayed(
+        trace,
+        shown.step if shown is not None else _unseen,
+        slack=request.slack,
+        compiled=request.compiled,
+    )
     if shown is not None:
         shown.close()
-    compared = request.compiled and found.refused is None
-    departure = rerun(trace) if compared else None
     if request.as_json:
-        told = as_json(trace, found)
-        told["compiled"] = rerun_dict(departure, first=0) if compared else None
-        json.dump(told, sys.stdout, indent=2)
-        print()
+        print(report.to_json())
     else:
-        for line in verdict(request.name, trace, found, style_of(sys.stdout)):
+        for line in verdict(request.name, report, style_of(sys.stdout)):
             print(line)
-        if compared:
-            for line in departures.lines(departure):
+        if report.compared:
+            for line in departures.lines(report.departure):
                 print(line)
-    return (
-        Exit.OK if found.refused is None and not isinstance(departure, Departure) else Exit.VIOLATED
-    )
-
-
-def _loosened(trace: Trace) -> Trace:
-    """The trace, of a program whose assumptions and contracts have the trace's slack."""
-    if not trace.slack:
-        return trace
-    from koord.runtime.compile.slack import loosened
-
-    program = loosened(trace.system.program, trace.slack)
-    return replace(trace, system=replace(trace.system, program=program))
+    return Exit.OK if report.legal and report.agrees else Exit.VIOLATED
 
 
 class _Shown:
@@ -157,9 +137,9 @@ def _unseen(step: Step) -> None:
     """Without --show nobody looks at the steps."""
 
 
-def verdict(name: str, trace: Trace, found: Replayed, style: Style) -> Iterator[str]:
+def verdict(name: str, report: ReplayReport, style: Style) -> Iterator[str]:
     """What a replay found, in words."""
-    refused = found.refused
+    trace, found, refused = report.trace.recorded, report.found, report.refused
     if refused is None:
         good = style.paint("legal", Paint.ADDED)
         rounds = f"{found.rounds} round{'' if found.rounds == 1 else 's'}"
@@ -217,32 +197,3 @@ def _where(refused: Refused) -> str:
     if step.robot is None:
         return f"{where}, the environment's turn"
     return f"{where}, robot {step.robot}, " + (f"event {step.event}" if step.event else "a skip")
-
-
-def as_json(trace: Trace, found: Replayed) -> dict[str, object]:
-    """What a replay found, as ``--json`` prints it; rounds count from 0, as in traces."""
-    refused = found.refused
-    return {
-        "version": JSON_VERSION,
-        "program": trace.problem.texts[0],
-        "problem": trace.problem.document(),
-        "legal": refused is None,
-        "steps": found.steps,
-        "rounds": found.rounds,
-        "refused": None
-        if refused is None
-        else {
-            "rule": refused.rule,
-            "round": refused.step.round,
-            "robot": refused.step.robot,
-            "event": refused.step.event,
-            "reason": refused.reason,
-            "differences": [
-                {"robot": c.robot, "location": c.name, "expected": c.old, "recorded": c.new}
-                for c in refused.differences
-            ],
-        },
-        "slack": float(trace.slack),
-        "trusted": list(found.trusted),
-        "cut_off": trace.cut_off,
-    }

@@ -17,6 +17,7 @@ from jsonschema import Draft202012Validator
 import koord
 from koord.api.programs import Program
 from koord.api.robots import AS_STATED, Fleet
+from koord.api.run import Policy
 from koord.api.verify import Engine
 from koord.cli import main as frame
 from koord.cli import requests, run, verified, verify, watching
@@ -165,7 +166,7 @@ def test_every_flag_of_run_arrives(monkeypatch: pytest.MonkeyPatch, program: str
             fleet=Fleet(2),
             rounds=0,
             delta_s=Fraction(2),
-            policy=run.Policy.RANDOM,
+            policy=Policy.RANDOM,
             seed=4,
             interactive=True,
             trace=f"{program}.json",

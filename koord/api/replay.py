@@ -1,0 +1,187 @@
+"""Replaying: a trace is checked rule by rule, and the first step that is not legal is named."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
+
+from koord.api.files import read_written
+from koord.api.programs import Text, source_of
+from koord.api.progress import Listener, Progress
+from koord.api.rerun import rerun_dict
+from koord.api.results import Result, html_table
+from koord.api.robots import exact_number
+from koord.api.trace import Trace
+from koord.api.traces import read_trace
+from koord.syntax.source import visible
+from koord.traces.replay import Refused, Replayed
+from koord.traces.replay import replay as judge
+from koord.traces.trace import Trace as Recorded
+
+if TYPE_CHECKING:
+    from koord.refinement.compiled_replay import Rerun
+    from koord.semantics.recordings import Step
+
+#: Raised when the JSON changes in a way that its readers must know of.
+REPLAY_VERSION = 1
+
+
+class ReplayReport(Result, frozen=True):
+    """Whether every step of a trace is legal; if not, which is the first that is not, and why.
+
+    If ``compared``, the compiled program ran it as well, and ``departure`` is where it did
+    something else; None: it did the same.
+    """
+
+    trace: Trace
+    found: Replayed
+    compared: bool = False
+    departure: Rerun = None
+
+    @property
+    def legal(self) -> bool:
+        """Whether every step is one that the rules allow."""
+        return self.found.refused is None
+
+    @property
+    def refused(self) -> Refused | None:
+        """The first step that is not right: the rule that it breaks, and how."""
+        return self.found.refused
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the compiled program, if it was asked, came to the same states."""
+        if self.departure is None:
+            return True
+        from koord.refinement.compiled_replay import Departure
+
+        return not isinstance(self.departure, Departure)
+
+    @property
+    def rounds(self) -> int:
+        """How many rounds are right."""
+        return self.found.rounds
+
+    def to_dict(self) -> dict[str, object]:
+        """As ``koord replay --json`` prints it, rounds from 0; the schema is ``replay``."""
+        recorded, found, refused = self.trace.recorded, self.found, self.found.refused
+        return {
+            "version": REPLAY_VERSION,
+            "program": recorded.problem.texts[0],
+            "problem": recorded.problem.document(),
+            "legal": refused is None,
+            "steps": found.steps,
+            "rounds": found.rounds,
+            "refused": None
+            if refused is None
+            else {
+                "rule": refused.rule,
+                "round": refused.step.round,
+                "robot": refused.step.robot,
+                "event": refused.step.event,
+                "reason": refused.reason,
+                "differences": [
+                    {"robot": c.robot, "location": c.name, "expected": c.old, "recorded": c.new}
+                    for c in refused.differences
+                ],
+            },
+            "slack": float(recorded.slack),
+            "trusted": list(found.trusted),
+            "cut_off": recorded.cut_off,
+            "compiled": rerun_dict(self.departure, first=0) if self.compared else None,
+        }
+
+    def __repr__(self) -> str:
+        refused = self.found.refused
+        if refused is None:
+            rounds = f"{self.rounds} round{'' if self.rounds == 1 else 's'}"
+            return f"<ReplayReport {self.trace.recorded.problem}: legal, {rounds}>"
+        where = f"round {refused.step.round + 1}"
+        said = f"not legal by {refused.rule} in {where}: {refused.reason}"
+        return f"<ReplayReport {self.trace.recorded.problem}: {said}>"
+
+    def _repr_html_(self) -> str:
+        refused = self.found.refused
+        if refused is None:
+            return html_table(repr(self), (), ())
+        columns = ("robot", "location", "by the rules", "recorded")
+        rows = [(c.robot, c.name, c.old, c.new) for c in refused.differences]
+        return html_table(repr(self), columns, rows)
+
+
+def load_trace(path: str | os.PathLike[str], *, program: Text | None = None) -> Trace:
+    """The trace in a file, in koord's form or in ITF.
+
+    ``program`` is a text to read it with, instead of the one that it holds. Of a file that ends in
+    the middle the rounds that are whole are read. Raises :class:`koord.KoordError` for what is no
+    trace, or does not fit the program.
+
+    >>> koord.load_trace("trace.json")
+    """
+    name = os.fspath(path)
+    given = None if program is None else source_of(program)
+    return Trace(read_trace(read_written(name), visible(name), given))
+
+
+def replay(
+    trace: Trace | str | os.PathLike[str],
+    *,
+    program: Text | None = None,
+    slack: float | Fraction | None = None,
+    compiled: bool = False,
+    progress: Listener | None = None,
+) -> ReplayReport:
+    """Check a trace rule by rule; it may be the name of a file.
+
+    ``program`` is a text to replay it with, instead of the one that it holds. ``slack`` is by how
+    much floats may be off in assumptions and contracts (as the trace says: traces of vehicles say
+    how far these may be off). With ``compiled`` the compiled program runs it, too.
+
+    Raises :class:`koord.KoordError` for what is no trace, or does not fit the program.
+
+    >>> koord.replay(report.counterexample).legal
+    True
+    """
+    if not isinstance(trace, Trace):
+        trace = load_trace(trace, program=program)
+    elif program is not None:
+        trace = Trace(read_trace(trace.to_json().encode(), "trace", source_of(program)))
+
+    def told(step: Step) -> None:
+        if progress is not None and step.robot is None:
+            progress(Progress("replaying", round=step.round + 1))
+
+    amount = None if slack is None else exact_number("slack", slack)
+    return replayed(trace.recorded, told, slack=amount, compiled=compiled)
+
+
+def replayed(
+    recorded: Recorded,
+    shown: Callable[[Step], None],
+    *,
+    slack: Fraction | None = None,
+    compiled: bool = False,
+) -> ReplayReport:
+    """As :func:`replay`; each step that is right is ``shown``."""
+    if slack is not None:
+        recorded = replace(recorded, slack=slack)
+    found = judge(_loosened(recorded), shown)
+    if not compiled or found.refused is not None:
+        return ReplayReport(Trace(recorded), found)
+    from koord.refinement.compiled_replay import rerun
+
+    return ReplayReport(Trace(recorded), found, True, rerun(recorded))
+
+
+def _loosened(recorded: Recorded) -> Recorded:
+    """The trace, of a program whose assumptions and contracts have the trace's slack."""
+    if not recorded.slack:
+        return recorded
+    from koord.runtime.compile.slack import loosened
+
+    program = loosened(recorded.system.program, recorded.slack)
+    return replace(recorded, system=replace(recorded.system, program=program))

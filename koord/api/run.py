@@ -1,0 +1,268 @@
+"""Running: a program by the rules of the semantics, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from enum import Enum
+from random import Random
+from typing import BinaryIO, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.api.programs import Loadable, Program, program_of
+from koord.api.progress import Cancellation, CancelledError, Listener, Progress, asker
+from koord.api.results import ArgumentError, Result
+from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
+from koord.api.trace import Trace
+from koord.api.traces import sources_of
+from koord.sampling.monitors import Watch
+from koord.sampling.policies import AtRandom, First, Play, Taken
+from koord.sampling.running import Moment, Run, new_run
+from koord.semantics.configurations import Configuration, Fault
+from koord.semantics.domain import Constant
+from koord.syntax.budget import OutOfPatienceError, Patience
+from koord.syntax.source import Span
+from koord.syntax.system import System
+from koord.traces.parts import PartTrace
+from koord.traces.trace import Numbers, Tracer, Violation, ViolationKind
+from koord.traces.trace import Trace as Recorded
+
+Name = TypeVar("Name", bound=Enum)
+
+
+class Policy(Enum):
+    """Which of the allowed steps is taken."""
+
+    FIRST = "first"  #: the first enabled event in the order of the program, as robots do
+    RANDOM = "random"  #: any allowed step, by the seed
+
+
+class Ending(Struct, frozen=True):
+    """Where a run has come to."""
+
+    system: System
+    configuration: Configuration[Constant]
+    rounds: int  #: that are over
+    begun: bool  #: whether INIT is over
+    all_stopped: bool
+    violation: Violation | None
+    interrupted: bool = False
+
+    @staticmethod
+    def of(run: Run, violation: Violation | None, *, interrupted: bool = False) -> Ending:
+        """Where a run is now."""
+        return Ending(
+            run.system,
+            run.configuration,
+            run.round,
+            run.begun,
+            run.all_stopped,
+            violation,
+            interrupted,
+        )
+
+    @property
+    def fault(self) -> Fault | None:
+        """The fault that ended it."""
+        return self.configuration.fault
+
+    @property
+    def broken(self) -> bool:
+        """Whether it ended in a fault, or in the violation of a claim."""
+        return self.fault is not None or self.violation is not None
+
+    @property
+    def place(self) -> Span | None:
+        """The place in the text that is to blame."""
+        program, violation = self.system.program, self.violation
+        if self.fault is not None:
+            return self.fault.span
+        if violation is None:
+            return None
+        if violation.kind is ViolationKind.PROPERTY:
+            return next(p.span for p in program.properties if p.name == violation.name)
+        contracts = (c for a in program.agents for m in a.modules for c in m.contracts)
+        return next(c.span for c in contracts if c.name == violation.name)
+
+
+class RunReport(Result, frozen=True):
+    """A run, and how it ended."""
+
+    program: Program
+    trace: Trace
+    ending: Ending
+
+    @property
+    def rounds(self) -> int:
+        """How many rounds are over."""
+        return self.ending.rounds
+
+    @property
+    def fault(self) -> Fault | None:
+        """The fault that ended it."""
+        return self.ending.fault
+
+    @property
+    def violation(self) -> Violation | None:
+        """The claim that it broke."""
+        return self.ending.violation
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether it was ended from elsewhere."""
+        return self.ending.interrupted
+
+    def to_dict(self) -> dict[str, object]:
+        """The trace, as ``koord run --json`` prints it; the schema is ``trace``."""
+        return self.trace.to_dict()
+
+    def __repr__(self) -> str:
+        rounds = f"{self.rounds} round{'' if self.rounds == 1 else 's'}"
+        how = "interrupted" if self.interrupted else "done"
+        if self.fault is not None:
+            how = f"fault: {self.fault.kind.value}"
+        elif self.violation is not None:
+            how = f"violated: {self.violation.name}"
+        return f"<RunReport {self.trace.recorded.problem}: {how}, {rounds}>"
+
+    def _repr_html_(self) -> str:
+        return self.trace._repr_html_()
+
+
+class Session(Struct):
+    """A run by a policy that is going on; ``tracer`` gathers its trace, if there is one."""
+
+    program: Program
+    system: System
+    play: Play
+    tracer: Tracer | None
+    cancelled: Callable[[], bool]
+    interrupted: bool = False
+    _kept: Moment | None = None
+
+    def steps(self) -> Iterator[Taken]:
+        """Make the run. A step that is half done when it is ended does not count.
+
+        Raises KoordError where an assumption, a contract or a summary cannot be met, and
+        CancelledError where it is ended before there is a start.
+        """
+        run = self.play.run
+        try:
+            for taken in self.play.steps():
+                self._kept = run.moment
+                if self.tracer is not None:
+                    self.tracer.add(taken.step)
+                yield taken
+                if self.cancelled():
+                    self.interrupted = True
+                    return
+        except OutOfPatienceError:
+            if self._kept is None:
+                raise CancelledError("while looking for a start") from None
+            self.interrupted = True
+            run.go_back(self._kept)
+
+    @property
+    def ending(self) -> Ending:
+        """Where it has come to."""
+        return Ending.of(self.play.run, self.play.violation, interrupted=self.interrupted)
+
+    def recorded(self) -> Recorded:
+        """The trace of it so far."""
+        assert self.tracer is not None
+        play = self.play
+        return self.tracer.trace(
+            sources_of(self.program),
+            self.system,
+            play.run.numbers,
+            play.recording(),
+            play.violation,
+        )
+
+    def part(self, file: BinaryIO) -> Callable[[], None]:
+        """Begin a file that its trace grows in; what comes out writes what is new behind it."""
+        part, tracer = PartTrace(file), self.tracer
+
+        def grow() -> None:
+            if tracer is not None and tracer.configurations:
+                part.grow(self.recorded())
+
+        return grow
+
+
+def run(
+    program: Loadable,
+    *,
+    robots: Robots = None,
+    rounds: int = 20,
+    delta_s: Seconds = None,
+    policy: Policy | str = Policy.FIRST,
+    numbers: Numbers | str = Numbers.EXACT,
+    seed: int = 0,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> RunReport:
+    """Run a program by the rules of the semantics, up to a fault or a violation.
+
+    ``robots`` is how many there are, or how many of each kind (``{"Car": 2}``); ``delta_s`` how
+    long a round takes, in seconds. Without them, what the program states. ``policy`` says which of
+    the allowed steps is taken: ``"first"``, as robots do, or ``"random"``, by the ``seed``; what
+    the program leaves open is chosen by the seed as well. ``numbers`` is what a float is:
+    ``"exact"``, a rational, or ``"double"``, as on robots.
+
+    ``progress`` hears of each round; after ``cancellation`` the report has the run up to there.
+
+    Raises :class:`koord.KoordError` for a program with errors, or where no start, answer or reading
+    meets what is assumed of it; :class:`koord.ArgumentError` for arguments that do not fit; and
+    :class:`koord.CancelledError` where it is cancelled before there is a start.
+
+    >>> koord.run("task.krd", rounds=5).violation
+    """
+    loaded = program_of(program)
+    fleet = fleet_of(robots)
+    if fleet.any_number:
+        raise ArgumentError("robots", "a run needs a number of robots")
+    session = session_of(
+        loaded,
+        system_of(loaded.core, fleet, delta_of(delta_s)),
+        HowToRun(rounds, _one_of(Policy, "policy", policy), _one_of(Numbers, "numbers", numbers)),
+        seed,
+        None if cancellation is None else asker(cancellation),
+    )
+    for taken in session.steps():
+        if progress is not None and taken.step.robot is None:
+            made = session.play.run.round
+            progress(Progress(f"round {made} of {rounds}", round=made))
+    return RunReport(loaded, Trace(session.recorded()), session.ending)
+
+
+class HowToRun(Struct, frozen=True):
+    """How many rounds are run, and how."""
+
+    rounds: int
+    policy: Policy = Policy.FIRST
+    numbers: Numbers = Numbers.EXACT
+    traced: bool = True
+
+
+def session_of(
+    program: Program, system: System, how: HowToRun, seed: int, cancelled: Callable[[], bool] | None
+) -> Session:
+    """A run that is to be made; who never cancels it says None."""
+    rng = Random(seed)
+    # A trace outlives whoever is asked whether to go on.
+    heard = system if cancelled is None else replace(system, patience=Patience(cancelled))
+    run = new_run(heard, how.numbers, rng)
+    policy = First() if how.policy is Policy.FIRST else AtRandom(rng)
+    play = Play(run, policy, how.rounds, Watch(run.d, heard, run.inputs))
+    tracer = Tracer() if how.traced else None
+    return Session(program, system, play, tracer, cancelled or (lambda: False))
+
+
+def _one_of(names: type[Name], argument: str, given: Name | str) -> Name:
+    try:
+        return names(given)
+    except ValueError:
+        known = ", ".join(str(each.value) for each in names)
+        raise ArgumentError(argument, f"there is no {given!r}; there are {known}") from None

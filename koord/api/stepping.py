@@ -1,0 +1,163 @@
+"""Running by hand: the caller picks the next robot and event, and may take it back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import Struct, field
+
+from koord.api.programs import Loadable, Program, program_of
+from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
+from koord.api.run import Ending, HowToRun, Session, session_of
+from koord.api.trace import Trace
+from koord.api.traces import sources_of
+from koord.sampling.policies import First, Taken, take
+from koord.sampling.running import Moment, Move, Run
+from koord.semantics.recordings import Step
+from koord.traces.trace import Numbers, Violation, assembled
+
+
+class Option(Struct, frozen=True):
+    """A turn that could be next: of a robot, with one of its events or with none.
+
+    What ``loses`` would enter a lock that is taken, and cannot be made.
+    """
+
+    move: Move
+    event: str | None
+    loses: bool
+
+    @property
+    def robot(self) -> int:
+        """Whose turn it is."""
+        return self.move.robot
+
+
+class Shift(Struct, frozen=True):
+    """A step that was made, with the moment before it."""
+
+    before: Moment
+    taken: Taken
+
+
+class Stepper(Struct):
+    """A run by hand: look at the :meth:`options`, :meth:`make` one of them, :meth:`undo` it.
+
+    >>> stepper = koord.step("task.krd")
+    >>> stepper.make(stepper.options()[0])
+    """
+
+    program: Program
+    session: Session
+    rounds: int
+    taken: list[Step] = field(default_factory=list)
+    violation: Violation | None = None
+    _past: list[Moment] = field(default_factory=list)
+
+    @property
+    def run(self) -> Run:
+        """The run as it is now."""
+        return self.session.play.run
+
+    def begin(self) -> Step:
+        """Begin the run. Raises KoordError where no start meets what is assumed."""
+        return self._noted(self.run.begin())
+
+    @property
+    def is_over(self) -> bool:
+        """Whether no step can follow: a fault, a violation, the last round, nobody goes on."""
+        if self.violation is not None or self.run.configuration.fault is not None:
+            return True
+        begun = len(self.run.waiting) < self.run.system.robots
+        return not begun and (self.run.round >= self.rounds or self.run.all_stopped)
+
+    def options(self) -> tuple[Option, ...]:
+        """The turns that could be next; none where the environment's turn is next."""
+        return tuple(Option(move, self._name(move), self.run.loses(move)) for move in self._moves())
+
+    def _moves(self) -> Iterator[Move]:
+        for robot in self.run.waiting:
+            yield from (Move(robot, event) for event in self.run.enabled(robot))
+            if self.run.may_skip(robot):
+                yield Move(robot, None)
+
+    def _name(self, move: Move) -> str | None:
+        if move.event is None:
+            return None
+        return self.run.system.agent(move.robot).events[move.event].name
+
+    def make(self, option: Option) -> Shift:
+        """Make one of the turns. Raises IllegalStepError if the rules do not allow it."""
+        moment = self.run.moment
+        step = self.run.make(option.move)
+        return self._shift(moment, Taken(step))
+
+    def finish_round(self) -> Iterator[Shift]:
+        """Let the robots that have not had their turn move as the runtime would."""
+        policy = First()
+        while self.run.waiting and not self.is_over:
+            moment = self.run.moment
+            yield self._shift(moment, take(self.run, policy.move(self.run, self.run.waiting)))
+
+    def evolve(self) -> Shift:
+        """The environment's turn, which ends the round."""
+        moment = self.run.moment
+        return self._shift(moment, Taken(self.run.evolve()))
+
+    def _shift(self, before: Moment, taken: Taken) -> Shift:
+        self._past.append(before)
+        self._noted(taken.step)
+        return Shift(before, taken)
+
+    def _noted(self, step: Step) -> Step:
+        self.taken.append(step)
+        self.violation = self.session.play.watch.after(step)
+        return step
+
+    def undo(self) -> bool:
+        """Go back to before the last program turn, also across the end of a round.
+
+        Whether there was one.
+        """
+        if not self._past:
+            return False
+        while self._past:
+            self.run.go_back(self._past.pop())
+            if self.taken.pop().rule != "ENV-TRANS":
+                break
+        self.violation = None
+        return True
+
+    @property
+    def ending(self) -> Ending:
+        """Where the run has come to."""
+        return Ending.of(self.run, self.violation)
+
+    def trace(self) -> Trace:
+        """The run so far."""
+        recording = self.run.recording(checks=self.violation is not None)
+        sources, run = sources_of(self.program), self.run
+        return Trace(
+            assembled(sources, run.system, run.numbers, recording, self.taken, self.violation)
+        )
+
+
+def step(
+    program: Loadable,
+    *,
+    robots: Robots = None,
+    rounds: int = 20,
+    delta_s: Seconds = None,
+    numbers: Numbers | str = Numbers.EXACT,
+    seed: int = 0,
+) -> Stepper:
+    """A run by hand, begun. The arguments are those of :func:`koord.run`, and so are the errors.
+
+    >>> stepper = koord.step("task.krd", robots=2)
+    """
+    loaded = program_of(program)
+    system = system_of(loaded.core, fleet_of(robots), delta_of(delta_s))
+    how = HowToRun(rounds, numbers=Numbers(numbers), traced=False)
+    stepper = Stepper(loaded, session_of(loaded, system, how, seed, None), rounds)
+    stepper.begin()
+    return stepper
