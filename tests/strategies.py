@@ -129,6 +129,7 @@ def expressions(depth: int = EXPRESSION_DEPTH) -> SearchStrategy[ast.Expr]:
         st.builds(ast.Unary, st.sampled_from(ast.UnaryOp), inner),
         st.builds(ast.ListLit, items),
         st.builds(ast.MapLit, tuples_of(st.tuples(inner, inner))),
+        st.builds(ast.SetLit, tuples_of(inner, least=1)),
         st.builds(ast.Call, idents, arguments),
         st.builds(ast.MethodCall, inner, idents, arguments),
         st.builds(ast.Index, inner, inner),

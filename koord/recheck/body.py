@@ -244,6 +244,8 @@ class Body:
                 if not items:
                     return self.v.default(e.type)
                 return self.v.least(items, greatest=e.op is ListOp.MAX)
+            case ListOp.KEYS:
+                raise NotRecheckedError("going through a map is not rechecked", e.span)
         assert_never(e.op)
 
     def _map(self, e: core.MakeMap) -> Value:

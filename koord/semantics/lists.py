@@ -46,6 +46,9 @@ def builtin(m: Machine[V], e: core.Builtin) -> Value[V]:
             return any_or_all(m, e.op, sequence(value))
         case ListOp.MIN | ListOp.MAX:
             return extreme(m, e, sequence(value))
+        case ListOp.KEYS:
+            assert isinstance(value, Table)
+            return Seq(value.length, tuple(key for key, _ in value.entries))
     assert_never(e.op)
 
 

@@ -124,6 +124,15 @@ class MapLit(Node, frozen=True):
     entries: tuple[tuple[Expr, Expr], ...]
 
 
+class SetLit(Node, frozen=True):
+    """``{a, b}``; the set of no elements is written ``{}``, a :class:`MapLit`."""
+
+    items: tuple[Expr, ...]
+
+
+Collection = ListLit | MapLit | SetLit
+
+
 class Unary(Node, frozen=True):
     """``-e``, ``not e``"""
 
@@ -219,6 +228,7 @@ Expr = (
     | Name
     | ListLit
     | MapLit
+    | SetLit
     | Unary
     | Binary
     | Call

@@ -136,6 +136,7 @@ class ListOp(Enum):
     ALL = "all"
     MIN = "min"  #: of a list of numbers; an empty one is a fault
     MAX = "max"
+    KEYS = "keys"  #: of a map, in the order of its entries, as a list
 
 
 class Const(Node, frozen=True):

@@ -122,6 +122,10 @@ class MapType(BaseType, frozen=True):
         return (self.key, self.value)
 
 
+class SetType(MapType, frozen=True):
+    """``Set<T>``: a map from each element to :data:`PRESENT`, the only value that there is."""
+
+
 Type = (
     IntType
     | FloatType
@@ -142,6 +146,7 @@ FLOAT = FloatType()
 BOOL = BoolType()
 STRING = StringType()
 STREAM = StreamType()
+PRESENT = EnumType("Element", ("present",))
 POS = RecordType("pos", (("x", FLOAT), ("y", FLOAT), ("z", FLOAT)))
 
 
@@ -217,5 +222,7 @@ def show(type_: Type) -> str:
             return f"{show(element)}[]"
         case QueueType(element=element):
             return f"Queue<{show(element)}>"
+        case SetType(key=element):
+            return f"Set<{show(element)}>"
         case MapType(key=key, value=value):
             return f"Map<{show(key)}, {show(value)}>"

@@ -31,6 +31,7 @@ from koord.syntax.types import (
     MapType,
     RecordType,
     SequenceType,
+    SetType,
     Type,
     part_types,
 )
@@ -204,6 +205,8 @@ def itf_value(value: Concrete, type_: Type) -> Json:
             return [itf_value(item, type_.element) for item in items]
         case Table(entries=entries):
             assert isinstance(type_, MapType)
+            if isinstance(type_, SetType):
+                return {"#set": [itf_value(k, type_.key) for k, _ in entries]}
             pairs_of = [[itf_value(k, type_.key), itf_value(v, type_.value)] for k, v in entries]
             return {"#map": list[Json](pairs_of)}
         case _:

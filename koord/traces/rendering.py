@@ -15,6 +15,7 @@ from koord.syntax.types import (
     MapType,
     RecordType,
     SequenceType,
+    SetType,
     StringType,
     Type,
     part_types,
@@ -50,6 +51,8 @@ def show_value(value: Value[Constant], type_: Type) -> str:
             return f"[{', '.join(show_value(item, type_.element) for item in items)}]"
         case Table(entries=entries):
             assert isinstance(type_, MapType)
+            if isinstance(type_, SetType):
+                return f"{{{', '.join(show_value(k, type_.key) for k, _ in entries)}}}"
             shown = ", ".join(
                 f"{show_value(k, type_.key)}: {show_value(v, type_.value)}" for k, v in entries
             )

@@ -37,6 +37,7 @@ from koord.syntax.types import (
     RecordType,
     Robots,
     SequenceType,
+    SetType,
     StreamType,
     StringType,
     Type,
@@ -132,6 +133,8 @@ def encode_value(value: Value[Constant], type_: Type) -> Json:
             return [encode_value(item, type_.element) for item in items]
         case Table(entries=entries):
             assert isinstance(type_, MapType)
+            if isinstance(type_, SetType):
+                return [encode_value(k, type_.key) for k, _ in entries]
             return [[encode_value(k, type_.key), encode_value(v, type_.value)] for k, v in entries]
         case _:
             return _encode_scalar(value, type_)
@@ -190,11 +193,13 @@ def _sequence(
 def _decode_map(reader: Reader, type_: MapType, robots: int, numbers: Numbers) -> Table[Constant]:
     entries: dict[Value[Constant], Value[Constant]] = {}
     for item in reader.items():
-        key_part, value_part = item.items(2)
+        key_part, value_part = (item, None) if isinstance(type_, SetType) else item.items(2)
         key = decode_value(key_part, type_.key, robots, numbers)
         if key in entries:
             raise key_part.refuse("the map has this key already")
-        entries[key] = decode_value(value_part, type_.value, robots, numbers)
+        entries[key] = (
+            0 if value_part is None else decode_value(value_part, type_.value, robots, numbers)
+        )
     return Table(len(entries), tuple(entries.items()))
 
 

@@ -295,6 +295,8 @@ class Body:
                 return f"({{ {begun}; int {result} = 0; {loop} {result} |= {item}; {result}; }})"
             case ListOp.ALL:
                 return f"({{ {begun}; int {result} = 1; {loop} {result} &= {item}; {result}; }})"
+            case ListOp.KEYS:
+                raise NotCoveredError("keys")
             case ListOp.MIN | ListOp.MAX:
                 self._number(e.type)
                 fold = "least" if e.op is ListOp.MIN else "greatest"

@@ -62,6 +62,7 @@ def bound(
         ("[]", ast.ListLit(())),
         ("[x, 1]", ast.ListLit((X, ONE))),
         ("{}", ast.MapLit(())),
+        ("{x, 1}", ast.SetLit((X, ONE))),
         ("{x: 1, y: 2}", ast.MapLit(((X, ONE), (Y, TWO)))),
         ("(x)", X),
         ("f()", call("f")),

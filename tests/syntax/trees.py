@@ -63,6 +63,7 @@ def _composed(inner: st.SearchStrategy[ast.Expr]) -> st.SearchStrategy[ast.Expr]
         st.builds(ast.AtRobot, inner, inner),
         st.builds(ast.Prime, inner),
         st.builds(ast.ListLit, st.lists(inner, max_size=3).map(tuple)),
+        st.builds(ast.SetLit, st.lists(inner, min_size=1, max_size=2).map(tuple)),
         st.builds(ast.MapLit, st.lists(st.tuples(inner, inner), max_size=2).map(tuple)),
         st.builds(
             ast.Quantified,

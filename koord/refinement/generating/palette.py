@@ -13,6 +13,7 @@ from koord.syntax.types import (
     FLOAT,
     INT,
     POS,
+    PRESENT,
     STRING,
     ArrayType,
     EnumType,
@@ -21,6 +22,7 @@ from koord.syntax.types import (
     QueueType,
     RecordType,
     SequenceType,
+    SetType,
     Type,
 )
 
@@ -54,10 +56,15 @@ def palette(random: Random, *, finite: bool) -> Palette:
         ListType(random.choice([*scalars, pair, task])),
         ListType(ListType(random.choice(scalars))),
         QueueType(random.choice([*scalars, pair])),
-        MapType(random.choice(keys), random.choice([*scalars, pair])),
+        _keyed(random.choice(keys), random.choice([*scalars, pair])),
         RecordType("Holder", (("items", ListType(random.choice(scalars))), ("flag", BOOL))),
     ]
     return Palette(tuple(scalars), tuple(whole))
+
+
+def _keyed(key: Type, value: Type) -> MapType:
+    """A map, or a set in the place of a map to truth values."""
+    return SetType(key, PRESENT) if value == BOOL else MapType(key, value)
 
 
 class Way(Enum):

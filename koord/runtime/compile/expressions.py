@@ -260,6 +260,8 @@ def _builtin(scope: Scope, e: core.Builtin) -> Code:
                 text = f"{wanted.within(ADD)} in {items.within(ADD)}"
                 return Code(text, COMPARE, items.faults or wanted.faults)
             return _call("has_key" if is_map else "contains", [items, wanted])
+        case ListOp.KEYS:
+            return _call("tuple", [items])
     assert_never(e.op)
 
 

@@ -114,6 +114,12 @@ class Expressions(Struct):
                 assert isinstance(of, Items)
                 be_number(of.element, "ordered")
                 return self.book.integer(number="ordered") if e.type == INT else Scalar(None)
+            case ListOp.KEYS:
+                listed = self.book.held(e.type)
+                assert isinstance(of, Entries)
+                assert isinstance(listed, Items)
+                unify(listed.element, of.key)
+                return listed
             case ListOp.ANY | ListOp.ALL:
                 pass
         return Scalar(None)

@@ -9,7 +9,7 @@ from koord.syntax import ast, core
 from koord.syntax.analysis.folding import folded
 from koord.syntax.elaboration.body import Body
 from koord.syntax.elaboration.coercion import POISON, fit, widened
-from koord.syntax.elaboration.literals import list_of
+from koord.syntax.elaboration.literals import keys_of, list_of
 from koord.syntax.elaboration.phrases import a
 from koord.syntax.elaboration.resolve_types import element_of, is_numeric
 from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, MapType, Type
@@ -43,7 +43,7 @@ def _length(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
     if value is None:
         return None
     if element_of(value.type) is None and not isinstance(value.type, MapType):
-        _no_list(body, e.arguments[0].value, e.function.name, value.type, "a list or a map")
+        _no_list(body, e.arguments[0].value, e.function.name, value.type, "a list, a map or a set")
         return None
     if isinstance(value.type, ArrayType) and isinstance(value, core.Read) and _fixed(value.place):
         # the size of an array is no matter of its elements, which may be unset
@@ -75,6 +75,17 @@ def _contains(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | Non
     if value is None:
         return None
     return core.Builtin(core.ListOp.CONTAINS, (sequence, value), BOOL, span=e.span)
+
+
+def _keys(body: Body, e: ast.Call, expected: Type | None) -> core.Expr | None:
+    """``keys(m)``: the keys of a map, or the elements of a set, as a list. [E-LIST]"""
+    value = body.expr(e.arguments[0].value) if _counted(body, e, 1) else None
+    if value is None:
+        return None
+    if not isinstance(value.type, MapType):
+        _no_list(body, e.arguments[0].value, "keys", value.type, "a map or a set")
+        return None
+    return keys_of(value)
 
 
 def _over_truths(op: core.ListOp) -> Builtin:
@@ -178,5 +189,6 @@ BUILTINS: dict[str, Builtin] = {
     "clamp": _clamp,
     "abs": _abs,
     "float": _float,
+    "keys": _keys,
     "toList": _to_list,
 }

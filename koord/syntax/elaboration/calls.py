@@ -18,6 +18,7 @@ from koord.syntax.types import FLOAT, INT, POS, Type
 
 #: Changes of a list, which are statements.
 CHANGES = {
+    "add": "s.add(x)",
     "append": "x.append(v)",
     "remove": "x.remove(v)",
     "pop": "v = pop(x)",
@@ -25,7 +26,7 @@ CHANGES = {
 }
 
 #: Operations that may be written behind their list: ``x.length()``.
-METHODS = frozenset({"length", "len", "contains", "any", "all", "min", "max", *CHANGES})
+METHODS = frozenset({"length", "len", "contains", "any", "all", "min", "max", "keys", *CHANGES})
 
 _POS = RecordInfo(POS, (None, None, None), ast.Ident("pos"))
 

@@ -13,7 +13,7 @@ from koord.syntax.elaboration.phrases import a, did_you_mean
 from koord.syntax.elaboration.places import meaning
 from koord.syntax.elaboration.records import field_position
 from koord.syntax.elaboration.targets import target
-from koord.syntax.types import BOOL, INT, GrowingType, MapType, RecordType, Type
+from koord.syntax.types import BOOL, INT, PRESENT, GrowingType, MapType, RecordType, SetType, Type
 
 
 def call_statement(body: Body, s: ast.CallStmt) -> core.Block:
@@ -41,7 +41,7 @@ def call_statement(body: Body, s: ast.CallStmt) -> core.Block:
     return ()
 
 
-def _changed(body: Body, call: ast.Call, count: int) -> core.Place | None:
+def _changed(body: Body, call: ast.Call, count: int, *, reads: bool = True) -> core.Place | None:
     """The place that is changed, if the number of arguments is right."""
     if len(call.arguments) != count:
         for argument in call.arguments:
@@ -58,7 +58,7 @@ def _changed(body: Body, call: ast.Call, count: int) -> core.Place | None:
         for argument in call.arguments[1:]:
             body.expr(argument.value, POISON)
         return None
-    if place.variable.home is core.Home.ALLWRITE:
+    if reads and place.variable.home is core.Home.ALLWRITE:
         body.shared_reads.add(place.variable.slot)  # the old list is part of the new
     return place
 
@@ -89,6 +89,24 @@ def _append(body: Body, call: ast.Call) -> core.Block:
     return () if value is None else (core.Append(place, value, span=call.span),)
 
 
+def _add(body: Body, call: ast.Call) -> core.Block:
+    """``s.add(x)`` writes the entry of ``x``, which makes no use of what was there. [S-ADD]"""
+    place = _changed(body, call, 2, reads=False)
+    if place is None:
+        return ()
+    element = place.type.key if isinstance(place.type, SetType) else None
+    argument = call.arguments[1].value
+    value = body.expr(argument, element)
+    if element is None:
+        return _no_list(body, call, place, "sets")
+    value = fit(body, value, element, argument.span, "what is added")
+    if value is None:
+        return ()
+    step = core.KeyStep(value, PRESENT, span=call.span)
+    entry = core.Place(place.variable, (*place.steps, step), span=place.span)
+    return (core.Assign(entry, core.Const(0, PRESENT, span=call.span), span=call.span),)
+
+
 def _remove(body: Body, call: ast.Call) -> core.Block:
     place = _changed(body, call, 2)
     if place is None:
@@ -97,7 +115,7 @@ def _remove(body: Body, call: ast.Call) -> core.Block:
     argument = call.arguments[1].value
     value = body.expr(argument, wanted)
     if wanted is None:
-        return _no_list(body, call, place, "lists, queues and maps")
+        return _no_list(body, call, place, "lists, queues, maps and sets")
     value = fit(body, value, wanted, argument.span, "what is removed")
     return () if value is None else (core.Remove(place, value, span=call.span),)
 
@@ -174,6 +192,7 @@ def _task_field(place: Meaning, name: str, wanted: Type) -> core.Place | None:
 
 _CHANGES: dict[str, Callable[[Body, ast.Call], core.Block]] = {
     "append": _append,
+    "add": _add,
     "remove": _remove,
     "pop": _pop,
     "assign": _assign,

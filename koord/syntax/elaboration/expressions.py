@@ -7,7 +7,7 @@ from typing import assert_never
 from koord.syntax import ast, core
 from koord.syntax.elaboration.body import Body
 from koord.syntax.elaboration.calls import function_call, method_call
-from koord.syntax.elaboration.literals import list_of, map_of
+from koord.syntax.elaboration.literals import list_of, map_of, set_of
 from koord.syntax.elaboration.operators import binary, unary
 from koord.syntax.elaboration.places import meaning, read
 from koord.syntax.elaboration.quantifiers import quantified
@@ -41,6 +41,8 @@ def expression(body: Body, e: ast.Expr, expected: Type | None) -> core.Expr | No
             return list_of(body, items, expected, e.span)
         case ast.MapLit():
             return map_of(body, e, expected)
+        case ast.SetLit():
+            return set_of(body, e, expected)
         case ast.MethodCall():
             return method_call(body, e, expected)
         case ast.Quantified():

@@ -10,12 +10,14 @@ from koord.syntax.source import Span
 from koord.syntax.types import (
     FLOAT,
     INT,
+    PRESENT,
     ArrayType,
     ListType,
     MapType,
     QueueType,
     RecordType,
     Robots,
+    SetType,
     Type,
 )
 
@@ -89,6 +91,31 @@ def _inferred(
     if any(value is None for value in fitted):
         return None
     return core.MakeList(tuple(values), ListType(element), span=span)
+
+
+def set_of(body: Body, e: ast.SetLit, expected: Type | None) -> core.Expr | None:
+    """A set of the elements: a map in which each is present."""
+    element = expected.key if isinstance(expected, SetType) else None
+    made = list_of(body, e.items, None if element is None else ListType(element), e.span)
+    if made is None:
+        return None
+    assert isinstance(made, core.MakeList)
+    assert isinstance(made.type, ListType)
+    present = core.Const(0, PRESENT, span=e.span)
+    entries = tuple((item, present) for item in made.items)
+    return core.MakeMap(entries, SetType(made.type.element, PRESENT), span=e.span)
+
+
+def keys_of(of: core.Expr) -> core.Expr:
+    """The keys of a map, or the elements of a set, as a list. [E-LIST]"""
+    assert isinstance(of.type, MapType)
+    return core.Builtin(core.ListOp.KEYS, (of,), ListType(of.type.key), span=of.span)
+
+
+def gone_through(body: Body, e: ast.Expr) -> core.Expr | None:
+    """What loops and quantifiers go through: a list, an array, a map; of a set its elements."""
+    of = body.expr(e)
+    return keys_of(of) if of is not None and isinstance(of.type, SetType) else of
 
 
 def map_of(body: Body, e: ast.MapLit, expected: Type | None) -> core.Expr | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from koord.syntax import ast, core
 from koord.syntax.elaboration.body import Body, Loop
 from koord.syntax.elaboration.coercion import fit
+from koord.syntax.elaboration.literals import gone_through
 from koord.syntax.elaboration.phrases import a
 from koord.syntax.elaboration.resolve_types import element_of
 from koord.syntax.elaboration.symbols import Role
@@ -114,7 +115,7 @@ def _variable_element(body: Body, over: ast.Name) -> Type | None:
 
 def for_each(body: Body, s: ast.ForEach) -> core.Block:
     """``for x in list:``, ``for k, v in list:``."""
-    sequence = body.expr(s.sequence)
+    sequence = gone_through(body, s.sequence)
     key_type, value_type = _visited(body, s, sequence)
     body.loops.append(Loop(s.variables[-1].name, s.sequence, value_type, by_position=False))
     with body.frame():

@@ -149,13 +149,9 @@ def _operands(body: Body, e: ast.Binary) -> tuple[core.Expr | None, core.Expr | 
 
 
 def _silent(body: Body, e: ast.Expr) -> bool:
-    match e:
-        case ast.ListLit() | ast.MapLit():
-            return True
-        case ast.Name(name=name):
-            return len(body.session.member(name)) > 1
-        case _:
-            return False
+    if isinstance(e, ast.Name):
+        return len(body.session.member(e.name)) > 1
+    return isinstance(e, ast.Collection)
 
 
 def _within(body: Body, e: ast.Binary, choice: ast.Call, other: ast.Expr) -> core.Expr | None:

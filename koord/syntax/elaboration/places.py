@@ -13,7 +13,7 @@ from koord.syntax.elaboration.records import field_position
 from koord.syntax.elaboration.resolve_types import element_of
 from koord.syntax.elaboration.symbols import RESERVED, ModuleScope, Poisoned
 from koord.syntax.elaboration.unknown_names import unknown
-from koord.syntax.types import INT, EnumType, FloatType, MapType, RecordType, Type
+from koord.syntax.types import INT, EnumType, FloatType, MapType, RecordType, SetType, Type
 
 
 def meaning(body: Body, e: ast.Expr, expected: Type | None = None) -> Meaning:
@@ -194,6 +194,11 @@ def _index(body: Body, e: ast.Index) -> Meaning:
     base = meaning(body, e.base)
     if base is None:
         body.expr(e.index)
+        return None
+    if isinstance(base.type, SetType):
+        body.expr(e.index)
+        hint = "ask `contains(s, x)`; write `s.add(x)`, `s.remove(x)`"
+        body.error("K229", e.span, f"{a(base.type)} has no elements by number or key", hint)
         return None
     if isinstance(base.type, MapType):
         key = body.expr(e.index, base.type.key)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from koord.syntax import ast, core
 from koord.syntax.elaboration.body import CLOSED, CONTRACT, LOGICAL, SUMMARIES, Body, Robot, Where
 from koord.syntax.elaboration.coercion import fit
+from koord.syntax.elaboration.literals import gone_through
 from koord.syntax.elaboration.names import Meaning, robot_entry
 from koord.syntax.elaboration.phrases import a, did_you_mean
 from koord.syntax.elaboration.resolve_types import element_of, resolve
@@ -87,7 +88,7 @@ def _range(
 def _elements(
     body: Body, over: ast.Expr, name: ast.Ident
 ) -> tuple[core.Variable, core.QuantifierDomain] | None:
-    sequence = body.expr(over)
+    sequence = gone_through(body, over)
     if sequence is None:
         return _bind(body, name, None, None)
     element = element_of(sequence.type)

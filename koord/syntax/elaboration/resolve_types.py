@@ -11,6 +11,7 @@ from koord.syntax.types import (
     FLOAT,
     INT,
     POS,
+    PRESENT,
     STREAM,
     STRING,
     ArrayType,
@@ -20,6 +21,7 @@ from koord.syntax.types import (
     QueueType,
     Robots,
     SequenceType,
+    SetType,
     StreamType,
     Type,
     show,
@@ -39,7 +41,7 @@ PREDEFINED: dict[str, Type] = {
 }
 
 #: Types with arguments, and how many they take.
-GENERIC = {"List": 1, "Queue": 1, "Map": 2}
+GENERIC = {"List": 1, "Queue": 1, "Set": 1, "Map": 2}
 
 MAX_TYPE_DEPTH = 20
 MAX_SIZE = 1_000_000
@@ -104,14 +106,17 @@ def _generic(body: Body, name: str, found: list[Type], written: ast.NamedType) -
     if name == "Queue":
         return QueueType(found[0])
     if not _comparable(found[0]):
+        each, one = (
+            ("elements", "an element of a set") if name == "Set" else ("keys", "the key of a map")
+        )
         body.error(
             "K203",
             written.span,
-            f"`{show(found[0])}` cannot be the key of a map",
-            "keys are numbers, strings, truth values, enumerations or records of these",
+            f"`{show(found[0])}` cannot be {one}",
+            f"{each} are numbers, strings, truth values, enumerations or records of these",
         )
         return None
-    return MapType(found[0], found[1])
+    return SetType(found[0], PRESENT) if name == "Set" else MapType(found[0], found[1])
 
 
 def _comparable(type_: Type) -> bool:

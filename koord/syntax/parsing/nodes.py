@@ -132,6 +132,9 @@ class Builder:
     def map_literal(self, c: Children) -> Any:
         return ast.MapLit(tuple(c[1]), span=across(c[0], c[2]))
 
+    def set_literal(self, c: Children) -> Any:
+        return ast.SetLit(tuple(c[1]), span=across(c[0], c[2]))
+
     def entry(self, c: Children) -> Any:
         return (c[0], c[2])
 

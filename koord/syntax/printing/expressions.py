@@ -96,6 +96,7 @@ def _postfix(
     | ast.Name
     | ast.ListLit
     | ast.MapLit
+    | ast.SetLit
     | ast.Call
     | ast.MethodCall
     | ast.Index
@@ -112,6 +113,8 @@ def _postfix(
             return name
         case ast.ListLit(items=items):
             return f"[{', '.join(map(print_expr, items))}]"
+        case ast.SetLit(items=items):
+            return f"{{{', '.join(map(print_expr, items))}}}"
         case ast.MapLit(entries=entries):
             pairs = (f"{print_expr(key)}: {print_expr(value)}" for key, value in entries)
             return f"{{{', '.join(pairs)}}}"
