@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from koord.refinement.deployed_hosts import SeededHost, settled_starts
+from koord.refinement.sampling_hosts import SeededHost, settled_starts
 from koord.runtime.compile.naming import Names
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.sim.hosting import ANSWERED, SENSED, plain_name

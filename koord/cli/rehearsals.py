@@ -10,7 +10,7 @@ from koord.api.traces import read_trace
 from koord.cli.files import read_program, read_written
 from koord.cli.fitting import NO_FILE
 from koord.cli.simulating import Job, watching
-from koord.refinement.replaying_host import Rehearsal, Rehearsed, places
+from koord.refinement.replaying_host import RecordedSchedule, ReplayingHost, places
 from koord.refinement.running import ready
 from koord.runtime.configuration.checking import load as load_configuration
 from koord.runtime.robot import Host
@@ -27,10 +27,10 @@ def rehearsal(arguments: argparse.Namespace) -> tuple[Job, Staged]:
     trace = read_trace(read_written(arguments.schedule), arguments.schedule, source)
     program, kinds = trace.system.program, trace.system.kinds
     made = ready(program)
-    heard: list[Rehearsal] = []
+    heard: list[ReplayingHost] = []
 
     def instead(host: Host) -> Host:
-        heard.append(Rehearsal(trace, made.names, host))
+        heard.append(ReplayingHost(trace, made.names, host))
         return heard[0]
 
     def turned(number: int) -> None:
@@ -40,7 +40,7 @@ def rehearsal(arguments: argparse.Namespace) -> tuple[Job, Staged]:
         Cast(source.name, source.text, made.classes, kinds, trace.problem.differing),
         places(trace),
         float(trace.system.delta_s),
-        Rehearsed(trace.recording.rounds, trace.recording.opening.order),
+        RecordedSchedule(trace.recording.rounds, trace.recording.opening.order),
         instead,
         turned,
         cut=any(round_.cut for round_ in trace.recording.rounds),

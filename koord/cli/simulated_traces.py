@@ -8,7 +8,7 @@ from koord.api.traces import sources_of
 from koord.cli.simulating import Job
 from koord.refinement.judging import Judged, judge
 from koord.refinement.running import Ran, ready
-from koord.refinement.tracing_host import Hearing
+from koord.refinement.tracing_host import TracedFleet
 from koord.runtime.compile.slack import loosened
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host
@@ -36,11 +36,11 @@ class Tracing:
         delta_s = job.delta_s
         self.system = System(loosened(program, job.slack), job.kinds, delta_s)
         self._made = ready(program)
-        self._hearing: Hearing | None = None
+        self._hearing: TracedFleet | None = None
 
     def hear(self, host: Host, world: Host) -> Host:
         """The host that a run is to have instead of another, of a ``world``."""
-        self._hearing = Hearing(self._made, self.system, host, world)
+        self._hearing = TracedFleet(self._made, self.system, host, world)
         return self._hearing
 
     @property

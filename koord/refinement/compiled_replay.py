@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.refinement.replaying_host import Rehearsal, Rehearsed
+from koord.refinement.replaying_host import RecordedSchedule, ReplayingHost
 from koord.refinement.rounding import (
     Mended,
     Passed,
@@ -29,18 +29,16 @@ from koord.refinement.rounding import (
     unrounded_values,
 )
 from koord.refinement.running import Compiled, ready, schedule_of
-from koord.refinement.value_translation import Observer
+from koord.refinement.translation import to_fault
 from koord.runtime.compile import NumberTooLargeError
-from koord.runtime.engine.fleet import Ended, Fleet
+from koord.runtime.engine.fleet import Fleet
 from koord.runtime.operations import FaultError
 from koord.runtime.proposals import Decision, FaultKind
 from koord.runtime.robot import Key, Robot, Turn
-from koord.semantics.configurations import Configuration, Fault
-from koord.semantics.configurations import FaultKind as FaultName
+from koord.semantics.configurations import Configuration
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Round
-from koord.syntax.source import NOWHERE
 from koord.syntax.types import FLOAT
 from koord.syntax.walk import nodes
 from koord.traces.changes import Change, changes, differences
@@ -145,15 +143,15 @@ class _Rerun:
     def __init__(self, trace: Trace, made: Compiled, nobody: _Nobody) -> None:
         self.trace, self.made, self.nobody = trace, made, nobody
         self.names = Names(trace.system)
-        self.observer = Observer(trace.system, made.names)
-        self.host = Rehearsal(trace, made.names, nobody)
+        self.host = ReplayingHost(trace, made.names, nobody)
+        self.translation = self.host.translation
         system = trace.system
         self.fleet = Fleet(made.classes, system.kinds, float(system.delta_s), self.host)
         self.passed = Passed()
 
     def run(self) -> None:
         recording = self.trace.recording
-        schedule = Rehearsed(recording.rounds, recording.opening.order)
+        schedule = RecordedSchedule(recording.rounds, recording.opening.order)
         self.fleet.begin(recording.opening.order)
         self.compare(BEFORE_ROUNDS)
         for number, round_ in enumerate(recording.rounds):
@@ -168,7 +166,7 @@ class _Rerun:
                 break
             if self.fleet.ended is None:
                 if number + 1 == len(recording.rounds):
-                    self.passed.turned = self.observer.configuration(self.fleet)
+                    self.passed.turned = self.translation.configuration(self.fleet)
                 self.fleet.environment_turn()
             self.compare(number)
         self.check_outputs()
@@ -208,9 +206,9 @@ class _Rerun:
         ended = self.fleet.ended
         if ended is not None and ended.fault.place == _NOT_RECORDED:
             raise _DepartedError(Departure(number, ended.fault.detail))
-        found = self.observer.configuration(self.fleet)
+        found = self.translation.configuration(self.fleet)
         if ended is not None:
-            found = replace(found, fault=_fault(ended))
+            found = replace(found, fault=to_fault(ended.fault, ended.robot))
         elif inside is not None:
             robots = _states(found.robots, recorded.robots)
             self.passed.last = replace(recorded, robots=robots, store=found.store)
@@ -244,11 +242,6 @@ def _states(
         replace(a, status=b.status, ran=b.ran, turn=b.turn)
         for a, b in zip(found, recorded, strict=True)
     )
-
-
-def _fault(ended: Ended) -> Fault:
-    """The fault in the semantics' words; its place is not compared."""
-    return Fault(FaultName(ended.fault.kind.value), ended.robot, NOWHERE, ended.fault.detail)
 
 
 def _within(

@@ -19,16 +19,15 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.refinement.deployed_hosts import SeededHost, settled_starts
 from koord.refinement.instrumented_robot import (
     GAVE_UP,
     GaveUpError,
-    Scribe,
     Told,
+    Witness,
     Witnessed,
-    WitnessedHost,
 )
 from koord.refinement.running import Compiled, Ran
+from koord.refinement.sampling_hosts import SeededHost, settled_starts
 from koord.refinement.trace_merge import gathered
 from koord.runtime.chaos.faults import CALM, Faults
 from koord.runtime.chaos.network import Network, Newborn
@@ -121,8 +120,7 @@ class Expedition(Struct, frozen=True):
                 None,
             )
             body = Ideal(program, pid, job.robots, job.delta_s, self.seed, place)
-        scribe = Scribe(self.system, made.names, made.places, pid, tell)
-        host = WitnessedHost(body, scribe, starts)
+        host = Witness(body, made, self.system, starts, tell)
         robot = program(pid, job.kinds, job.delta_s, host)
         return Witnessed(robot, host, job.journal(pid), job.program, self.largest)
 

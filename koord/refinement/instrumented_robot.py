@@ -12,31 +12,24 @@ from typing import Any, TypeAlias
 
 from msgspec import Struct
 
-from koord.refinement.running import size_of
-from koord.refinement.sampling_host import starting
-from koord.refinement.value_translation import Observer, to_value, to_written
-from koord.runtime.compile.naming import Names
+from koord.refinement.running import Compiled, size_of
+from koord.refinement.tracing_host import TracingHost
+from koord.refinement.translation import Translation, to_written
 from koord.runtime.deploy.journal import Journal
 from koord.runtime.deploy.member import Body, Member
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import INIT_ROUND, Decision, Fault, Faulted, Proposal, Taken
 from koord.runtime.protocol.entries import Entry
-from koord.runtime.robot import Key, Robot, Turn
+from koord.runtime.robot import Robot, Turn
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.configurations import Written
 from koord.semantics.domain import Constant
-from koord.semantics.oracle import Phase
 from koord.semantics.recordings import Answer, Reading, Start
-from koord.syntax import core
 from koord.syntax.diagnostics import Diagnostic, KoordError
 from koord.syntax.system import System
-from koord.syntax.types import FLOAT, INT, ArrayType
 
 #: What a robot says that gave up.
 GAVE_UP = "gave up"
-
-_PHASES = {Turn.INIT: Phase.INIT, Turn.PROG: Phase.PROG, Turn.ENV: Phase.ENV}
-
 
 # --- what is told -------------------------------------------------------------------------------
 
@@ -113,75 +106,47 @@ Told: TypeAlias = (
 # --- robots that tell ---------------------------------------------------------------------------
 
 
-class Scribe:
-    """Puts what one robot does into values of the semantics, and hands it on."""
-
-    def __init__(
-        self,
-        system: System,
-        names: Names,
-        places: Mapping[str, core.Output],
-        pid: int,
-        tell: Callable[[Told], None],
-    ) -> None:
-        self.system, self.names, self.places, self.pid, self.tell = system, names, places, pid, tell
-        self.kind = system.kinds[pid]
-        self.observer = Observer(system, names)
-        self._starts = dict(starting(system.program, names))
-        self._sensors = {
-            names.attribute(port.declaration.variable, self.kind): port.declaration.variable
-            for port in system.program.agents[self.kind].ports
-        }
-
-    def start(self, robot: int | None, name: str, value: Any) -> None:
-        variable = self._starts[None if robot is None else self.kind, name].variable
-        type_ = variable.type
-        if variable.home is core.Home.ALLREAD:
-            assert isinstance(type_, ArrayType)
-            type_ = type_.element
-        self.tell(Began(Start(variable.home, variable.slot, robot, to_value(value, type_))))
-
-    def readings(self, round_: int, readings: Mapping[str, Any]) -> None:
-        for name, value in readings.items():
-            variable = self._sensors[name]
-            reading = Reading(self.pid, variable.slot, to_value(value, variable.type))
-            self.tell(Sensed(round_, reading))
-
-    def asked(
-        self, round_: int, turn: Turn, key: Key, function: str, given: tuple[Any, ...], answer: Any
-    ) -> None:
-        external = self.system.program.external(function)
-        pairs = zip(given, external.parameters, strict=True)
-        arguments = tuple(to_value(argument, parameter.type) for argument, parameter in pairs)
-        value = to_value(answer, external.result.type)
-        told = Answer(_PHASES[turn], self.pid, key, function, arguments, value)
-        self.tell(Asked(round_, told))
-
-    def chosen(self, round_: int, turn: Turn, key: Key, low: Any, answer: Any) -> None:
-        value = to_value(answer, FLOAT if isinstance(low, float) else INT)
-        self.tell(Asked(round_, Answer(_PHASES[turn], self.pid, key, None, (), value)))
-
-    def stood(self, round_: int, robot: Robot) -> None:
-        self.tell(Stood(round_, self.observer.robot(robot)))
-
-    def kept(self, round_: int, robot: Robot, event: int | None) -> None:
-        outcome = robot.outcome(event)
-        self.tell(Kept(round_, tuple(to_written(w, self.places[w.place]) for w in outcome)))
-
-
-class WitnessedHost:
-    """The host of a deployed robot, which tells what it was asked.
+class Witness(TracingHost):
+    """The host of a deployed robot, which tells what that does, in values of the semantics.
 
     ``starts`` are those that do not hang on the host, by robot and attribute.
     """
 
+    host: Body
+
     def __init__(
-        self, host: Body, scribe: Scribe, starts: Mapping[tuple[int | None, str], Any]
+        self,
+        host: Body,
+        made: Compiled,
+        system: System,
+        starts: Mapping[tuple[int | None, str], Any],
+        tell: Callable[[Told], None],
     ) -> None:
-        self.host = host
+        shapes = {name: s for one in made.classes for name, s in one.EXTERNALS.items()}
+        super().__init__(host, Translation(system, made.names), shapes, self._note)
         self.starts = starts
-        self.scribe = scribe
+        self.made = made
+        self.say = tell
         self.round_of: Callable[[Turn], int] = lambda turn: INIT_ROUND
+
+    def _note(self, turn: Turn, given: Start | Reading | Answer) -> None:
+        match given:
+            case Start():
+                self.say(Began(given))
+            case Reading():
+                self.say(Sensed(self.round_of(turn), given))
+            case Answer():
+                self.say(Asked(self.round_of(turn), given))
+
+    def stood(self, round_: int, robot: Robot) -> None:
+        self.say(Stood(round_, self.translation.robot(robot)))
+
+    def kept(self, round_: int, robot: Robot, event: int | None) -> None:
+        places = self.made.places
+        written = tuple(to_written(one, places[one.place]) for one in robot.outcome(event))
+        self.say(Kept(round_, written))
+
+    # --- a body -----------------------------------------------------------------------------------
 
     @property
     def position(self) -> Point:
@@ -200,28 +165,11 @@ class WitnessedHost:
         self.host.holding = holding
 
     def start(self, robot: int | None, name: str) -> Any:
-        known = (robot, name) in self.starts
-        value = self.starts[robot, name] if known else self.host.start(robot, name)
-        self.scribe.start(robot, name, value)
+        if (robot, name) not in self.starts:
+            return super().start(robot, name)
+        value = self.starts[robot, name]
+        self.say(Began(self.translation.start(robot, name, value)))
         return value
-
-    def read(self, robot: Robot) -> Mapping[str, Any]:
-        readings = self.host.read(robot)
-        held = {name: readings.get(name, getattr(robot, name)) for name in robot.SENSORS}
-        self.scribe.readings(self.round_of(Turn.ENV), held)
-        return readings
-
-    def ask(
-        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
-    ) -> Any:
-        answer = self.host.ask(turn, robot, key, function, arguments)
-        self.scribe.asked(self.round_of(turn), turn, key, function, arguments, answer)
-        return answer
-
-    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
-        answer = self.host.choose(turn, robot, key, low, high)
-        self.scribe.chosen(self.round_of(turn), turn, key, low, answer)
-        return answer
 
 
 class GaveUpError(Exception):
@@ -244,10 +192,10 @@ class Witnessed(Member):
     ) -> None:
         super().__init__(robot, host, journal, program)
         self._largest = largest
-        assert isinstance(robot.host, WitnessedHost)
-        self._scribe = robot.host.scribe
+        assert isinstance(robot.host, Witness)
+        self._witness = robot.host
         self._from_journal: Proposal | None = None
-        robot.host.round_of = self._round_of
+        self._witness.round_of = self._round_of
 
     def _round_of(self, turn: Turn) -> int:
         return self.round - 1 - self._turns if turn is Turn.ENV else self.round
@@ -261,23 +209,23 @@ class Witnessed(Member):
         except KoordError as error:
             raise self._given_up(error.diagnostics) from error
         if made is not None and made is not before and round_ != INIT_ROUND:
-            self._scribe.stood(round_, self.robot)
+            self._witness.stood(round_, self.robot)
         return made
 
     def _given_up(self, why: tuple[Diagnostic, ...]) -> GaveUpError:
-        self._scribe.tell(GaveUp(why))
+        self._witness.say(GaveUp(why))
         return GaveUpError(GAVE_UP)
 
     def _begin(self) -> Fault | None:
         fault = super()._begin()
         if fault is not None:
-            self._scribe.tell(Undeclared())
+            self._witness.say(Undeclared())
         return fault
 
     def _sense(self) -> Fault | None:
         fault = super()._sense()
         if fault is not None:
-            self._scribe.tell(Stumbled(self._round_of(Turn.ENV), fault))
+            self._witness.say(Stumbled(self._round_of(Turn.ENV), fault))
         return fault
 
     def come_back(self) -> bool:
@@ -286,11 +234,11 @@ class Witnessed(Member):
         return known
 
     def decided(self, round_: int, proposals: Sequence[Proposal | None]) -> Decision:
-        self._scribe.tell(Coordinated(round_, time.monotonic()))
+        self._witness.say(Coordinated(round_, time.monotonic()))
         return super().decided(round_, proposals)
 
     def commit(self, entry: Entry, kept: Taken | None) -> None:
-        self._scribe.tell(Acted(entry.decision))
+        self._witness.say(Acted(entry.decision))
         super().commit(entry, kept)
 
     def _act(self, kept: Taken | None, changed: dict[str, Any]) -> None:
@@ -306,7 +254,7 @@ class Witnessed(Member):
     def _tell_output(self, event: int | None) -> None:
         """What a robot wrote before a crash its journal does not know."""
         if self._proposal is not None and self._proposal is not self._from_journal:
-            self._scribe.kept(self._proposal.round, self.robot, event)
+            self._witness.kept(self._proposal.round, self.robot, event)
 
     def forget(self) -> None:
         self.finish()
@@ -322,4 +270,4 @@ class Witnessed(Member):
             self._given_up(error.diagnostics)
             return
         if fault is None:
-            self._scribe.stood(self.round, self.robot)
+            self._witness.stood(self.round, self.robot)

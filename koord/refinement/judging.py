@@ -2,36 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from msgspec import Struct
 from msgspec.structs import replace
 
+from koord.refinement.completion import CompletedInputs, program_turns, with_summaries
 from koord.refinement.running import Ran
-from koord.refinement.summaries import with_summaries
-from koord.semantics.configurations import Configuration
-from koord.semantics.domain import DOUBLES, Constant
-from koord.semantics.oracle import Key, Oracle, Phase
-from koord.semantics.recordings import (
-    Answer,
-    Concrete,
-    RecordedInputs,
-    Recording,
-    Round,
-    Step,
-    execute,
-)
-from koord.semantics.rounds import (
-    IllegalStepError,
-    evolved,
-    initialised,
-    run_event,
-    run_skip,
-)
+from koord.semantics.domain import DOUBLES
+from koord.semantics.oracle import Key, Phase
+from koord.semantics.recordings import Concrete, RecordedInputs, Recording, Step, execute
+from koord.semantics.rounds import IllegalStepError, evolved, initialised
 from koord.semantics.values import default
 from koord.syntax import core
-from koord.syntax.system import System
-from koord.syntax.types import Type
 from koord.traces.replay import Planned, Refused, Replayed, replay
 from koord.traces.trace import Trace
 
@@ -106,106 +87,32 @@ def completed(trace: Trace) -> Trace:
 def _completed(trace: Trace) -> Trace:
     system, recording = trace.system, trace.recording
     opening, rounds = recording.opening, recording.rounds
+    answers = (*opening.answers, *(a for round_ in rounds for a in round_.answers))
+    known = {(a.function, a.arguments): a.value for a in answers if a.function}
+
+    def make_up(
+        phase: Phase,
+        robot: int,
+        key: Key,
+        function: core.External | None,
+        arguments: tuple[Concrete, ...],
+    ) -> Concrete:
+        if function is None:
+            return arguments[0]
+        some = default(DOUBLES, function.result.type, system.robots)
+        return known.setdefault((function.name, arguments), some)
+
     if not rounds:
         starts = RecordedInputs(starts=opening.starts)
-        inputs = _Completing(system, opening.answers, opening.answers, starts)
+        inputs = CompletedInputs(starts, opening.answers, make_up)
         initialised(DOUBLES, system, inputs, opening.order)
         whole = Recording(replace(opening, answers=tuple(inputs.answers)), ())
         return replace(trace, recording=whole)
-    before = Recording(opening, rounds[:-1])
-    *_, start = execute(DOUBLES, system, before)
-    configuration, last = start.configuration, rounds[-1]
-    answers = (*opening.answers, *(a for round_ in rounds for a in round_.answers))
-    inputs = _Completing(system, answers, last.answers, RecordedInputs(readings=last.readings))
-    configuration = _turns(system, configuration, last, inputs)
+    *_, start = execute(DOUBLES, system, Recording(opening, rounds[:-1]))
+    last = rounds[-1]
+    inputs = CompletedInputs(RecordedInputs(readings=last.readings), last.answers, make_up)
+    configuration = program_turns(system, start.configuration, last, inputs)
     if not last.cut and configuration.fault is None:
         evolved(DOUBLES, system, configuration, inputs)
     whole = Recording(opening, (*rounds[:-1], replace(last, answers=tuple(inputs.answers))))
     return replace(trace, recording=whole)
-
-
-def _turns(
-    system: System, configuration: Configuration[Constant], last: Round, inputs: _Completing
-) -> Configuration[Constant]:
-    """The configuration after the program turns of the last round, up to the fault."""
-    for robot in last.order:
-        position = last.events[robot]
-        if position is None:
-            stepped = run_skip(DOUBLES, system, configuration, robot, inputs)
-        else:
-            stepped = run_event(DOUBLES, system, configuration, robot, position, inputs)
-        configuration = stepped.configuration
-        if configuration.fault is not None:
-            break
-    return configuration
-
-
-class _Completing:
-    """Inputs from a recording; answers that are missing are made up, and noted."""
-
-    def __init__(
-        self,
-        system: System,
-        run: tuple[Answer, ...],
-        given: tuple[Answer, ...],
-        others: RecordedInputs,
-    ) -> None:
-        self.system = system
-        self.run = run  #: those of the whole run
-        self.given = given
-        self.others = others
-        self.answers: list[Answer] = list(self.given)
-        self._known: dict[tuple[Phase, int, Key], Answer] = {
-            (a.phase, a.robot, a.key): a for a in self.given
-        }
-        self._said: dict[tuple[str, tuple[Concrete, ...]], Concrete] = {
-            (a.function, a.arguments): a.value for a in self.run if a.function
-        }
-
-    def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
-        return self.others.start(declaration, robot)
-
-    def sensor(self, robot: int, port: core.Port) -> Concrete:
-        return self.others.sensor(robot, port)
-
-    def oracle(self, phase: Phase, robot: int) -> Oracle[Constant]:
-        return _CompletingOracle(self, phase, robot)
-
-    def answer(
-        self,
-        where: tuple[Phase, int, Key],
-        function: str | None,
-        arguments: tuple[Concrete, ...],
-        made_up: Concrete,
-    ) -> Concrete:
-        """What was recorded, or what is made up."""
-        if where not in self._known:
-            if function is not None:
-                made_up = self._said.setdefault((function, arguments), made_up)
-            self._known[where] = Answer(*where, function, arguments, made_up)
-            self.answers.append(self._known[where])
-        return self._known[where].value
-
-
-class _CompletingOracle(Struct, frozen=True):
-    inputs: _Completing
-    phase: Phase
-    robot: int
-
-    def choose(self, key: Key, low: Constant, high: Constant, type_: Type) -> Constant:
-        value = self.inputs.answer((self.phase, self.robot, key), None, (), low)
-        assert isinstance(value, Constant)
-        return value
-
-    def external(
-        self, function: core.External, key: Key, arguments: tuple[Concrete, ...]
-    ) -> Concrete:
-        where = (self.phase, self.robot, key)
-        of_type = default(DOUBLES, function.result.type, self.inputs.system.robots)
-        return self.inputs.answer(where, function.name, arguments, of_type)
-
-    def every(self, type_: Type, body: Callable[[Concrete], Constant]) -> Constant:
-        return True
-
-    def vouches_for(self, function: core.External) -> bool:
-        return False

@@ -12,22 +12,18 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from koord.refinement.sampling_host import starting
-from koord.refinement.value_translation import to_plain, to_value
+from koord.refinement.translation import PHASES, Translation, started_type, to_plain
 from koord.runtime.compile.naming import Names
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Proposal
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.semantics.oracle import Phase
-from koord.semantics.recordings import Concrete, Round
+from koord.semantics.recordings import Answer, Concrete, Round
 from koord.semantics.storage import contents
 from koord.semantics.values import Rec
-from koord.syntax import core
-from koord.syntax.core import Direction, ExternalKind, Home
-from koord.syntax.types import ArrayType, FloatType, MapType, RecordType, SequenceType, Type
-from koord.traces.trace import Trace
-
-_PHASES = {Turn.INIT: Phase.INIT, Turn.PROG: Phase.PROG, Turn.ENV: Phase.ENV}
+from koord.syntax.core import Direction, ExternalKind
+from koord.syntax.types import FloatType, MapType, RecordType, SequenceType, Type
+from koord.traces.trace import BEFORE_ROUNDS, Trace
 
 
 def as_given(value: Concrete, type_: Type) -> Any:
@@ -50,90 +46,75 @@ def _doubles(value: Any, type_: Type) -> Any:
             return value
 
 
-class Rehearsal:
+class ReplayingHost:
     """The host of a run that was recorded; ``round`` is the one that is open."""
 
     def __init__(self, trace: Trace, names: Names, other: Host) -> None:
-        self.trace, self.names, self.other = trace, names, other
+        self.trace, self.other = trace, other
         self.round = 0
-        program, opening = trace.system.program, trace.recording.opening
+        self.translation = Translation(trace.system, names)
+        opening, rounds = trace.recording.opening, trace.recording.rounds
         self._starts = {(s.home, s.slot, s.robot): s.value for s in opening.starts}
-        self._declared = dict(starting(program, names))
-        self._kinds = {function.name: function for function in program.externals}
-        self._said: dict[tuple[str, tuple[Any, ...]], Any] = {}
+        self._functions = {function.name: function for function in trace.system.program.externals}
+        self._known: dict[tuple[str, tuple[Any, ...]], Any] = {}  #: what functions answered
         #: By round, -1 for INIT.
-        self._answers: dict[int, dict[tuple[Phase, int, Key], Any]] = {}
-        rounds = trace.recording.rounds
+        self._answers: dict[tuple[int, Phase, int, Key], Any] = {}
         answers = (opening.answers, *(round_.answers for round_ in rounds))
-        for number, given_then in enumerate(answers, start=-1):
-            known: dict[tuple[Phase, int, Key], Any] = {}
-            self._answers[number] = known
+        for number, given_then in enumerate(answers, start=BEFORE_ROUNDS):
             for answer in given_then:
-                where = (answer.phase, answer.robot, answer.key)
-                function = self._kinds.get(answer.function or "")
-                if function is None:
-                    value = answer.value
-                    known[where] = float(value) if isinstance(value, Fraction) else value
-                    continue
-                given = as_given(answer.value, function.result.type)
-                known[where] = given
-                if function.kind is ExternalKind.FUNCTION:
-                    self._said[function.name, self._question(function, answer.arguments)] = given
+                given = self._given(answer)
+                self._answers[number, answer.phase, answer.robot, answer.key] = given
+
+    def _given(self, answer: Answer) -> Any:
+        function = self._functions.get(answer.function or "")
+        if function is None:
+            return float(answer.value) if isinstance(answer.value, Fraction) else answer.value
+        given = as_given(answer.value, function.result.type)
+        if function.kind is ExternalKind.FUNCTION:
+            types = (parameter.type for parameter in function.parameters)
+            question = tuple(map(as_given, answer.arguments, types))
+            self._known[function.name, question] = given
+        return given
 
     def start(self, robot: int | None, name: str) -> Any:
-        kind = None if robot is None else self.trace.system.kinds[robot]
-        variable = self._declared[kind, name].variable
+        variable = self.translation.declaration(robot, name).variable
         found = self._starts.get((variable.home, variable.slot, robot))
         if found is None:
             return self.other.start(robot, name)
-        type_ = variable.type
-        if variable.home is Home.ALLREAD:
-            assert isinstance(type_, ArrayType)
-            type_ = type_.element
-        return as_given(found, type_)
+        return as_given(found, started_type(variable))
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
-        rounds, kind = self.trace.recording.rounds, self.trace.system.kinds[robot.pid]
+        rounds = self.trace.recording.rounds
         if self.round >= len(rounds):
             return {}
-        agent = self.trace.system.agent(robot.pid)
-        types = {p.declaration.variable.slot: p.declaration.variable for p in agent.ports}
-        return {
-            self.names.attribute(types[reading.slot], kind): as_given(
-                reading.value, types[reading.slot].type
-            )
-            for reading in rounds[self.round].readings
-            if reading.robot == robot.pid
-        }
+        readings = {r.slot: r.value for r in rounds[self.round].readings if r.robot == robot.pid}
+        ports = self.translation.ports(robot.pid).items()
+        variables = ((name, port.declaration.variable) for name, port in ports)
+        return {n: as_given(readings[v.slot], v.type) for n, v in variables if v.slot in readings}
 
     def ask(
         self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
     ) -> Any:
-        pairs = zip(arguments, self._kinds[function].parameters, strict=True)
-        question = function, tuple(to_plain(to_value(given, p.type)) for given, p in pairs)
-        if question in self._said:
-            return self._said[question]
-        number = -1 if turn is Turn.INIT else self.round
-        where = (_PHASES[turn], robot, key)
-        if where in self._answers.get(number, {}):
-            return self._answers[number][where]
+        _, given = self.translation.question(function, arguments)
+        question = function, tuple(map(to_plain, given))
+        where = self._where(turn, robot, key)
+        if question in self._known:
+            return self._known[question]
+        if where in self._answers:
+            return self._answers[where]
         return self.other.ask(turn, robot, key, function, arguments)
 
     def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
-        number = -1 if turn is Turn.INIT else self.round
-        where = (_PHASES[turn], robot, key)
-        if where in self._answers.get(number, {}):
-            return self._answers[number][where]
+        where = self._where(turn, robot, key)
+        if where in self._answers:
+            return self._answers[where]
         return self.other.choose(turn, robot, key, low, high)
 
-    def _question(
-        self, function: core.External, arguments: tuple[Concrete, ...]
-    ) -> tuple[Any, ...]:
-        pairs = zip(arguments, function.parameters, strict=True)
-        return tuple(as_given(value, parameter.type) for value, parameter in pairs)
+    def _where(self, turn: Turn, robot: int, key: Key) -> tuple[int, Phase, int, Key]:
+        return BEFORE_ROUNDS if turn is Turn.INIT else self.round, PHASES[turn], robot, key
 
 
-class Rehearsed(Struct):
+class RecordedSchedule(Struct):
     """The schedule of a run that was recorded."""
 
     rounds: tuple[Round, ...]

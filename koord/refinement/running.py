@@ -6,24 +6,25 @@ from collections.abc import Iterable, Iterator
 from random import Random
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
-from koord.refinement.sampling_host import SampledHost
-from koord.refinement.value_translation import Observer, to_written
+from koord.refinement.sampling_hosts import SampledHost
+from koord.refinement.translation import Translation, to_fault, to_written
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.naming import Names
-from koord.runtime.engine.fleet import Fleet, Shown
+from koord.runtime.engine.fleet import Ended, Fleet, Shown
 from koord.runtime.engine.schedules import AtRandom, Deployed, Schedule
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.robot import Robot
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
-from koord.semantics.configurations import Configuration, Fault, FaultKind
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Opening, Recording, Round
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.source import NOWHERE, Span
+from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.syntax.walk import nodes
 from koord.traces.trace import Emitted, Numbers, Sources, Trace
@@ -83,28 +84,40 @@ def schedule_of(decision: Decision, robots: int) -> tuple[tuple[int, ...], tuple
     return tuple(order), tuple(events)
 
 
+def opening_order(decision: Decision, robots: int) -> tuple[int, ...]:
+    """The order of INIT; those that it did not come to are last."""
+    order, _ = schedule_of(decision, robots)
+    return (*order, *(i for i in range(robots) if i not in order))
+
+
+def ended_in(trace: Trace, ended: Ended | None) -> Ran:
+    """A run that ended in a fault, or in none."""
+    if ended is None:
+        return Ran(trace)
+    *before, last = trace.configurations
+    faulted = replace(last, fault=to_fault(ended.fault, ended.robot))
+    return Ran(replace(trace, configurations=(*before, faulted)), ended.fault.place)
+
+
 class _Recorder(Struct):
     """Gathers the recording of a run from what its fleet and its host did."""
 
-    made: Compiled
-    system: System
-    inputs: SampledInputs
-    observer: Observer
+    host: SampledHost
     opening: Opening = field(default=Opening(()))
     rounds: list[Round] = field(default_factory=list)
     configurations: list[Configuration[Constant]] = field(default_factory=list)
 
-    def see(self, fleet: Fleet) -> Configuration[Constant]:
-        seen = self.observer.configuration(fleet)
+    def see(self, fleet: Fleet) -> None:
+        seen = self.host.translation.configuration(fleet)
         self.configurations.append(seen)
-        self.inputs.forget_round()
-        self.inputs.look_at(seen)
-        return seen
+        self.host.inputs.forget_round()
+        self.host.inputs.look_at(seen)
 
-    def round_of(self, decision: Decision, *, cut: bool) -> Round:
-        order, events = schedule_of(decision, self.system.robots)
-        readings = () if cut else self.inputs.recorded_readings()
-        return Round(order, events, readings, self.inputs.recorded_answers(), cut)
+    def add(self, decision: Decision) -> None:
+        cut, inputs = decision.fault is not None, self.host.inputs
+        order, events = schedule_of(decision, self.host.system.robots)
+        readings = () if cut else inputs.recorded_readings()
+        self.rounds.append(Round(order, events, readings, inputs.recorded_answers(), cut))
 
 
 def run(
@@ -125,46 +138,49 @@ def run(
     answers are found ends where it got to.
     """
     inputs = SampledInputs(Sampler(system, Numbers.DOUBLE, rng))
-    host = SampledHost(system, made.names, inputs)
-    observer = Observer(system, made.names)
-    recorder = _Recorder(made, system, inputs, observer)
+    host = SampledHost(Translation(system, made.names), inputs)
+    recorder = _Recorder(host)
     fleet = Fleet(made.classes, system.kinds, float(system.delta_s), host)
     gave_up: KoordError | None = None
     try:
-        _play(fleet, host, recorder, schedule, rounds, largest)
+        _play(fleet, recorder, schedule, rounds, largest)
     except KoordError as error:
         gave_up = error
-    return _ran(fleet, recorder, sources, gave_up)
+    shown = [one for one in fleet.shown if one.round < len(recorder.rounds)]
+    trace = Trace(
+        sources,
+        system,
+        Numbers.DOUBLE,
+        Recording(recorder.opening, tuple(recorder.rounds)),
+        tuple(recorder.configurations),
+        tuple(made.emitted(shown)),
+    )
+    return ended_in(trace, fleet.ended) if gave_up is None else Ran(trace, None, gave_up)
 
 
 def _play(
-    fleet: Fleet,
-    host: SampledHost,
-    recorder: _Recorder,
-    schedule: Schedule,
-    rounds: int,
-    largest: int | None,
+    fleet: Fleet, recorder: _Recorder, schedule: Schedule, rounds: int, largest: int | None
 ) -> None:
-    inputs, robots = recorder.inputs, recorder.system.robots
-    order = schedule.order(INIT_ROUND, robots)
+    host, inputs = recorder.host, recorder.host.inputs
+    order = schedule.order(INIT_ROUND, host.system.robots)
     host.settle_start(order)
     fleet.begin(order)
     recorder.opening = Opening(
         order, inputs.recorded_starts(), inputs.recorded_answers(checks=True)
     )
-    seen = recorder.see(fleet)
+    recorder.see(fleet)
     while fleet.ended is None and len(recorder.rounds) < rounds and not fleet.all_stopped:
         if largest is not None and max(map(size_of, fleet.robots)) > largest:
             return
         decision = fleet.program_turns(schedule)
         if decision.fault is not None:
-            recorder.rounds.append(recorder.round_of(decision, cut=True))
-            recorder.configurations.append(seen)
+            recorder.add(decision)
+            recorder.configurations.append(recorder.configurations[-1])
             return
-        host.settle_readings(recorder.observer.configuration(fleet))
+        host.settle_readings(host.translation.configuration(fleet))
         fleet.environment_turn()
-        recorder.rounds.append(recorder.round_of(decision, cut=False))
-        seen = recorder.see(fleet)
+        recorder.add(decision)
+        recorder.see(fleet)
 
 
 def size_of(robot: Robot) -> int:
@@ -182,27 +198,6 @@ def _size(value: object) -> int:
             return 1 + value.bit_length() // 8
         case _:
             return 1
-
-
-def _ran(fleet: Fleet, recorder: _Recorder, sources: Sources, gave_up: KoordError | None) -> Ran:
-    configurations = recorder.configurations
-    shown = [one for one in fleet.shown if one.round < len(recorder.rounds)]
-    ended = fleet.ended if gave_up is None else None
-    if ended is not None:
-        fault = Fault(FaultKind(ended.fault.kind.value), ended.robot, NOWHERE, ended.fault.detail)
-        last = configurations.pop()
-        configurations.append(
-            Configuration(last.robots, last.store, last.round, last.turn, last.taken, fault)
-        )
-    trace = Trace(
-        sources,
-        recorder.system,
-        Numbers.DOUBLE,
-        Recording(recorder.opening, tuple(recorder.rounds)),
-        tuple(configurations),
-        tuple(recorder.made.emitted(shown)),
-    )
-    return Ran(trace, None if ended is None else ended.fault.place, gave_up)
 
 
 __all__ = ["AtRandom", "Compiled", "Deployed", "Ran", "place_of", "ready", "run"]

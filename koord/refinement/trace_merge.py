@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from koord.refinement.completion import Library, with_summaries
 from koord.refinement.instrumented_robot import (
     Acted,
     Asked,
@@ -25,11 +26,11 @@ from koord.refinement.instrumented_robot import (
     Told,
     Undeclared,
 )
-from koord.refinement.running import Ran, schedule_of
-from koord.refinement.summaries import Library, with_summaries
+from koord.refinement.running import Ran, opening_order, schedule_of
+from koord.refinement.translation import started_type, to_fault
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.proposals import Fault as Found
-from koord.semantics.configurations import Configuration, Fault, FaultKind, Robot, Store, Written
+from koord.semantics.configurations import Configuration, Robot, Store, Written
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.oracle import Key, Phase
 from koord.semantics.recordings import (
@@ -47,9 +48,7 @@ from koord.semantics.values import default
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
-from koord.syntax.types import ArrayType
 from koord.traces.trace import Emitted, Numbers, Sources, Trace
 
 
@@ -139,8 +138,7 @@ class _Gathering(Struct):
             nothing = Recording(Opening(()), ())
             bare = Trace(self.sources, system, Numbers.DOUBLE, nothing, ())
             return Ran(bare, gave_up=heard.gave_up)
-        order, _ = schedule_of(first, system.robots)
-        order = (*order, *(i for i in range(system.robots) if i not in order))
+        order = opening_order(first, system.robots)
         fault = self._fault_of(first)
         if fault is not None:
             self._begin_the_rest()
@@ -173,10 +171,8 @@ class _Gathering(Struct):
             ports = [port.declaration for port in agent.ports]
             wanted += [(pid, entry) for entry in (*program.allread, *agent.locals, *ports)]
         for robot, entry in wanted:
-            variable, type_ = entry.variable, entry.variable.type
-            if variable.home is Home.ALLREAD and isinstance(type_, ArrayType):
-                type_ = type_.element
-            value = default(DOUBLES, type_, self.system.robots)
+            variable = entry.variable
+            value = default(DOUBLES, started_type(variable), self.system.robots)
             key = (variable.home, variable.slot, robot)
             starts.setdefault(key, Start(*key, value))
 
@@ -234,9 +230,7 @@ class _Gathering(Struct):
         while len(configurations) <= len(trace.recording.rounds):
             configurations.append(configurations[-1])
         if fault is not None:
-            kind = FaultKind(fault[1].kind.value)
-            found = Fault(kind, fault[0], NOWHERE, fault[1].detail)
-            configurations[-1] = replace(configurations[-1], fault=found)
+            configurations[-1] = replace(configurations[-1], fault=to_fault(fault[1], fault[0]))
         return replace(trace, configurations=tuple(configurations), outputs=tuple(outputs))
 
     def _configuration(self, step: Step) -> Configuration[Constant]:

@@ -172,7 +172,7 @@ def test_output_that_does_not_leave_is_missed(monkeypatch: pytest.MonkeyPatch) -
 
     def other(self: Witnessed, event: int | None) -> None:
         if self._proposal is not None:
-            self._scribe.kept(self._proposal.round, self.robot, None)
+            self._witness.kept(self._proposal.round, self.robot, None)
 
     monkeypatch.setattr(Witnessed, "_tell_output", other)
     refused = expedition(silent).refused

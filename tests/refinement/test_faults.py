@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from koord.refinement.deployed_hosts import SeededHost
 from koord.refinement.running import ready
+from koord.refinement.sampling_hosts import SeededHost
 from koord.runtime.engine.fleet import Fleet
 from koord.runtime.proposals import FaultKind as OfRuntime
 from koord.semantics.configurations import FaultKind

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from koord.refinement.value_translation import Observer
+from koord.refinement.translation import Translation
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.naming import Names
@@ -108,7 +108,7 @@ def looks(of: core.Program, seed: int, slack: str) -> list[tuple[bool, bool, str
     (made,) = loaded(claims.text)
     assert issubclass(made, Watch)
     watch = made(system.kinds, 0.1, host)
-    observer = Observer(system, Names(of))
+    observer = Translation(system, Names(of))
     schedule = AtRandom(Random(seed))
     fleet.begin()
     found = []

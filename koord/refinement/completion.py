@@ -1,4 +1,4 @@
-"""Answers that only summaries and properties ask for, added to a trace. [EXTERNAL] [REPLAY]
+"""Answers that a recording lacks, added to a trace. [EXTERNAL] [REPLAY]
 
 A robot asks its library what its program asks. A summary may mention further functions
 (``result == pathsClear(b, a)``), and so may an assumption or a contract: the rules look at these,
@@ -9,7 +9,7 @@ know. The model of a robot that is switched off asks nobody, either.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from random import Random
 from typing import TypeAlias
 
@@ -21,7 +21,7 @@ from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import DOUBLES, Constant
-from koord.semantics.oracle import Key, Oracle, Phase
+from koord.semantics.oracle import Inputs, Key, Oracle, Phase
 from koord.semantics.properties import holds_in
 from koord.semantics.recordings import (
     Answer,
@@ -83,7 +83,8 @@ class Completing:
     def opening(self, opening: Opening) -> Opening:
         """The opening with all answers. Raises KoordError."""
         self.remember(opening.answers)
-        inputs = self._asking.inputs(opening.answers, starts=RecordedInputs(starts=opening.starts))
+        starts = RecordedInputs(starts=opening.starts)
+        inputs = CompletedInputs(starts, opening.answers, self._asking.missing)
         try:
             start = initialised(DOUBLES, self._system, inputs, opening.order).configuration
             if start.fault is None:
@@ -103,37 +104,40 @@ class Completing:
         if self._last is None:
             return round_
         self.remember(round_.answers)
-        inputs = self._asking.inputs(round_.answers, starts=RecordedInputs())
-        inputs.readings = list(round_.readings)
-        before, self._last = self._last, None
+        inputs = CompletedInputs(RecordedInputs(), round_.answers, self._asking.missing)
+        readings = round_.readings
+        at, self._last = self._last, None
         try:
-            self._go_on(_round(self._system, before, round_, inputs))
+            at = program_turns(self._system, at, round_, inputs)
+            if not round_.cut and at.fault is None:
+                readings = self._asking.readings(at, readings)
+                inputs.others = RecordedInputs(readings=readings)
+                at = evolved(DOUBLES, self._system, at, inputs).configuration
+            self._go_on(at)
         except IllegalStepError:
             pass  # replay finds the same step, and tells of it
         except PutOffError:
             self.put_off = True
-        return replace(round_, answers=tuple(inputs.answers), readings=tuple(inputs.readings))
+        return replace(round_, answers=tuple(inputs.answers), readings=readings)
 
     def _go_on(self, configuration: Configuration[Constant]) -> None:
         self._last = configuration if configuration.fault is None else None
 
 
-def _round(
-    system: System, configuration: Configuration[Constant], round_: Round, inputs: _Inputs
+def program_turns(
+    system: System, configuration: Configuration[Constant], round_: Round, inputs: Inputs[Constant]
 ) -> Configuration[Constant]:
+    """The configuration after the program turns of a round, up to a fault."""
     for robot in round_.order:
         position = round_.events[robot]
         if position is None:
-            configuration = run_skip(DOUBLES, system, configuration, robot, inputs).configuration
+            stepped = run_skip(DOUBLES, system, configuration, robot, inputs)
         else:
             stepped = run_event(DOUBLES, system, configuration, robot, position, inputs)
-            configuration = stepped.configuration
+        configuration = stepped.configuration
         if configuration.fault is not None:
-            return configuration
-    if round_.cut:
-        return configuration
-    inputs.sense(configuration)
-    return evolved(DOUBLES, system, configuration, inputs).configuration
+            break
+    return configuration
 
 
 def _mentioned(program: core.Program) -> frozenset[int]:
@@ -187,39 +191,56 @@ class _Asking:
             known[function.name, arguments] = self.library(function, arguments, robot)
         return known[function.name, arguments]
 
-    def inputs(self, answers: tuple[Answer, ...], starts: RecordedInputs) -> _Inputs:
-        return _Inputs(self, starts, list(answers))
+    def missing(
+        self,
+        phase: Phase,
+        robot: int,
+        key: Key,
+        function: core.External | None,
+        arguments: tuple[Concrete, ...],
+    ) -> Concrete | None:
+        """What only the rules ask. Models choose the least; programs have chosen."""
+        if function is None:
+            return arguments[0] if phase is Phase.ENV else None
+        if phase in (Phase.INIT, Phase.PROG) and key[0] not in self.sites:
+            return None
+        return self.ask(function, arguments, robot)
 
-
-class _Inputs:
-    """Inputs of one round: what was recorded, and what only the rules ask."""
-
-    def __init__(self, asking: _Asking, others: RecordedInputs, answers: list[Answer]) -> None:
-        self.asking = asking
-        self.others = others
-        self.answers = answers
-        self.readings: list[Reading] = []
-        self._known: dict[tuple[Phase, int, Key], Answer] = {
-            (a.phase, a.robot, a.key): a for a in self.answers
-        }
-
-    def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
-        return self.others.start(declaration, robot)
-
-    def sense(self, configuration: Configuration[Constant]) -> None:
-        """Make up what the sensors of a robot read that nobody looked at."""
-        system, sampled = self.asking.system, self.asking.sampled
-        told = {(reading.robot, reading.slot) for reading in self.readings}
+    def readings(
+        self, configuration: Configuration[Constant], given: tuple[Reading, ...]
+    ) -> tuple[Reading, ...]:
+        """The readings of a round, with what sensors read that nobody looked at made up."""
+        system, sampled = self.system, self.sampled
+        told = {(reading.robot, reading.slot) for reading in given}
         sampled.readings = {}
         for robot in range(system.robots):
             sensors = {(robot, p.declaration.variable.slot): p for p in _sensors(system, robot)}
             if told.issuperset(sensors):
                 continue
-            self.readings = [reading for reading in self.readings if reading.robot != robot]
             settle_robot(DOUBLES, system, configuration, robot, sampled)
-            for (_, slot), port in sensors.items():
-                self.readings.append(Reading(robot, slot, sampled.sensor(robot, port)))
-        self.others = RecordedInputs(readings=self.readings)
+            made_up = (Reading(*key, sampled.sensor(robot, p)) for key, p in sensors.items())
+            given = (*(reading for reading in given if reading.robot != robot), *made_up)
+        return given
+
+
+#: Who answers what a recording lacks: of a turn of a robot, an external function (None: a
+#: ``choose``, from a number on) and what it is asked about; None if it should have been recorded.
+Ask: TypeAlias = Callable[
+    [Phase, int, Key, core.External | None, "tuple[Concrete, ...]"], "Concrete | None"
+]
+
+
+class CompletedInputs:
+    """Inputs of one round: what was recorded, and answers that are asked for beyond that."""
+
+    def __init__(self, others: RecordedInputs, answers: Iterable[Answer], ask: Ask) -> None:
+        self.others = others  #: starts and readings
+        self.answers = list(answers)
+        self.ask = ask
+        self._known = {(a.phase, a.robot, a.key): a for a in self.answers}
+
+    def start(self, declaration: core.Declaration, robot: int | None) -> Concrete:
+        return self.others.start(declaration, robot)
 
     def sensor(self, robot: int, port: core.Port) -> Concrete:
         return self.others.sensor(robot, port)
@@ -228,49 +249,42 @@ class _Inputs:
         return _Oracle(self, phase, robot)
 
     def find(
-        self, where: tuple[Phase, int, Key], ask: Callable[[], Answer | None]
-    ) -> Answer | None:
-        found = self._known.get(where)
-        if found is None:
-            found = ask()
-            if found is not None:
-                self._known[where] = found
-                self.answers.append(found)
-        return found
+        self,
+        where: tuple[Phase, int, Key],
+        function: core.External | None,
+        arguments: tuple[Concrete, ...],
+    ) -> Concrete | None:
+        if where not in self._known:
+            value = self.ask(*where, function, arguments)
+            if value is None:
+                return None
+            if function is None:
+                self._known[where] = Answer(*where, None, (), value)
+            else:
+                self._known[where] = Answer(*where, function.name, arguments, value)
+            self.answers.append(self._known[where])
+        return self._known[where].value
 
 
 class _Oracle(Struct, frozen=True):
-    inputs: _Inputs
+    inputs: CompletedInputs
     phase: Phase
     robot: int
 
     def choose(self, key: Key, low: Constant, high: Constant, type_: Type) -> Constant:
-        def ask() -> Answer | None:
-            if self.phase is not Phase.ENV:
-                return None
-            return Answer(self.phase, self.robot, key, None, (), low)
-
-        found = self.inputs.find((self.phase, self.robot, key), ask)
+        found = self.inputs.find((self.phase, self.robot, key), None, (low,))
         if found is None:
             raise IllegalStepError("CHOOSE", f"no answer of choose was recorded for {key}")
-        assert isinstance(found.value, Constant)
-        return found.value
+        assert isinstance(found, Constant)
+        return found
 
     def external(
         self, function: core.External, key: Key, arguments: tuple[Concrete, ...]
     ) -> Concrete:
-        asking = self.inputs.asking
-
-        def ask() -> Answer | None:
-            if self.phase in (Phase.INIT, Phase.PROG) and key[0] not in asking.sites:
-                return None
-            value = asking.ask(function, arguments, self.robot)
-            return Answer(self.phase, self.robot, key, function.name, arguments, value)
-
-        found = self.inputs.find((self.phase, self.robot, key), ask)
+        found = self.inputs.find((self.phase, self.robot, key), function, arguments)
         if found is None:
             raise IllegalStepError("EXTERNAL", f"no answer of {function.name} was recorded")
-        return found.value
+        return found
 
     def every(self, type_: Type, body: Callable[[Concrete], Constant]) -> Constant:
         return True

@@ -1,4 +1,4 @@
-"""Hosts of deployed robots whose run is to be judged. [RECORDING]"""
+"""Hosts that answer by chance, such that assumptions, contracts and summaries hold."""
 
 from __future__ import annotations
 
@@ -6,23 +6,75 @@ from collections.abc import Mapping
 from random import Random
 from typing import Any
 
-from koord.refinement.sampling_host import starting
-from koord.refinement.value_translation import Observer, to_plain, to_value
+from koord.refinement.translation import PHASES, Translation, started_type, to_plain
 from koord.runtime.compile.naming import Names
 from koord.runtime.deciding import rotating
 from koord.runtime.motion.world import Point
 from koord.runtime.robot import Key, Robot, Turn
-from koord.sampling.initial_state_search import settle_robot, settled_start
+from koord.sampling.initial_state_search import settle_readings, settle_robot, settled_start
 from koord.sampling.sampled_inputs import Question, SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.configurations import Configuration
-from koord.semantics.domain import DOUBLES
+from koord.semantics.domain import DOUBLES, Constant
+from koord.semantics.expressions import evaluate
 from koord.semantics.recordings import Concrete
+from koord.semantics.statements import machine
+from koord.semantics.storage import held
 from koord.syntax import core
-from koord.syntax.core import ExternalKind, Home
+from koord.syntax.core import ExternalKind
 from koord.syntax.system import System
-from koord.syntax.types import FLOAT, INT, ArrayType, Type
+from koord.syntax.types import FLOAT, INT, Type
 from koord.traces.trace import Numbers
+
+
+class SampledHost:
+    """The host of a whole fleet; what it answers is found, and recorded, with the reference.
+
+    Which answers are asked for, and with which arguments, is up to the program that runs.
+    """
+
+    def __init__(self, translation: Translation, inputs: SampledInputs) -> None:
+        self.system = translation.system
+        self.translation = translation
+        self.inputs = inputs
+
+    def settle_start(self, order: tuple[int, ...]) -> None:
+        """Choose starts that the assumptions allow. Raises KoordError if none are found. [INIT]"""
+        settled_start(DOUBLES, self.system, self.inputs, order)
+
+    def settle_readings(self, configuration: Configuration[Constant]) -> None:
+        """Choose readings that the contracts allow. Raises KoordError if there are none."""
+        settle_readings(DOUBLES, self.system, configuration, self.inputs)
+
+    # --- what programs ask ------------------------------------------------------------------------
+
+    def start(self, robot: int | None, name: str) -> Any:
+        return to_plain(self.inputs.start(self.translation.declaration(robot, name), robot))
+
+    def read(self, robot: Robot) -> Mapping[str, Any]:
+        ports = self.translation.ports(robot.pid)
+        sensor = self.inputs.sensor
+        return {name: to_plain(sensor(robot.pid, ports[name])) for name in robot.SENSORS}
+
+    def ask(
+        self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
+    ) -> Any:
+        external, given = self.translation.question(function, arguments)
+        # Asked as the rules ask: what the summary mentions belongs to the recording, too.
+        oracle = self.inputs.oracle(PHASES[turn], robot)
+        site, *trail = key
+        m = machine(DOUBLES, self.system, oracle, robot=robot)
+        m.memory.bound = [held(DOUBLES, value) for value in given]
+        m.trail = trail
+        reads = tuple(core.Read(core.Place(p)) for p in external.parameters)
+        return to_plain(evaluate(m, core.ExternalCall(function, reads, external.result.type, site)))
+
+    def choose(self, turn: Turn, robot: int, key: Key, low: Any, high: Any) -> Any:
+        oracle = self.inputs.oracle(PHASES[turn], robot)
+        return oracle.choose(key, low, high, FLOAT if isinstance(low, float) else INT)
+
+
+# --- robots in processes of their own -------------------------------------------------------------
 
 
 def settled_starts(system: System, names: Names, seed: int) -> dict[tuple[int | None, str], Any]:
@@ -34,16 +86,9 @@ def settled_starts(system: System, names: Names, seed: int) -> dict[tuple[int | 
         return {}
     inputs = SampledInputs(Sampler(system, Numbers.DOUBLE, Random(seed)))
     settled_start(DOUBLES, system, inputs, rotating(0, system.robots))
-    attributes = {
-        (kind, entry.variable.home, entry.variable.slot): name
-        for (kind, name), entry in starting(system.program, names)
-    }
-    found = {}
-    for start in inputs.recorded_starts():
-        kind = None if start.robot is None else system.kinds[start.robot]
-        name = attributes[kind, start.home, start.slot]
-        found[start.robot, name] = to_plain(start.value)
-    return found
+    attribute = Translation(system, names).attribute
+    starts = inputs.recorded_starts()
+    return {(start.robot, attribute(start)): to_plain(start.value) for start in starts}
 
 
 class _ByQuestion(SampledInputs):
@@ -83,46 +128,36 @@ class SeededHost:
         self.position: Point = (0.0, 0.0, 0.0)
         self.holding = False
         self._system = system
-        self._names = names
+        self._translation = Translation(system, names)
         self._seed = seed
-        self._starts = dict(starting(system.program, names))
-        self._observer = Observer(system, names)
         self._own = Random(f"{seed} {pid}")
         sampler = Sampler(system, Numbers.DOUBLE, self._own)
         self._inputs = _ByQuestion(sampler, seed=seed)
 
     def start(self, robot: int | None, name: str) -> Any:
-        kind = None if robot is None else self._system.kinds[robot]
-        declaration = self._starts[kind, name]
-        type_ = declaration.variable.type
-        if declaration.variable.home is Home.ALLREAD:
-            assert isinstance(type_, ArrayType)
-            type_ = type_.element
+        declaration = self._translation.declaration(robot, name)
         sampler = self._inputs.sampler
         sampler.rng = Random(f"{self._seed} {robot} {name}")
+        type_ = started_type(declaration.variable)
         value = sampler.value(type_, (), declaration.length)
         sampler.rng = self._own
         return to_plain(value)
 
     def read(self, robot: Robot) -> Mapping[str, Any]:
         pid, system, inputs = robot.pid, self._system, self._inputs
-        state = self._observer.robot(robot)
+        state = self._translation.robot(robot)
         # Contracts are about the robot itself: the others may be anyone.
         seen = Configuration((state,) * system.robots, state.copy, 0)
         inputs.forget_round()
         inputs.look_at(seen)
         settle_robot(DOUBLES, system, seen, pid, inputs)
-        ports = (port for port in system.agent(pid).ports)
-        named = {self._names.attribute(p.declaration.variable, state.kind): p for p in ports}
-        return {name: to_plain(inputs.sensor(pid, named[name])) for name in robot.SENSORS}
+        ports = self._translation.ports(pid)
+        return {name: to_plain(inputs.sensor(pid, ports[name])) for name in robot.SENSORS}
 
     def ask(
         self, turn: Turn, robot: int, key: Key, function: str, arguments: tuple[Any, ...]
     ) -> Any:
-        external = self._system.program.external(function)
-        pairs = zip(arguments, external.parameters, strict=True)
-        given = tuple(to_value(argument, parameter.type) for argument, parameter in pairs)
-        return to_plain(self.answer(external, given, robot))
+        return to_plain(self.answer(*self._translation.question(function, arguments), robot))
 
     def answer(
         self, function: core.External, arguments: tuple[Concrete, ...], robot: int | None

@@ -1,22 +1,37 @@
-"""Values and configurations of the runtime as those of the semantics, and back."""
+"""What the runtime has, as the semantics has it, and back: values, questions, configurations."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from koord.runtime import proposals
 from koord.runtime.compile.naming import Names
 from koord.runtime.engine.fleet import Fleet
 from koord.runtime.robot import Robot as Running
+from koord.runtime.robot import Turn
 from koord.runtime.robot import Written as Output
-from koord.semantics.configurations import NO_EVENT, Configuration, Robot, Store, Written
+from koord.semantics.configurations import (
+    NO_EVENT,
+    Configuration,
+    Fault,
+    FaultKind,
+    Robot,
+    Store,
+    Written,
+)
 from koord.semantics.domain import DOUBLES, Constant
-from koord.semantics.recordings import Concrete
+from koord.semantics.oracle import Phase
+from koord.semantics.recordings import Concrete, Reading, Start
 from koord.semantics.storage import Cell, Storage, Tree, unset
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core
+from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
 from koord.syntax.types import ArrayType, MapType, RecordType, SequenceType, Type
+
+#: When a host is asked, as recordings have it.
+PHASES = {Turn.INIT: Phase.INIT, Turn.PROG: Phase.PROG, Turn.ENV: Phase.ENV}
 
 
 def to_value(value: Any, type_: Type) -> Concrete:
@@ -70,12 +85,59 @@ def to_storage(value: Any, type_: Type, robots: int) -> Storage[Constant]:
             return Cell(True, to_value(value, type_))
 
 
-class Observer:
-    """Looks at a fleet, and sees a configuration of the semantics. [CONFIG]"""
+def to_fault(found: proposals.Fault, robot: int | None) -> Fault:
+    """A fault that a robot met; its place is only known as the runtime names it."""
+    return Fault(FaultKind(found.kind.value), robot, NOWHERE, found.detail)
+
+
+class Translation:
+    """Attributes, questions and states of a system's robots, as the semantics has them. [CONFIG]"""
 
     def __init__(self, system: System, names: Names) -> None:
         self.system = system
         self.names = names
+        self._declared = dict(_declared(system.program, names))
+
+    # --- what hosts are asked -------------------------------------------------------------------
+
+    def declaration(self, robot: int | None, name: str) -> core.Declaration:
+        """The variable behind an attribute; ``robot`` is None for what all write."""
+        return self._declared[None if robot is None else self.system.kinds[robot], name]
+
+    def start(self, robot: int | None, name: str, value: Any) -> Start:
+        """What an attribute starts with."""
+        variable = self.declaration(robot, name).variable
+        return Start(variable.home, variable.slot, robot, to_value(value, started_type(variable)))
+
+    def attribute(self, start: Start) -> str:
+        """The attribute that starts so."""
+        kind = None if start.robot is None else self.system.kinds[start.robot]
+        return next(
+            name
+            for (of, name), entry in self._declared.items()
+            if (of, entry.variable.home, entry.variable.slot) == (kind, start.home, start.slot)
+        )
+
+    def ports(self, robot: int) -> dict[str, core.Port]:
+        """A robot's ports by attribute."""
+        kind = self.system.kinds[robot]
+        ports = self.system.program.agents[kind].ports
+        return {self.names.attribute(port.declaration.variable, kind): port for port in ports}
+
+    def reading(self, robot: int, name: str, value: Any) -> Reading:
+        """What the sensor behind an attribute reads."""
+        variable = self.declaration(robot, name).variable
+        return Reading(robot, variable.slot, to_value(value, variable.type))
+
+    def question(
+        self, function: str, arguments: Iterable[Any]
+    ) -> tuple[core.External, tuple[Concrete, ...]]:
+        """An external function, and what it is asked about."""
+        external = self.system.program.external(function)
+        pairs = zip(arguments, external.parameters, strict=True)
+        return external, tuple(to_value(value, parameter.type) for value, parameter in pairs)
+
+    # --- what robots hold -----------------------------------------------------------------------
 
     def configuration(self, fleet: Fleet) -> Configuration[Constant]:
         """The configuration between two rounds, or between the turns of one."""
@@ -116,3 +178,23 @@ class Observer:
             )
             for entry in entries
         )
+
+
+def started_type(variable: core.Variable) -> Type:
+    """The type of what one robot starts with; of an allread variable, of its own entry."""
+    if variable.home is core.Home.ALLREAD:
+        assert isinstance(variable.type, ArrayType)
+        return variable.type.element
+    return variable.type
+
+
+def _declared(
+    program: core.Program, names: Names
+) -> Iterator[tuple[tuple[int | None, str], core.Declaration]]:
+    """The variables that may start arbitrary, by kind and attribute."""
+    for entry in program.allwrite:
+        yield (None, names.attribute(entry.variable, None)), entry
+    for kind, agent in enumerate(program.agents):
+        ports = (port.declaration for port in agent.ports)
+        for entry in (*agent.locals, *ports, *program.allread):
+            yield (kind, names.attribute(entry.variable, kind)), entry
