@@ -33,12 +33,13 @@ from koord.refinement.translation import to_fault
 from koord.runtime.compile import NumberTooLargeError
 from koord.runtime.engine.fleet import Fleet
 from koord.runtime.operations import FaultError
-from koord.runtime.proposals import Decision, FaultKind
+from koord.runtime.proposals import Decision
 from koord.runtime.robot import Key, Robot, Turn
 from koord.semantics.configurations import Configuration
 from koord.semantics.configurations import Robot as RobotState
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Round
+from koord.syntax.faults import FaultKind
 from koord.syntax.types import FLOAT
 from koord.syntax.walk import nodes
 from koord.traces.changes import Change, changes, differences

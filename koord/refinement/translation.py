@@ -11,15 +11,7 @@ from koord.runtime.engine.fleet import Fleet
 from koord.runtime.robot import Robot as Running
 from koord.runtime.robot import Turn
 from koord.runtime.robot import Written as Output
-from koord.semantics.configurations import (
-    NO_EVENT,
-    Configuration,
-    Fault,
-    FaultKind,
-    Robot,
-    Store,
-    Written,
-)
+from koord.semantics.configurations import NO_EVENT, Configuration, Fault, Robot, Store, Written
 from koord.semantics.domain import DOUBLES, Constant
 from koord.semantics.oracle import Phase
 from koord.semantics.recordings import Concrete, Reading, Start
@@ -87,7 +79,7 @@ def to_storage(value: Any, type_: Type, robots: int) -> Storage[Constant]:
 
 def to_fault(found: proposals.Fault, robot: int | None) -> Fault:
     """A fault that a robot met; its place is only known as the runtime names it."""
-    return Fault(FaultKind(found.kind.value), robot, NOWHERE, found.detail)
+    return Fault(found.kind, robot, NOWHERE, found.detail)
 
 
 class Translation:

@@ -16,12 +16,12 @@ from koord.runtime.proposals import (
     Decision,
     Fault,
     Faulted,
-    FaultKind,
     Plain,
     Proposal,
     Taken,
     Write,
 )
+from koord.syntax.faults import FaultKind
 
 #: The code of the extension: a whole number in two's complement, the greatest byte first.
 BIG_INT = 1

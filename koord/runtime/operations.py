@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any, NoReturn, TypeVar
 
-from koord.runtime.proposals import Fault, FaultKind
+from koord.runtime.proposals import Fault
+from koord.syntax.faults import FaultKind
 
 T = TypeVar("T")
 K = TypeVar("K")

@@ -15,6 +15,8 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
+from koord.syntax.faults import FaultKind
+
 #: A value that any codec can carry. An enumeration member is its position, a record the tuple of
 #: its fields, a list, queue or array the tuple of its items, a map the tuple of its
 #: ``(key, value)`` pairs in their order; ``None`` is an atom that is not set (parts of records and
@@ -38,18 +40,6 @@ class Write(Struct, frozen=True):
     variable: int
     path: tuple[Plain, ...]
     value: Plain
-
-
-class FaultKind(Enum):
-    """What a program can do wrong while it runs, in the words of the semantics. [FAULT]"""
-
-    INDEX = "index out of range"
-    DIVISION = "division by zero"
-    UNSET = "read of an unset value"
-    KEY = "missing map key"
-    EMPTY = "empty list"
-    PRECONDITION = "precondition not met"
-    CHOICE = "empty range to choose from"
 
 
 class Fault(Struct, frozen=True):

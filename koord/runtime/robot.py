@@ -37,15 +37,7 @@ from koord.runtime.operations import (
     without,
     without_key,
 )
-from koord.runtime.proposals import (
-    INIT_ROUND,
-    Asked,
-    Attempt,
-    Fault,
-    FaultKind,
-    Proposal,
-    Write,
-)
+from koord.runtime.proposals import INIT_ROUND, Asked, Attempt, Fault, Proposal, Write
 from koord.runtime.shapes import (
     BOOL,
     FLOAT,
@@ -67,6 +59,7 @@ from koord.runtime.shapes import (
 from koord.runtime.shapes import Mapping as MapOf
 from koord.runtime.shapes import Sequence as ListOf
 from koord.runtime.store import Layout, Shared
+from koord.syntax.faults import FaultKind
 
 #: Names one evaluation of ``choose`` or of an external function within one turn. [RECORDING]
 Key = tuple[int, ...]

@@ -7,9 +7,9 @@ from itertools import pairwise
 from typing import Any
 
 from koord.runtime.operations import FaultError
-from koord.runtime.proposals import FaultKind
 from koord.runtime.robot import Host, Key, Robot, Status, Turn
 from koord.runtime.shapes import Record, Scalar, Shape, from_plain
+from koord.syntax.faults import FaultKind
 
 #: Of a path, so many points are tried on a summary that speaks of all positions.
 _SAMPLES = 3

@@ -14,6 +14,7 @@ from msgspec import Struct
 
 from koord.semantics.storage import Storage
 from koord.semantics.values import Value
+from koord.syntax.faults import FaultKind
 from koord.syntax.source import Span
 from koord.syntax.types import Type
 
@@ -25,18 +26,6 @@ class Turn(Enum):
 
     PROG = "prog"
     ENV = "env"
-
-
-class FaultKind(Enum):
-    """What a program can do wrong while it runs. [FAULT]"""
-
-    INDEX = "index out of range"
-    DIVISION = "division by zero"
-    UNSET = "read of an unset value"
-    KEY = "missing map key"
-    EMPTY = "empty list"
-    PRECONDITION = "precondition not met"
-    CHOICE = "empty range to choose from"
 
 
 class Fault(Struct, frozen=True):

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import TypeVar, assert_never
 
 from koord.semantics import lists, places, quantifiers
-from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import NumberTooLongError
 from koord.semantics.machine import Machine
 from koord.semantics.storage import Cell, held
@@ -24,6 +23,7 @@ from koord.semantics.values import (
 )
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home
+from koord.syntax.faults import FaultKind
 from koord.syntax.types import INT
 from koord.syntax.walk import nodes
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TypeVar, assert_never
 
-from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import disjunction
 from koord.semantics.every_number import Crowd
 from koord.semantics.machine import Machine
@@ -23,6 +22,7 @@ from koord.semantics.values import (
 )
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, ListOp
+from koord.syntax.faults import FaultKind
 from koord.syntax.types import INT, ArrayType, Robots
 
 V = TypeVar("V")

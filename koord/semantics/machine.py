@@ -17,7 +17,7 @@ from typing import Generic, TypeVar
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.semantics.configurations import Configuration, Fault, FaultKind, Written
+from koord.semantics.configurations import Configuration, Fault, Written
 from koord.semantics.domain import Domain
 from koord.semantics.every_number import Crowd
 from koord.semantics.locations import Mask
@@ -26,6 +26,7 @@ from koord.semantics.storage import Storage, merge_storage, set_only_if
 from koord.semantics.values import Value
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, UnaryOp
+from koord.syntax.faults import FaultKind
 from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT

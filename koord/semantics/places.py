@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeVar, assert_never
 
-from koord.semantics.configurations import FaultKind, Robot
+from koord.semantics.configurations import Robot
 from koord.semantics.domain import disjunction
 from koord.semantics.locations import AtField, AtIndex, AtKey, Location, descend, part_of
 from koord.semantics.machine import Machine
@@ -17,6 +17,7 @@ from koord.semantics.values import (
 )
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, slot_in
+from koord.syntax.faults import FaultKind
 from koord.syntax.system import Status
 from koord.syntax.types import INT
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TypeAlias, TypeVar
 
-from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import disjunction
 from koord.semantics.every_number import Crowd, NotFiniteError
 from koord.semantics.machine import Machine
@@ -23,6 +22,7 @@ from koord.semantics.values import (
 )
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, ListOp
+from koord.syntax.faults import FaultKind
 from koord.syntax.types import INT
 
 V = TypeVar("V")

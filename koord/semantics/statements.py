@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TypeVar, assert_never
 
-from koord.semantics.configurations import Configuration, FaultKind, Store, Written
+from koord.semantics.configurations import Configuration, Store, Written
 from koord.semantics.domain import Domain, NumberTooLongError
 from koord.semantics.expressions import condition, evaluate, variables_in
 from koord.semantics.locations import AtIndex, AtKey, Location, descend, marked, part_of, write
@@ -34,6 +34,7 @@ from koord.semantics.values import (
 )
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home
+from koord.syntax.faults import FaultKind
 from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT, MapType, QueueType
 

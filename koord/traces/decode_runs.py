@@ -6,19 +6,12 @@ from collections.abc import Mapping, Sequence
 
 from msgspec import Struct, UnsetType
 
-from koord.semantics.configurations import (
-    NO_EVENT,
-    Configuration,
-    Fault,
-    FaultKind,
-    Robot,
-    Store,
-    Written,
-)
+from koord.semantics.configurations import NO_EVENT, Configuration, Fault, Robot, Store, Written
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Answer, Concrete, Opening, Reading, Recording, Round, Start
 from koord.semantics.storage import Storage
 from koord.syntax.core import Home
+from koord.syntax.faults import FaultKind
 from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.syntax.types import Type

@@ -10,8 +10,9 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from koord.semantics.configurations import FaultKind, Turn
+from koord.semantics.configurations import Turn
 from koord.semantics.oracle import Phase
+from koord.syntax.faults import FaultKind
 from koord.syntax.system import Status
 from koord.traces.trace import Numbers, ViolationKind
 

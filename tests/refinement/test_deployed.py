@@ -21,10 +21,11 @@ from koord.runtime.compile import compiled
 from koord.runtime.deciding import decide
 from koord.runtime.deploy.member import Member
 from koord.runtime.engine.schedules import Deployed, Unheard
-from koord.runtime.proposals import INIT_ROUND, Attempt, Decision, Fault, FaultKind, Proposal, Taken
+from koord.runtime.proposals import INIT_ROUND, Attempt, Decision, Fault, Proposal, Taken
 from koord.runtime.robot import Status
 from koord.runtime.transports.inprocess import Hub
 from koord.syntax import core
+from koord.syntax.faults import FaultKind
 from koord.syntax.system import dealt
 from tests.refinement.running import agrees, program, seeds, sources
 from tests.sampling import first

@@ -7,8 +7,7 @@ import pytest
 from koord.refinement.running import ready
 from koord.refinement.sampling_hosts import SeededHost
 from koord.runtime.engine.fleet import Fleet
-from koord.runtime.proposals import FaultKind as OfRuntime
-from koord.semantics.configurations import FaultKind
+from koord.syntax.faults import FaultKind
 from koord.syntax.system import dealt
 from tests.refinement.running import agrees, program, ran
 
@@ -160,7 +159,3 @@ def test_where_a_model_faults_no_robot_has_moved() -> None:
     assert fleet.round == len(held) - 1
     outcome = ran(text, rounds=5)
     agrees(outcome)
-
-
-def test_kinds_of_faults_have_one_name() -> None:
-    assert {kind.value for kind in OfRuntime} == {kind.value for kind in FaultKind}

@@ -3,15 +3,8 @@
 from __future__ import annotations
 
 from koord.runtime.deciding import decide, rotating
-from koord.runtime.proposals import (
-    Asked,
-    Attempt,
-    Fault,
-    FaultKind,
-    Proposal,
-    Taken,
-    Write,
-)
+from koord.runtime.proposals import Asked, Attempt, Fault, Proposal, Taken, Write
+from koord.syntax.faults import FaultKind
 
 
 def attempt(event: int, *locks: int, fault: Fault | None = None) -> Attempt:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from koord.runtime.exploration.world import proposal_of
-from koord.runtime.proposals import Attempt, Fault, FaultKind, Proposal, Write
+from koord.runtime.proposals import Attempt, Fault, Proposal, Write
 from koord.runtime.protocol.entries import GENESIS, Entry, digest
 from koord.runtime.protocol.events import Begin, Commit, End, Hold, Reason, Resume, Timer
 from koord.runtime.protocol.messages import (
@@ -20,6 +20,7 @@ from koord.runtime.protocol.messages import (
 from koord.runtime.protocol.setup import Timing
 from koord.runtime.protocol.setup import decided as decide
 from koord.runtime.protocol.state import Coordinator
+from koord.syntax.faults import FaultKind
 from tests.runtime.fleet import Fleet, Parcel, begun, fleet
 
 # --- deciding -------------------------------------------------------------------------------------

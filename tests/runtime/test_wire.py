@@ -17,7 +17,6 @@ from koord.runtime.proposals import (
     Decision,
     Fault,
     Faulted,
-    FaultKind,
     Plain,
     Proposal,
     Taken,
@@ -47,6 +46,7 @@ from koord.runtime.wire.drops import Drop
 from koord.runtime.wire.frames import HEADER_BYTES, LONGEST, ROOM, Frame, Seal, session_key
 from koord.runtime.wire.pieces import MOST_PIECES, Assembly, cut
 from koord.runtime.wire.replays import WIDTH, Window
+from koord.syntax.faults import FaultKind
 from tests.sampling import examples
 
 ROBOTS = 5

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from koord.semantics.configurations import FaultKind
 from koord.syntax import core
 from koord.syntax.core import ListOp
+from koord.syntax.faults import FaultKind
 from koord.syntax.types import (
     BOOL,
     FLOAT,

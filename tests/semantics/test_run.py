@@ -13,13 +13,14 @@ from msgspec.structs import replace
 
 from koord.sampling.monitors import Watch
 from koord.sampling.policies import AtRandom
-from koord.semantics.configurations import NO_EVENT, Configuration, FaultKind
+from koord.semantics.configurations import NO_EVENT, Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Recording, Round, execute
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import Cell
 from koord.syntax import core
 from koord.syntax.core import Home, ListOp
+from koord.syntax.faults import FaultKind
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import Status

@@ -17,9 +17,9 @@ from jsonschema import Draft202012Validator
 from msgspec.structs import replace
 
 from koord.sampling.policies import AtRandom, First
-from koord.semantics.configurations import FaultKind
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.faults import FaultKind
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.syntax.types import FLOAT, INT, ListType, MapType, Type

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from koord.sampling.policies import AtRandom, First
-from koord.semantics.configurations import FaultKind
 from koord.semantics.recordings import Concrete
 from koord.semantics.values import Rec, Seq, Table
 from koord.syntax import core
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.faults import FaultKind
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, POS, STRING, ListType, MapType, Type
 from koord.traces.codec import encode

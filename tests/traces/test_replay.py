@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from koord.sampling.policies import AtRandom, First
-from koord.semantics.configurations import Configuration, FaultKind
+from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.semantics.oracle import Phase
 from koord.semantics.recordings import Answer, Opening, Recording, Round
 from koord.semantics.storage import Cell
 from koord.syntax import core
+from koord.syntax.faults import FaultKind
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, FLOAT, INT
 from koord.traces.replay import Planned, Refused, planned, replay

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from koord.sampling.policies import AtRandom, First
-from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import Constant
 from koord.semantics.recordings import Concrete, Recording, Round, execute
 from koord.semantics.storage import Cell, Storage, Tree
 from koord.semantics.values import Rec, Seq, Table, identical
 from koord.syntax import core
+from koord.syntax.faults import FaultKind
 from koord.syntax.source import Source
 from koord.syntax.system import dealt
 from koord.syntax.types import BOOL, FLOAT, INT, POS, STRING, ListType, MapType, Type

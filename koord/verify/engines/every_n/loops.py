@@ -13,13 +13,13 @@ from typing import TypeAlias
 
 from msgspec import Struct
 
-from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.every_number import NotFiniteError
 from koord.semantics.machine import Machine, Memory
 from koord.semantics.storage import Cell, Many, Storage, Tree
 from koord.semantics.values import Family, Rec, Seq, Table, Value
 from koord.syntax.core import BinaryOp
+from koord.syntax.faults import FaultKind
 from koord.syntax.source import NOWHERE, Span
 from koord.syntax.types import FLOAT
 from koord.verify.encoding.terms import Term

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from koord.semantics.configurations import FaultKind
 from koord.semantics.domain import EXACT
 from koord.semantics.recordings import execute
 from koord.syntax import core
+from koord.syntax.faults import FaultKind
 from koord.syntax.system import Status, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ListType, MapType, Type
 from koord.verify import bounded_check
