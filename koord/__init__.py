@@ -20,7 +20,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from koord.api.certify import Certificate as Certificate
     from koord.api.certify import certify as certify
+    from koord.api.compile import CompiledProgram as CompiledProgram
+    from koord.api.compile import compile as compile
     from koord.api.documents import schema as schema
+    from koord.api.explain import codes as codes
+    from koord.api.explain import explain as explain
+    from koord.api.export import Exported as Exported
+    from koord.api.export import export as export
+    from koord.api.layout import format as format
     from koord.api.programs import CheckReport as CheckReport
     from koord.api.programs import Program as Program
     from koord.api.programs import check as check
@@ -28,6 +35,8 @@ if TYPE_CHECKING:
     from koord.api.progress import Cancellation as Cancellation
     from koord.api.progress import CancelledError as CancelledError
     from koord.api.progress import Progress as Progress
+    from koord.api.recheck import RecheckReport as RecheckReport
+    from koord.api.recheck import recheck as recheck
     from koord.api.replay import ReplayReport as ReplayReport
     from koord.api.replay import load_trace as load_trace
     from koord.api.replay import replay as replay
@@ -51,9 +60,14 @@ if TYPE_CHECKING:
 #: Where each public name stands.
 _HOMES = {
     "koord.api.certify": ("Certificate", "certify"),
+    "koord.api.compile": ("CompiledProgram", "compile"),
     "koord.api.documents": ("schema",),
+    "koord.api.explain": ("codes", "explain"),
+    "koord.api.export": ("Exported", "export"),
+    "koord.api.layout": ("format",),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
     "koord.api.progress": ("Cancellation", "CancelledError", "Progress"),
+    "koord.api.recheck": ("RecheckReport", "recheck"),
     "koord.api.replay": ("ReplayReport", "load_trace", "replay"),
     "koord.api.results": ("ArgumentError",),
     "koord.api.run": ("Policy", "RunReport", "run"),

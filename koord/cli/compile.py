@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 
-from koord.api.files import write_atomically
+from koord.api.compile import compile
 from koord.cli.arguments import add_files, add_settings, check_files
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.files import DASH, check_writable
 from koord.cli.inputs import Reading, load_programs
-from koord.runtime.compile import compiled
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -36,9 +35,9 @@ def main(arguments: argparse.Namespace) -> int:
     report.print(sys.stderr, as_json=False)
     if report.errors:
         return Exit.BAD_INPUT
-    text = compiled(programs[0].core)
+    made = compile(programs[0])
     if arguments.output == DASH:
-        sys.stdout.write(text)
+        sys.stdout.write(made.text)
     else:
-        write_atomically(arguments.output, text.encode("utf-8"))
+        made.save(arguments.output)
     return Exit.OK

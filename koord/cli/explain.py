@@ -6,12 +6,13 @@ import argparse
 import sys
 from argparse import ArgumentTypeError
 from collections.abc import Iterator
-from difflib import get_close_matches
 from textwrap import wrap
 
+from koord.api.explain import codes, explain
+from koord.api.results import ArgumentError
 from koord.cli.exits import Exit
 from koord.cli.terminal import PLAIN, Paint, Style, style_of
-from koord.syntax.catalogue import Entry, entries
+from koord.syntax.catalogue import Entry
 
 #: Longer lines of prose are tiresome to read, however wide the terminal.
 WIDEST = 88
@@ -26,10 +27,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     style = style_of(sys.stdout)
     if arguments.code is None:
-        for code, entry in entries().items():
+        for code, entry in codes().items():
             print(f"{style.paint(code, Paint.BOLD)}  {entry.severity.value:<7}  {entry.title}")
         return Exit.OK
-    print("\n".join(story(_find(arguments.code), style)))
+    try:
+        entry = explain(arguments.code)
+    except ArgumentError as error:
+        raise ArgumentTypeError(error.message) from None
+    print("\n".join(story(entry, style)))
     return Exit.OK
 
 
@@ -53,12 +58,3 @@ def _example(title: str, text: str) -> Iterator[str]:
         yield ""
         for line in text.strip("\n").splitlines():
             yield f"    {line}".rstrip()
-
-
-def _find(word: str) -> Entry:
-    wanted = word.strip().upper()
-    if wanted in entries():
-        return entries()[wanted]
-    near = get_close_matches(wanted, entries(), n=3)
-    cure = f"; there are {', '.join(near)}" if near else "; `koord explain` lists all codes"
-    raise ArgumentTypeError(f"there is no code {word!r}{cure}")

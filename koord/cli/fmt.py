@@ -11,13 +11,13 @@ from enum import Enum
 from msgspec import Struct
 
 from koord.api.files import InputFile, write_atomically
+from koord.api.layout import format
 from koord.cli.arguments import add_files, check_files
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit, gravest
 from koord.cli.files import DASH, read_program
 from koord.cli.terminal import Paint, Style, style_of
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.printing.program import format_source
 
 
 class Task(Enum):
@@ -82,11 +82,12 @@ def _format(path: str, task: Task, report: Report) -> Exit:
 
 
 def _lay_out(path: str, report: Report) -> LaidOut | None:
-    before = report.errors
     file = read_program(path)
-    formatted = format_source(file.source)
-    report.add(formatted.diagnostics, file.source)
-    return None if report.errors > before else LaidOut(file, formatted.text)
+    try:
+        return LaidOut(file, format(file.source))
+    except KoordError as error:
+        report.add(error.diagnostics, file.source)
+        return None
 
 
 def _carry_out(task: Task, laid_out: LaidOut) -> Exit:

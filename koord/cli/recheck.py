@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Iterable, Sequence
 
 from msgspec import Struct
 
 from koord.api.files import InputFile
+from koord.api.recheck import RecheckReport, read_about, rechecked
 from koord.cli.arguments import add_json, check_files, seconds
-from koord.cli.diagnostics import report_error
 from koord.cli.exits import Exit
 from koord.cli.files import name_of, read_program, read_written
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.recheck.certificate import REWRITE, Certificate, digest_of, read
-from koord.recheck.checking import Outcome, Part, Rechecked, recheck
-from koord.recheck.discharge import Settled
-from koord.recheck.solving import Answer, MissingSolverError, version
+from koord.recheck.certificate import digest_of
+from koord.recheck.checking import Outcome, Part, Rechecked
+from koord.recheck.solving import Answer
 from koord.recheck.statements import Premise, PremiseKind, Statement
-from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.problem import told
-from koord.syntax.source import NOWHERE, Span
-
-#: Raised when the JSON changes in a way that its readers must know of.
-JSON_VERSION = 3
+from koord.syntax.source import NOWHERE
 
 _SOLVERS = ("cvc5",)
 
@@ -82,50 +76,25 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _recheck(request: Request) -> Exit:
-    try:
-        certificate = read(request.raw, request.name)
-        if request.program is not None:
-            _check_program(request, certificate, request.program)
-        with LiveLine(sys.stderr) as line:
-            found = recheck(certificate, request.timeout_s, request.seed, line.show)
-        solver = version()
-    except MissingSolverError:
-        report_error(_no_solver(), as_json=request.as_json)
-        return Exit.BAD_INPUT
-    except KoordError as error:
-        report_error(error, as_json=request.as_json)
-        return Exit.BAD_INPUT
+    given = None if request.program is None else request.program.source
+    certificate = read_about(request.raw, request.name, given)
+    with LiveLine(sys.stderr) as line:
+        report = rechecked(certificate, request.timeout_s, request.seed, line.show)
     if request.as_json:
-        print(json.dumps(_as_json(certificate, found, solver), indent=2))
+        print(report.to_json())
     else:
-        for text in _lines(certificate, found, request, style_of(sys.stdout)):
+        for text in _lines(report, request, style_of(sys.stdout)):
             print(text)
     codes = {
-        Outcome.CONFIRMED: Exit.VACUOUS if found.hollow else Exit.OK,
+        Outcome.CONFIRMED: Exit.VACUOUS if report.vacuous else Exit.OK,
         Outcome.REFUTED: Exit.VIOLATED,
         Outcome.UNKNOWN: Exit.UNKNOWN,
     }
-    return codes[found.outcome]
+    return codes[report.outcome]
 
 
-def _check_program(request: Request, certificate: Certificate, program: InputFile) -> None:
-    if program.source.text != certificate.program.text:
-        raise refusal(
-            "K941",
-            request.name,
-            f"the certificate is about another text than {program.source.name}",
-            REWRITE,
-        )
-
-
-def _no_solver() -> KoordError:
-    message = "cvc5 is not installed, and a second opinion needs a second solver"
-    hint = "install it with `pip install 'koord[recheck]'`, or `pip install cvc5`"
-    return refusal("K942", "cvc5", message, hint)
-
-
-def _lines(certificate: Certificate, found: Rechecked, request: Request, style: Style) -> list[str]:
-    about = found.about
+def _lines(report: RecheckReport, request: Request, style: Style) -> list[str]:
+    certificate, found, about = report.certificate, report.found, report.found.about
     digest = digest_of(certificate.program.text)
     of = "" if request.program is None else f", which is {request.program.source.name}"
     lines = [
@@ -161,7 +130,7 @@ def _lines(certificate: Certificate, found: Rechecked, request: Request, style: 
     place = ""
     if found.span is not NOWHERE and found.reason:
         place = f" ({visible(str(found.span))})"
-    last = f"{verdict}{why}{place}; {version()} [{found.seconds:.1f} s]"
+    last = f"{verdict}{why}{place}; {report.solver} [{found.seconds:.1f} s]"
     return [*map(visible, lines), last]
 
 
@@ -211,75 +180,3 @@ def _opinion_lines(found: Rechecked) -> list[str]:
 
 
 _WORDS = {Answer.SAT: "does not follow", Answer.UNKNOWN: "not settled", Answer.UNSAT: "met"}
-
-
-def _as_json(certificate: Certificate, found: Rechecked, solver: str) -> dict[str, object]:
-    everyone, here = found.shown()
-    return {
-        "version": JSON_VERSION,
-        "verdict": found.outcome.value,
-        "reason": found.reason,
-        "place": _place(found.span),
-        "solver": solver,
-        "program": certificate.program.name,
-        "sha256": digest_of(certificate.program.text),
-        "problem": found.about.problem.document(),
-        "vacuous": list(found.hollow),
-        "claims": [
-            {
-                "kind": s.claimed.kind.value,
-                "subject": s.claimed.subject,
-                "name": s.claimed.name,
-                "statement": s.text,
-                "place": _place(s.span),
-                "shown_for": "every number of robots"
-                if s in everyone
-                else "these robots"
-                if s in here
-                else None,
-            }
-            for s in found.about.statements
-        ],
-        "relies_on": [
-            {"kind": p.kind.value, "name": p.name, "statement": p.text, "place": _place(p.span)}
-            for p in found.about.premises
-        ],
-        "not_covered": [
-            {"name": name, "reason": reason} for name, reason in certificate.not_covered
-        ],
-        "obligations": [
-            _settled_json(one, every_number=part is found.everyone)
-            for part in (found.everyone, found.here)
-            if part is not None
-            for one in part.settled
-        ],
-        "scripts": [
-            {
-                "name": opinion.name,
-                "answer": _MET[opinion.answer],
-                "reason": opinion.reason,
-            }
-            for opinion in found.opinions
-        ],
-        "seconds": round(found.seconds, 3),
-    }
-
-
-def _place(span: Span) -> dict[str, object] | None:
-    """A place in the text; None for what stands in none."""
-    if span.file == NOWHERE.file:
-        return None
-    return {"file": span.file, "line": span.line, "column": span.column}
-
-
-_MET = {Answer.SAT: "not met", Answer.UNKNOWN: "unknown", Answer.UNSAT: "met"}
-
-
-def _settled_json(one: Settled, *, every_number: bool) -> dict[str, object]:
-    return {
-        "name": one.name,
-        "every_number": every_number,
-        "answer": _MET[one.answer],
-        "claim": one.claim,
-        "configuration": list(one.state),
-    }

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec import Struct
 
 from koord.recheck.commands import Harmless
+from koord.syntax.forking import FORKING
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -88,12 +89,13 @@ class Session(Struct):
         _cvc5()  # whoever is forked from this process has it then
         can_fork = "fork" in multiprocessing.get_all_start_methods()
         context = multiprocessing.get_context("fork" if can_fork else "spawn")
-        ours, theirs = context.Pipe()
-        process = context.Process(  # type: ignore[attr-defined]
-            target=_serve, args=(theirs, ours if can_fork else None, seed), daemon=True
-        )
-        process.start()
-        theirs.close()
+        with FORKING:
+            ours, theirs = context.Pipe()
+            process = context.Process(  # type: ignore[attr-defined]
+                target=_serve, args=(theirs, ours if can_fork else None, seed), daemon=True
+            )
+            process.start()
+            theirs.close()
         return Session(process, ours, [logic])
 
     def __enter__(self) -> Session:
@@ -111,8 +113,9 @@ class Session(Struct):
         """End the process, whatever it is doing."""
         if not self._is_over:
             self._is_over = True
-            self._process.kill()
-            self._process.join()
+            with FORKING:
+                self._process.kill()
+                self._process.join()
             self._line.close()
 
     def tell(self, commands: Iterable[str]) -> None:
@@ -132,8 +135,9 @@ class Session(Struct):
                 raise SolverEndedError("cvc5 did not end in time")
             said, problem = self._line.recv()
         except (EOFError, OSError) as error:
-            self._process.join()
-            code = self._process.exitcode or 0
+            with FORKING:
+                self._process.join()
+                code = self._process.exitcode or 0
             self.close()
             raise SolverEndedError(f"cvc5 {_end(code)}") from error
         if problem:

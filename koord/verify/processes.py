@@ -12,7 +12,6 @@ import os
 import pickle
 import signal
 import sys
-import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -23,6 +22,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeAlias, TypeVar
 from msgspec import Struct, field
 
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.forking import FORKING
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -68,11 +68,6 @@ _TELL_S = 0.2
 #: After Ctrl-C: when processes that did not hear it are told, and when they are ended: those that
 #: a process has forked sooner than itself, so that it can still say what it heard of them.
 _TOLD_S, _ENDED_S, _SOONER_S = 0.2, 1.0, 0.2
-
-#: Held while a process starts, and while one is put away. Of two threads that fork, the process of
-#: one would keep open what the other sends on, and each may be told that a process of the other is
-#: gone. The thread that forks holds it, and is the only one of the new process.
-_forking = threading.RLock()
 
 #: How many processes stand between this one and the one that was started first.
 _depth = 0
@@ -245,7 +240,7 @@ class Pool(Struct):
         while self._waiting and len(self._running) < most and self._stopped_at is None:
             job = self._waiting.pop(0)
             context = get_context("fork")
-            with _forking:
+            with FORKING:
                 receives, sends = context.Pipe(duplex=False)
                 process = context.Process(target=_worked, args=(job.work, sends, os.getpid()))
                 process.start()
@@ -349,7 +344,7 @@ def _end(job: Job[T]) -> None:
 
 def _join(job: Job[T]) -> None:
     if job.process is not None:
-        with _forking:
+        with FORKING:
             job.process.join()
             job.exit_code = job.process.exitcode
             job.process.close()

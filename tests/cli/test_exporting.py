@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import pytest
 
-from koord.cli import exporting
+from koord.api import export
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.semantics.every_number import NotFiniteError
@@ -57,7 +57,7 @@ def test_every_example_is_written_or_refused_with_an_export_that_takes_it(
     name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = EXAMPLES / f"{name}.krd"
-    for flag in exporting.FORMATS:
+    for flag in export.FORMATS:
         file = tmp_path / f"Out.{flag}"
         code, said = told(capsys, path, flag, "-o", str(file))
         assert file.exists() == (code == Exit.OK)
@@ -83,7 +83,7 @@ def test_what_no_export_says_is_named_with_its_place(
         raise NotFiniteError(NOWHERE, "the program is of a test")
 
     monkeypatch.setattr(verify_exporting, "circuit_of", no_circuit)
-    for flag in exporting.FORMATS:
+    for flag in export.FORMATS:
         code, said = told(capsys, path, flag)
         assert code == Exit.BAD_INPUT
         assert f"{path}:" in said
@@ -95,7 +95,7 @@ def test_what_no_export_says_is_named_with_its_place(
 def test_where_that_is_not_soon_known_nothing_is_said_of_others(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(exporting, "_TRIED_S", 0.0)
+    monkeypatch.setattr(export, "_TRIED_S", 0.0)
     code, said = told(capsys, EXAMPLES / "task.krd", "tla")
     assert code == Exit.BAD_INPUT
     assert "= help: leave modules out\n" in said

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from koord.cli.recheck import _as_json
+from koord.api.recheck import RecheckReport
 from koord.recheck.certificate import read
 from koord.recheck.checking import recheck
 from koord.syntax.core import Program
@@ -50,7 +50,7 @@ def told(document: Document) -> dict[str, Any] | None:
         found = recheck(certificate, timeout_s=3)
     except KoordError:
         return None
-    said: dict[str, Any] = json.loads(json.dumps(_as_json(certificate, found, "cvc5")))
+    said: dict[str, Any] = json.loads(RecheckReport(certificate, found, "cvc5").to_json())
     return said
 
 

@@ -1,0 +1,196 @@
+"""Rechecking: the obligations of a certificate are settled by another solver."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+from koord.api.certify import Certificate as Written
+from koord.api.files import read_written
+from koord.api.programs import Text, source_of
+from koord.api.progress import Cancellation, CancelledError, Listener, asker, teller
+from koord.api.results import Result, html_table
+from koord.recheck.certificate import REWRITE, Certificate, digest_of, read
+from koord.recheck.checking import Outcome, Rechecked
+from koord.recheck.checking import recheck as settle
+from koord.recheck.discharge import Settled
+from koord.recheck.solving import Answer, MissingSolverError, version
+from koord.syntax.diagnostics import refusal
+from koord.syntax.source import NOWHERE, Source, Span, visible
+
+#: Raised when the JSON changes in a way that its readers must know of.
+RECHECK_VERSION = 3
+
+
+class RecheckReport(Result, frozen=True):
+    """What another solver says of a certificate."""
+
+    certificate: Certificate
+    found: Rechecked
+    solver: str  #: which one, with its version
+
+    @property
+    def outcome(self) -> Outcome:
+        """Confirmed, refuted or unknown."""
+        return self.found.outcome
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether all that is claimed follows."""
+        return self.outcome is Outcome.CONFIRMED
+
+    @property
+    def vacuous(self) -> tuple[str, ...]:
+        """What makes the claims say less than they seem to."""
+        return tuple(self.found.hollow)
+
+    @property
+    def reason(self) -> str:
+        """Why it is refuted, or unknown."""
+        return self.found.reason
+
+    def to_dict(self) -> dict[str, object]:
+        """As ``koord recheck --json`` prints it; the schema is ``recheck``."""
+        everyone, here = self.found.shown()
+        return {
+            "version": RECHECK_VERSION,
+            "verdict": self.found.outcome.value,
+            "reason": self.found.reason,
+            "place": _place(self.found.span),
+            "solver": self.solver,
+            "program": self.certificate.program.name,
+            "sha256": digest_of(self.certificate.program.text),
+            "problem": self.found.about.problem.document(),
+            "vacuous": list(self.found.hollow),
+            "claims": [
+                {
+                    "kind": s.claimed.kind.value,
+                    "subject": s.claimed.subject,
+                    "name": s.claimed.name,
+                    "statement": s.text,
+                    "place": _place(s.span),
+                    "shown_for": "every number of robots"
+                    if s in everyone
+                    else "these robots"
+                    if s in here
+                    else None,
+                }
+                for s in self.found.about.statements
+            ],
+            "relies_on": [
+                {"kind": p.kind.value, "name": p.name, "statement": p.text, "place": _place(p.span)}
+                for p in self.found.about.premises
+            ],
+            "not_covered": [
+                {"name": name, "reason": reason} for name, reason in self.certificate.not_covered
+            ],
+            "obligations": [
+                _settled_json(one, every_number=part is self.found.everyone)
+                for part in (self.found.everyone, self.found.here)
+                if part is not None
+                for one in part.settled
+            ],
+            "scripts": [
+                {
+                    "name": opinion.name,
+                    "answer": _MET[opinion.answer],
+                    "reason": opinion.reason,
+                }
+                for opinion in self.found.opinions
+            ],
+            "seconds": round(self.found.seconds, 3),
+        }
+
+    def __repr__(self) -> str:
+        why = f": {self.reason}" if self.reason else ""
+        return f"<RecheckReport {self.found.about.problem}: {self.outcome.value}{why}>"
+
+    def _repr_html_(self) -> str:
+        everyone, here = self.found.shown()
+        rows = [
+            (s.claimed.name, "every number of robots" if s in everyone else "these robots")
+            for s in (*everyone, *here)
+        ]
+        return html_table(repr(self), ("shown, in every round", "for"), rows)
+
+
+def recheck(
+    certificate: Written | str | os.PathLike[str],
+    *,
+    program: Text | None = None,
+    timeout_s: float | None = None,
+    seed: int = 0,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> RecheckReport:
+    """Settle the obligations of a certificate, or of one in a file, with another solver.
+
+    ``program`` is the text that it has to be about. It takes up to ``timeout_s`` seconds; ``seed``
+    is of the solver.
+
+    Raises :class:`koord.KoordError` for a damaged certificate, for one about another text, and
+    where there is no solver; and :class:`koord.CancelledError` after ``cancellation``, once the
+    obligation is settled that is looked at.
+
+    >>> koord.recheck("task.json").confirmed
+    True
+    """
+    if isinstance(certificate, Written):
+        raw, name = certificate.to_json().encode(), "certificate"
+    else:
+        raw, name = read_written(os.fspath(certificate)), visible(os.fspath(certificate))
+    tell, cancelled = teller(progress), asker(cancellation)
+
+    def told(text: str) -> None:
+        if cancelled():
+            raise CancelledError("while obligations were settled")
+        tell(text)
+
+    about = None if program is None else source_of(program)
+    return rechecked(read_about(raw, name, about), timeout_s, seed, told)
+
+
+def read_about(raw: bytes, name: str, program: Source | None) -> Certificate:
+    """The certificate in a file, which has to be about a program if one is given.
+
+    Raises KoordError.
+    """
+    certificate = read(raw, name)
+    if program is not None and program.text != certificate.program.text:
+        raise refusal(
+            "K941", name, f"the certificate is about another text than {program.name}", REWRITE
+        )
+    return certificate
+
+
+def rechecked(
+    certificate: Certificate, timeout_s: float | None, seed: int, tell: Callable[[str], None]
+) -> RecheckReport:
+    """As :func:`recheck`, of a certificate that is read by now."""
+    try:
+        found = settle(certificate, timeout_s, seed, tell)
+        return RecheckReport(certificate, found, version())
+    except MissingSolverError:
+        message = "cvc5 is not installed, and a second opinion needs a second solver"
+        hint = "install it with `pip install 'koord[recheck]'`, or `pip install cvc5`"
+        raise refusal("K942", "cvc5", message, hint) from None
+
+
+def _place(span: Span) -> dict[str, object] | None:
+    """A place in the text; None for what stands in none."""
+    if span.file == NOWHERE.file:
+        return None
+    return {"file": span.file, "line": span.line, "column": span.column}
+
+
+_MET = {Answer.SAT: "not met", Answer.UNKNOWN: "unknown", Answer.UNSAT: "met"}
+
+
+def _settled_json(one: Settled, *, every_number: bool) -> dict[str, object]:
+    return {
+        "name": one.name,
+        "every_number": every_number,
+        "answer": _MET[one.answer],
+        "claim": one.claim,
+        "configuration": list(one.state),
+    }
