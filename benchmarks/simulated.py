@@ -99,9 +99,10 @@ def squares(devices: tuple[str, ...], count: int) -> str:
 
 def begun(program: str, devices: str = "", count: int = 0) -> Any:
     """A run after INIT, as `koord sim` makes it. An example has its own configuration."""
-    from koord.cli.diagnostics import Report as Diagnostics
-    from koord.cli.fitting import Asked
+    from koord.api.fitting import FitRequest, fit
+    from koord.api.sim_setup import simulation
     from koord.runtime.configuration.checking import load
+    from koord.sim.running import Simulation
     from koord.syntax.source import Source
 
     if program == "squares":
@@ -110,10 +111,10 @@ def begun(program: str, devices: str = "", count: int = 0) -> Any:
         text = (EXAMPLES / f"{program}.krd").read_text("utf-8")
         configuration = (EXAMPLES / f"{program}.yaml").read_text("utf-8")
     source = Source(f"{program}.krd", text)
-    asked = Asked(source, load(Source("fleet.yaml", configuration)), (), {})
-    job = asked.job(Diagnostics(), None, None)
-    assert job is not None
-    return job.begun()
+    request = FitRequest(source, load(Source("fleet.yaml", configuration)), (), {})
+    made = simulation(fit(request), Simulation)
+    made.begin()
+    return made
 
 
 def simulated(program: str, devices: str, count: int, seconds: float) -> dict[str, Any]:

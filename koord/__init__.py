@@ -18,15 +18,22 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from koord.api.campaign import Campaign as Campaign
+    from koord.api.campaign import campaign as campaign
     from koord.api.certify import Certificate as Certificate
     from koord.api.certify import certify as certify
     from koord.api.compile import CompiledProgram as CompiledProgram
     from koord.api.compile import compile as compile
+    from koord.api.configurations import ConfigurationReport as ConfigurationReport
+    from koord.api.configurations import check_configuration as check_configuration
+    from koord.api.deployed import Deployed as Deployed
+    from koord.api.deployment import deploy as deploy
     from koord.api.documents import schema as schema
     from koord.api.explain import codes as codes
     from koord.api.explain import explain as explain
     from koord.api.export import Exported as Exported
     from koord.api.export import export as export
+    from koord.api.fitting import read_configuration as read_configuration
     from koord.api.layout import format as format
     from koord.api.programs import CheckReport as CheckReport
     from koord.api.programs import Program as Program
@@ -44,6 +51,8 @@ if TYPE_CHECKING:
     from koord.api.run import Policy as Policy
     from koord.api.run import RunReport as RunReport
     from koord.api.run import run as run
+    from koord.api.sim_report import Simulated as Simulated
+    from koord.api.simulation import simulate as simulate
     from koord.api.stepping import Stepper as Stepper
     from koord.api.stepping import step as step
     from koord.api.trace import Trace as Trace
@@ -59,11 +68,16 @@ if TYPE_CHECKING:
 
 #: Where each public name stands.
 _HOMES = {
+    "koord.api.campaign": ("Campaign", "campaign"),
     "koord.api.certify": ("Certificate", "certify"),
     "koord.api.compile": ("CompiledProgram", "compile"),
+    "koord.api.configurations": ("ConfigurationReport", "check_configuration"),
+    "koord.api.deployed": ("Deployed",),
+    "koord.api.deployment": ("deploy",),
     "koord.api.documents": ("schema",),
     "koord.api.explain": ("codes", "explain"),
     "koord.api.export": ("Exported", "export"),
+    "koord.api.fitting": ("read_configuration",),
     "koord.api.layout": ("format",),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
     "koord.api.progress": ("Cancellation", "CancelledError", "Progress"),
@@ -71,6 +85,8 @@ _HOMES = {
     "koord.api.replay": ("ReplayReport", "load_trace", "replay"),
     "koord.api.results": ("ArgumentError",),
     "koord.api.run": ("Policy", "RunReport", "run"),
+    "koord.api.sim_report": ("Simulated",),
+    "koord.api.simulation": ("simulate",),
     "koord.api.stepping": ("Stepper", "step"),
     "koord.api.trace": ("Trace",),
     "koord.api.verdicts": ("Verdict", "VerifyReport"),

@@ -53,6 +53,11 @@ class CancelledError(Exception):
     """A call was cancelled before there was anything to answer."""
 
 
+def heard_by(listener: Listener | None) -> Listener:
+    """What work tells its progress to; nobody hears it where nobody wants to."""
+    return (lambda progress: None) if listener is None else listener
+
+
 def teller(listener: Listener | None) -> Callable[[str], None]:
     """What engines tell their progress to: words, which the listener hears as :class:`Progress`."""
     if listener is None:

@@ -11,7 +11,8 @@ from msgspec import Struct
 from koord.api.results import ArgumentError
 from koord.syntax import core
 from koord.syntax.analysis.limits import excesses
-from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_ROBOTS
+from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, USUAL_ROBOTS
+from koord.syntax.core import MOST_ROBOTS as MOST_ROBOTS
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System, dealt
 

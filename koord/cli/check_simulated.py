@@ -6,33 +6,15 @@ import argparse
 import json
 import sys
 
-from msgspec import Struct, to_builtins
+from msgspec import to_builtins
 
-from koord.api.traces import write_trace
+from koord.api.refine_simulated import SimulatedRuns, refine_simulated
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
-from koord.cli.fitting import asked
+from koord.cli.fitting import fit_request
 from koord.cli.progress import Interruption, LiveLine
-from koord.cli.simulated_traces import Tracing
 from koord.cli.terminal import Paint, style_of, visible
-from koord.refinement.judging import Judged
-from koord.sim.running import run
 from koord.syntax.diagnostics import KoordError
-
-#: Of so many runs that are asked for one is made: a round in a world takes longer than without.
-_SHARE = 50
-
-
-class _Total(Struct):
-    """What the runs of a program came to."""
-
-    program: str
-    values: str = ""  #: δ, and each value that is not the text's
-    runs: int = 0
-    rounds: int = 0
-    steps: int = 0
-    refused: str | None = None
-    saved: str | None = None
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -40,18 +22,23 @@ def main(arguments: argparse.Namespace) -> int:
 
     Raises KoordError.
     """
-    totals: list[_Total] = []
+    totals: list[SimulatedRuns] = []
     with Interruption() as interruption, LiveLine(sys.stderr) as line:
         for file in arguments.files:
-            total = _Total(file)
-            totals.append(total)
-            for number in range(-(-arguments.runs // _SHARE)):
-                if interruption.requested:
-                    break
-                line.show(f"{file}: run {number + 1}")
-                _judge(arguments, file, arguments.seed + number, total)
-                if total.refused is not None:
-                    break
+            own = {**vars(arguments), "file": file, "config": None, "delta": None}
+            report = Report()
+            wanted = fit_request(argparse.Namespace(**own), report, seed=arguments.seed)
+            if wanted is None:
+                raise KoordError(tuple(report.diagnostics))
+            made = refine_simulated(
+                wanted,
+                arguments.runs,
+                arguments.rounds,
+                arguments.save,
+                lambda told: line.show(told.message),
+                interruption,
+            )
+            totals.append(made)
     if arguments.json:
         sys.stdout.write(json.dumps([to_builtins(total) for total in totals], indent=2) + "\n")
     else:
@@ -62,41 +49,7 @@ def main(arguments: argparse.Namespace) -> int:
     return Exit.VIOLATED if any(total.refused for total in totals) else Exit.OK
 
 
-def _judge(arguments: argparse.Namespace, file: str, seed: int, total: _Total) -> None:
-    files = argparse.Namespace(**{**vars(arguments), "file": file, "config": None, "delta": None})
-    report = Report()
-    wanted = asked(files, report)
-    job = None if wanted is None else wanted.job(report, None, seed)
-    if job is None:
-        raise KoordError(tuple(report.diagnostics))
-    total.values = ", ".join(job.problem.values)
-    tracing = Tracing(job)
-    simulation = job.simulation(keep_going=True, tracing=tracing)
-    tracing.begun(simulation.begin(), simulation)
-    job.check_start(simulation)
-    for decision in run(simulation, job.limit_s(arguments.rounds, None)):
-        tracing.round(decision, simulation)
-    ran = tracing.ran(simulation)
-    judged = tracing.judged(ran)
-    total.runs += 1
-    total.rounds += simulation.engine.round
-    total.steps += judged.steps
-    if judged.refused is not None:
-        total.refused = _story(judged)
-        total.saved = f"{arguments.save}/refinement-simulated-{seed}.json"
-        write_trace(total.saved, tracing.trace(ran))
-
-
-def _story(judged: Judged) -> str:
-    refused = judged.refused
-    assert refused is not None
-    step = refused.step
-    who = "" if step.robot is None else f", robot {step.robot}"
-    when = "INIT" if step.round < 0 else f"round {step.round + 1}"
-    return f"[{refused.rule}] {when}{who}: {refused.reason}"
-
-
-def _told(total: _Total) -> str:
+def _told(total: SimulatedRuns) -> str:
     style = style_of(sys.stdout)
     counted = f"{total.runs} runs, {total.rounds} rounds, {total.steps} steps"
     about = ", ".join(filter(None, (visible(total.values), counted)))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 
+from koord.api.configurations import ConfigurationReport, check_configuration
 from koord.cli.arguments import add_json, check_files
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
-from koord.cli.files import read_program
-from koord.cli.fitting import Asked, beside, check_alone, check_start, read_configuration
+from koord.cli.files import DASH, read_program
 from koord.cli.terminal import visible
-from koord.runtime.configuration.model import Configuration
 from koord.syntax.diagnostics import KoordError
+from koord.syntax.source import Source
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -37,40 +37,24 @@ def main(arguments: argparse.Namespace) -> int:
         before = report.errors
         found = check(path, arguments.program, report)
         if found is not None and report.errors == before and not arguments.json:
-            configuration, program = found
-            suits = "" if program is None else f", suits {visible(program)}"
-            print(f"{visible(configuration.name)}: {story(configuration)}{suits}")
+            suits = "" if found.program is None else f", suits {visible(found.program)}"
+            print(f"{visible(found.name)}: {found.summary()}{suits}")
     report.print(sys.stdout, as_json=arguments.json)
     return Exit.BAD_INPUT if report.errors else Exit.OK
 
 
-def check(
-    path: str, program: str | None, report: Report
-) -> tuple[Configuration, str | None] | None:
-    """What a file says, and the program that it was checked with; errors go to the report."""
-    configuration = read_configuration(path, report)
-    if configuration is None:
-        return None
-    program = program or beside(path, ".krd")
+def check(path: str, program: str | None, report: Report) -> ConfigurationReport | None:
+    """What a file says, and for a program; what is wrong goes to the report."""
     try:
-        if program is None:
-            check_alone(configuration)
-            return configuration, None
-        source = read_program(program).source
-        report.add((), source)
-        check_start(Asked(source, configuration, (), {}).fitted(report))
+        found = check_configuration(_text(path), None if program is None else _text(program))
     except KoordError as error:
         report.add(error.diagnostics)
-    return configuration, program
+        return None
+    report.add((), *found.sources)
+    report.add(found.diagnostics)
+    return found
 
 
-def story(configuration: Configuration) -> str:
-    """A configuration in a line."""
-    robots = configuration.robots
-    vehicles = sorted({robot.vehicle.type_name for robot in robots})
-    count = f"{len(robots)} {'robot' if len(robots) == 1 else 'robots'} ({', '.join(vehicles)})"
-    talk = configuration.talk
-    shared = f" to {talk.shared}" if talk.shared is not None else ""
-    length = configuration.delta_s
-    rounds = "as long as the program states" if length is None else f"of {length:g} s"
-    return f"{count}, {talk.carrier.value}{shared}, rounds {rounds}"
+def _text(path: str) -> str | Source:
+    """A file for the API, or what is on standard input. Raises KoordError."""
+    return read_program(path).source if path == DASH else path

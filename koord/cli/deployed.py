@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
-from msgspec import to_builtins
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from koord.runtime.deploy.running import REPORT_S, Job
-from koord.runtime.deploy.status import Status
-from koord.syntax.problem import Problem
+from koord.api.deployed import Deployed, FleetHeard
+
+if TYPE_CHECKING:
+    from koord.api.deployed import Status
 
 #: More robots than this nobody reads; the rest is told in the last row.
 MOST_ROWS = 40
@@ -25,9 +24,7 @@ _OTHER_LINES = 4
 class Board:
     """A table that is drawn anew while robots run; nothing is drawn where nobody looks."""
 
-    def __init__(self, robots: int, rounds: int | None) -> None:
-        self._robots = robots
-        self._rounds = rounds
+    def __init__(self) -> None:
         self._console = Console(stderr=True)
         self._live: Live | None = None
         self._shown_at = 0.0
@@ -43,25 +40,24 @@ class Board:
         if self._live is not None:
             self._live.stop()
 
-    def show(self, statuses: Mapping[int, Status]) -> None:
+    def show(self, heard: FleetHeard) -> None:
         """How the robots are doing now."""
         now = time.monotonic()
         if self._live is None or now < self._shown_at + 0.2:
             return
         self._shown_at = now
         rows = max(1, min(MOST_ROWS, self._console.height - _OTHER_LINES))
-        made = table(statuses, self._rounds, rows)
+        made = table(heard, rows)
         if self.is_stopping:
             made.title = f"{made.title}, stopping (Ctrl-C again: at once)"
         self._live.update(made, refresh=True)
 
 
-def table(statuses: Mapping[int, Status], rounds: int | None, rows: int = MOST_ROWS) -> Table:
+def table(heard: FleetHeard, rows: int = MOST_ROWS) -> Table:
     """A row for each robot; where there are too many, first for those of which there is a story."""
-    first = max((status.round for status in statuses.values()), default=0)
-    title = f"round {max(first, 0)}" + ("" if rounds is None else f" of {rounds}")
+    statuses, lags = heard.statuses, heard.lags()
+    title = f"round {heard.round}" + ("" if heard.rounds is None else f" of {heard.rounds}")
     made = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    slack = _slack(statuses.values(), first)
     shown = sorted(statuses)
     if len(shown) > rows:
         shown = sorted(shown, key=lambda pid: (not story(statuses[pid]), pid))[:rows]
@@ -73,7 +69,7 @@ def table(statuses: Mapping[int, Status], rounds: int | None, rows: int = MOST_R
         made.add_row(
             str(pid),
             str(status.round),
-            str(status.behind if first - status.round <= slack else first - status.round),
+            str(lags[pid]),
             str(status.ran),
             str(status.skipped),
             str(status.late),
@@ -84,12 +80,6 @@ def table(statuses: Mapping[int, Status], rounds: int | None, rows: int = MOST_R
     if len(statuses) > len(shown):
         made.add_row("…", "", "", "", "", "", "", "", f"and {len(statuses) - len(shown)} more")
     return made
-
-
-def _slack(statuses: Iterable[Status], first: int) -> float:
-    """How many rounds pass between two reports: so old may be what a robot has said last."""
-    took_s = max((status.took_s for status in statuses), default=0.0)
-    return 1 + 2 * REPORT_S * (first / took_s if took_s > 0 else 0.0)
 
 
 def story(status: Status) -> str:
@@ -110,16 +100,17 @@ def story(status: Status) -> str:
     return f"holds: {status.holding.value}" + (f": {whom}" if whom else "")
 
 
-def _division(job: Job) -> str:
+def _division(deployed: Deployed) -> str:
     """How many robots are of which kind, if there are several: `` (2 Car, 1 Drone)``."""
-    if len(job.classes) == 1:
+    if len(deployed.agents) == 1:
         return ""
-    each = (f"{job.kinds.count(k)} {one.__name__}" for k, one in enumerate(job.classes))
+    each = (f"{deployed.kinds.count(k)} {name}" for k, name in enumerate(deployed.agents))
     return f" ({', '.join(each)})"
 
 
-def summary(statuses: Mapping[int, Status], job: Job) -> str:
+def summary(deployed: Deployed) -> str:
     """A deployed run in some lines."""
+    statuses = deployed.statuses
     if not statuses:
         return "no robot has said anything"
     everyone = list(statuses.values())
@@ -132,7 +123,7 @@ def summary(statuses: Mapping[int, Status], job: Job) -> str:
     sent = sum(status.sent for status in everyone)
     ran = sum(status.ran for status in everyone)
     skipped = sum(status.skipped for status in everyone)
-    whose = f"{job.robots} robots{_division(job)}"
+    whose = f"{len(deployed.kinds)} robots{_division(deployed)}"
     if len(everyone) == 1:
         whose = f"robot {everyone[0].pid}"
     lines = [
@@ -150,20 +141,3 @@ def summary(statuses: Mapping[int, Status], job: Job) -> str:
         lines.append(f"not at the last round: {', '.join(behind)}")
     lines += sorted({story(status) for status in everyone if status.fault or status.trouble})
     return "\n".join(lines)
-
-
-def as_document(statuses: Mapping[int, Status], problem: Problem) -> str:
-    """A deployed run as JSON: what was run, and how each robot ended."""
-    robots = []
-    for pid in sorted(statuses):
-        status = statuses[pid]
-        holding = None if status.holding is None else status.holding.value
-        robots.append({**to_builtins(status), "holding": holding, "drops": dict(status.drops)})
-    document = {
-        "format": "koord-deployed",
-        "version": 1,
-        "program": problem.texts[0],
-        "problem": problem.document(),
-        "robots": robots,
-    }
-    return json.dumps(document, indent=2)

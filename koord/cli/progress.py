@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
-from typing import TextIO
+from typing import Any, TextIO
 
 from koord.api.progress import Cancellation
 from koord.cli.terminal import cells, is_terminal, style_of, visible
@@ -144,6 +144,26 @@ class Interruption(Cancellation):
         self.cancel()
         if _HAS_TIMER:
             signal.setitimer(signal.ITIMER_REAL, INSIST_S)
+
+
+class Interrupts(Cancellation):
+    """Ctrl-C ends work whose end takes its time; pressed again it ends it at once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._before: Any = None
+
+    def __enter__(self) -> Interrupts:
+        self._before = signal.signal(signal.SIGINT, self._pressed)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        signal.signal(signal.SIGINT, self._before)
+
+    def _pressed(self, number: int, frame: FrameType | None) -> None:
+        if self.requested:
+            raise KeyboardInterrupt
+        self.cancel()
 
 
 class TimeUpError(Exception):

@@ -129,7 +129,7 @@ def _in_flags(error: ArgumentError) -> str:
 
 
 def _check_plot(files: Sequence[str], request: Request, read: Sequence[str]) -> None:
-    from koord.cli.sweeps import check_drawable
+    from koord.api.pictures import check_drawable
 
     assert request.plot is not None
     if len(files) > 1 or len(request.fleets) == 1:

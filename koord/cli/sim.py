@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from koord.api.outputs import PLOTS, RECORDS, Outputs
 from koord.cli.arguments import (
     add_files,
     add_json,
@@ -14,21 +16,24 @@ from koord.cli.arguments import (
     check_files,
     delta,
     jobs,
+    pace,
     rounds,
     runs,
     seconds,
     seed,
     sweep,
 )
+from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
-from koord.cli.keeping import add_outputs, check_outputs, watched
-from koord.syntax.core import MOST_ROBOTS
-from koord.syntax.diagnostics import KoordError
+from koord.cli.files import read_program, read_written
+from koord.cli.terminal import visible
 
 if TYPE_CHECKING:
-    from koord.cli.simulated_traces import Tracing
-    from koord.cli.simulating import Job
-    from koord.sim.running import Simulation
+    from koord.api.sim_report import Simulated
+    from koord.api.simulation import SimulationRequest
+
+#: Where the page goes if nobody says.
+_PAGE = "run.html"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -68,7 +73,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="hold every answer of an external function against the summary that is verified with",
     )
     add_trace(parser, "the run")
-    add_outputs(parser)
+    _add_outputs(parser)
     parser.add_argument(
         "--processes",
         action="store_true",
@@ -118,61 +123,132 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
+    """The flags that say what is kept."""
+    parser.add_argument(
+        "--html",
+        metavar="FILE",
+        default=_PAGE,
+        help=f"where the page goes that shows the run; it loads nothing from elsewhere ({_PAGE})",
+    )
+    parser.add_argument(
+        "--no-html", dest="html", action="store_const", const=None, help="make no page"
+    )
+    parser.add_argument(
+        "--view",
+        choices=("2d", "3d"),
+        default="2d",
+        help="what the page shows: the world from above with timeline and variables, or the "
+        "robots in space (2d)",
+    )
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="serve the page on this machine while the run goes on, which then takes as long as "
+        "it would",
+    )
+    parser.add_argument(
+        "--pace",
+        metavar="FACTOR",
+        type=pace,
+        help="let time pass at most so many times as quickly as on the wall (with --live 1, else "
+        "without limit)",
+    )
+    parser.add_argument(
+        "--record",
+        metavar="FILE",
+        type=_record,
+        action="append",
+        default=[],
+        help="record the run for other tools, in the form that FILE ends in: "
+        f"{', '.join(RECORDS)} (a rosbag2 folder); may be given several times",
+    )
+    parser.add_argument(
+        "--plot",
+        metavar="FILE",
+        type=_picture,
+        help="draw positions against time, and how a map grew, to a file that ends in "
+        f"{', '.join(PLOTS)}",
+    )
+
+
 def _robots(text: str) -> int:
+    from koord.api.robots import MOST_ROBOTS
+
     if not text.isascii() or not text.isdigit() or not 1 <= int(text[:9]) <= MOST_ROBOTS:
         raise argparse.ArgumentTypeError(f"robots must be from 1 to {MOST_ROBOTS}, not {text!r}")
     return int(text)
 
 
+def _record(text: str) -> str:
+    return _of_a_form(text, RECORDS)
+
+
+def _picture(text: str) -> str:
+    return _of_a_form(text, PLOTS)
+
+
+def _of_a_form(text: str, endings: tuple[str, ...]) -> str:
+    if Path(text).suffix.lower() not in endings:
+        raise argparse.ArgumentTypeError(f"{text!r} ends in none of {', '.join(endings)}")
+    return text
+
+
 def main(arguments: argparse.Namespace) -> int:
     # What simulating needs is loaded here: `koord sim --help` is as light as any other.
-    from koord.runtime.motion.libraries import SIM, require
+    from koord.api.simulation import check_libraries, simulate_fitted
+    from koord.cli.fitting import fit_request, fitted
+    from koord.cli.simulated import Shown
 
-    require(SIM, "sim")
-    from koord.cli.diagnostics import Report
-    from koord.cli.fitting import asked
-
+    check_libraries()
     if arguments.schedule is not None:
         return _rehearse(arguments)
     config = [arguments.config] if arguments.config is not None else []
     check_files([arguments.file, *config, *arguments.properties])
     is_campaign = arguments.runs is not None or arguments.sweep is not None
+    request = _request(arguments)
     if is_campaign:
-        from koord.cli.campaigns import campaign, check_campaign
+        from koord.cli.campaigns import campaign, campaign_request
 
-        check_campaign(arguments)
+        many = campaign_request(arguments)
     else:
         _check_single(arguments)
-        check_outputs(arguments)
+        request.outputs.check()
     report = Report()
-    wanted = asked(arguments, report)
-    job = None
-    if wanted is not None:
-        try:
-            job = wanted.job(report, arguments.robots, arguments.seed)
-        except KoordError as error:
-            report.add(error.diagnostics)
+    wanted = fit_request(arguments, report, arguments.robots, arguments.seed)
+    found = None if wanted is None else fitted(wanted, report)
     out = sys.stdout if report.errors and arguments.json else sys.stderr
     report.print(out, as_json=arguments.json and out is sys.stdout)
-    if job is None or report.errors:
+    if wanted is None or found is None:
         return Exit.BAD_INPUT
     if is_campaign:
-        assert wanted is not None
-        return campaign(arguments, wanted, job.scene.seed)
-    tracing = None
-    if arguments.trace is not None:
-        from koord.cli.simulated_traces import Tracing
+        return campaign(arguments, wanted, many, found.scene.seed)
+    shown = Shown(arguments)
+    with shown:
+        simulated = simulate_fitted(found, request, shown.hear, shown.cancellation)
+    return _concluded(arguments, simulated)
 
-        tracing = Tracing(job)
-    if arguments.processes:
-        from koord.cli.processes import simulate
 
-        job.check_start(job.begun())
-        return simulate(arguments, job, tracing)
-    simulation = job.simulation(
-        keep_going=arguments.keep_going, summaries=arguments.check_summaries, tracing=tracing
+def _request(arguments: argparse.Namespace) -> SimulationRequest:
+    from koord.api.simulation import SimulationRequest
+
+    outputs = Outputs(
+        html=arguments.html,
+        view=arguments.view,
+        record=tuple(arguments.record),
+        plot=arguments.plot,
+        trace=arguments.trace,
+        live=arguments.live,
+        pace=arguments.pace,
     )
-    return _run(arguments, job, simulation, tracing)
+    return SimulationRequest(
+        rounds=arguments.rounds,
+        duration_s=arguments.time,
+        keep_going=arguments.keep_going,
+        check_summaries=arguments.check_summaries,
+        processes=arguments.processes,
+        outputs=outputs,
+    )
 
 
 def _check_single(arguments: argparse.Namespace) -> None:
@@ -190,7 +266,8 @@ def _check_single(arguments: argparse.Namespace) -> None:
 
 def _rehearse(arguments: argparse.Namespace) -> int:
     """Play a recorded run."""
-    from koord.cli.rehearsals import rehearsal
+    from koord.api.rehearsal import rehearse
+    from koord.cli.simulated import Shown
 
     given = {
         "CONFIG": arguments.config is not None,
@@ -209,42 +286,33 @@ def _rehearse(arguments: argparse.Namespace) -> int:
                 f"--schedule plays a run as it is recorded: leave out {name}"
             )
     _check_single(arguments)
-    check_outputs(arguments)
-    job, simulation = rehearsal(arguments)
-    return _run(arguments, job, simulation, None)
+    request = _request(arguments)
+    request.outputs.check()
+    source = read_program(arguments.file).source
+    raw, name = read_written(arguments.schedule), arguments.schedule
+    shown = Shown(arguments)
+    with shown:
+        simulated = rehearse(source, raw, name, request, shown.hear, shown.cancellation)
+    return _concluded(arguments, simulated)
 
 
-def _run(
-    arguments: argparse.Namespace, job: Job, simulation: Simulation, tracing: Tracing | None
-) -> int:
-    import time
+def _concluded(arguments: argparse.Namespace, simulated: Simulated) -> int:
+    """Tell what was kept, and give the exit code."""
+    from koord.api.sim_report import Ending
 
-    from koord.cli.concluding import concluded
-    from koord.cli.progress import Interruption, LiveLine
-    from koord.cli.simulated import Noticed, heading, progress
-    from koord.sim.running import Ending, run
-
-    limit_s = job.limit_s(arguments.rounds, arguments.time)
-    began = time.perf_counter()
-    first = simulation.begin()
-    if tracing is not None:
-        tracing.begun(first, simulation)
-    job.check_start(simulation)
-    if not arguments.json:
-        print(heading(job))
-    with (
-        watched(arguments, simulation, tracing) as over,
-        Interruption() as interruption,
-        LiveLine(sys.stderr) as line,
-    ):
-        told = Noticed(line)
-        for decision in run(simulation, limit_s):
-            line.show(progress(simulation))
-            if tracing is not None:
-                tracing.round(decision, simulation)
-            over(simulation.time_s)
-            told.tell(simulation)
-            if interruption.requested:
-                simulation.end(Ending.INTERRUPTED)
-    wall_s = time.perf_counter() - began
-    return concluded(arguments, job, simulation, tracing, wall_s)
+    if simulated.kept and not arguments.json:
+        print(f"kept: {', '.join(map(visible, simulated.kept))}")
+    if (refused := simulated.refused) is not None:
+        print(
+            f"the trace is none of the semantics: [{refused.rule}] {refused.reason}",
+            file=sys.stderr,
+        )
+        return Exit.VIOLATED
+    if simulated.ending is Ending.INTERRUPTED:
+        return Exit.INTERRUPTED
+    if simulated.broken or simulated.fault is not None:
+        return Exit.VIOLATED
+    if simulated.standing:
+        return Exit.STUCK
+    in_trouble = simulated.processes is not None and simulated.processes.in_trouble
+    return Exit.VIOLATED if in_trouble else Exit.OK

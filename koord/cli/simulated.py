@@ -1,66 +1,79 @@
-"""What a simulated run came to, as text and as JSON."""
+"""A simulated run as text."""
 
 from __future__ import annotations
 
+import argparse
 import io
-import json
 import sys
-from collections.abc import Iterator, Mapping
-from types import MappingProxyType
-from typing import Any
+from collections.abc import Iterator
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
-from msgspec import to_builtins
 from rich.console import Console
 from rich.table import Table
 
-from koord.cli.fitting import NO_FILE
-from koord.cli.progress import LiveLine
-from koord.cli.simulating import Job
+from koord.api.deployed import FleetHeard
+from koord.api.outputs import PageServed
+from koord.api.progress import Progress
+from koord.api.sim_report import (
+    Broken,
+    Ending,
+    Hindrance,
+    Setup,
+    Simulated,
+    SimulationBegun,
+    SimulationOver,
+    StandsStill,
+    standing_words,
+    still_words,
+)
+from koord.cli.progress import Interruption, Interrupts, LiveLine
 from koord.cli.terminal import Paint, style_of, visible
-from koord.runtime.motion.planning import Hindrance
-from koord.runtime.motion.world import World
-from koord.sim.bounds import moves
-from koord.sim.measuring import Figures
-from koord.sim.running import Broken, Ending, Simulation, still_words
-from koord.sim.standing import Standing
+
+if TYPE_CHECKING:
+    from koord.cli.deployed import Board
 
 #: More robots, tasks and broken claims than this are summed up in a line.
 _MOST_ROWS = 24
 
 
-def heading(job: Job) -> str:
+def heading(setup: Setup) -> str:
     """What is run."""
-    scene = job.scene
-    name = job.configuration.name
-    program, *more = (*job.problem.texts, *([] if name == NO_FILE else [name]))
+    problem = setup.problem
+    program, *more = (*problem.texts, *filter(None, [setup.configuration]))
     with_ = f" with {', '.join(more)}" if more else ""
-    counts = {n: scene.names.count(n) for n in dict.fromkeys(scene.names)}
+    counts = {n: setup.devices.count(n) for n in dict.fromkeys(setup.devices)}
     who = ", ".join(f"{count} {device}" for device, count in counts.items())
-    agents = job.loaded.core.agents
+    agents, kinds = problem.program.agents, problem.kinds or ()
     if len(agents) > 1:
-        of = ", ".join(f"{job.kinds.count(k)} {agent.name}" for k, agent in enumerate(agents))
+        of = ", ".join(f"{kinds.count(k)} {agent.name}" for k, agent in enumerate(agents))
         who = f"{of}; on {who}"
-    count = len(scene.robots)
+    count = len(setup.devices)
     robots = f"{count} robot{'' if count == 1 else 's'} ({who})"
-    other = job.problem.other_fleet
+    other = problem.other_fleet
     robots += "" if other is None else f" ({other} in the text)"
-    chance = f", by chance: {', '.join(job.by_chance)}" if job.by_chance else ""
-    values = ", ".join((robots, *job.problem.values, f"seed {scene.seed}"))
+    chance = f", by chance: {', '.join(setup.by_chance)}" if setup.by_chance else ""
+    values = ", ".join((robots, *problem.values, f"seed {setup.seed}"))
     told = visible(f"{program}{with_}: {values}{chance}")
-    is_given = job.configuration.bounded and name != NO_FILE
-    if is_given or not moves(job.loaded.core):
+    if setup.is_bounded or not setup.moves:
         return told
-    return f"{told}\nno bounds are given: the world reaches {bounds_words(scene.world)}"
+    return f"{told}\nno bounds are given: the world reaches {bounds_words(setup)}"
 
 
 # --- the report -----------------------------------------------------------------------------------
 
 
-def table(simulation: Simulation, wall_s: float) -> Iterator[str]:
-    """What each robot came to, and all of them together."""
-    figures = simulation.figures()
-    yield from _drawn(_robots(simulation, figures))
-    yield from _drawn(_together(simulation, figures, wall_s))
+def report(simulated: Simulated) -> Iterator[str]:
+    """What each robot came to, all of them together, how the run ended, and what was broken."""
+    yield from _drawn(_robots(simulated))
+    yield from _drawn(_together(simulated))
+    if simulated.processes is not None:
+        from koord.cli.deployed import summary
+
+        yield from summary(simulated.processes.robots).splitlines()[1:]
+        for pid in simulated.processes.died:
+            yield f"the process of robot {pid} was ended"
+    yield from _conclusion(simulated)
 
 
 def _drawn(one: Table) -> list[str]:
@@ -69,7 +82,8 @@ def _drawn(one: Table) -> list[str]:
     return [line.rstrip() for line in text.getvalue().splitlines()]
 
 
-def _robots(simulation: Simulation, figures: Figures) -> Table:
+def _robots(simulated: Simulated) -> Table:
+    figures = simulated.figures
     made = Table(box=None, pad_edge=False)
     made.add_column("robot", justify="right")
     made.add_column("device")
@@ -80,14 +94,15 @@ def _robots(simulation: Simulation, figures: Figures) -> Table:
         cells = [f"{of.distance_m:.1f}", f"{of.waited_s:.1f}"]
         cells += [str(of.events), str(of.skips), str(of.blocked)]
         cells += [str(of.tasks)] if figures.tasks else []
-        made.add_row(str(pid), visible(simulation.scene.names[pid]), *cells)
+        made.add_row(str(pid), visible(simulated.setup.devices[pid]), *cells)
     left = len(figures.robots) - _MOST_ROWS
     if left > 0:
         made.add_row("…", f"and {left} more", *[""] * len(columns))
     return made
 
 
-def _together(simulation: Simulation, figures: Figures, wall_s: float) -> Table:
+def _together(simulated: Simulated) -> Table:
+    figures, safety_m = simulated.figures, simulated.setup.safety_m
     made = Table(box=None, pad_edge=False, show_header=False)
     made.add_column()
     made.add_column()
@@ -99,9 +114,7 @@ def _together(simulation: Simulation, figures: Figures, wall_s: float) -> Table:
     near = figures.nearest
     if near is not None:
         one, other = near.robots
-        wanted = f"; safe from {simulation.scene.safety_m:.2f} m on" * (
-            simulation.scene.safety_m > 0
-        )
+        wanted = f"; safe from {safety_m:.2f} m on" * (safety_m > 0)
         place = f"robots {one} and {other} after {near.time_s:.1f} s"
         made.add_row("separation", f"at least {near.distance_m:.2f} m ({place}{wanted})")
     skips = sum(robot.skips for robot in figures.robots)
@@ -109,79 +122,60 @@ def _together(simulation: Simulation, figures: Figures, wall_s: float) -> Table:
     events = sum(robot.events for robot in figures.robots)
     made.add_row("events", f"{events}, and {skips} skips, {blocked} of them for a lock")
     made.add_row("messages", f"{figures.messages} in {figures.rounds} rounds")
-    if simulation.looked:
-        looks = sum(simulation.looked.values())
-        made.add_row("claims", f"{len(simulation.looked)}, looked at {looks} times")
+    if simulated.claims:
+        looks = sum(simulated.claims.values())
+        made.add_row("claims", f"{len(simulated.claims)}, looked at {looks} times")
+    wall_s = simulated.wall_s
     speed = figures.time_s / wall_s if wall_s > 0 else 0.0
     made.add_row("time", f"{figures.time_s:.1f} s in {wall_s:.1f} s, {speed:.0f} × real time")
     made.add_row("trace", figures.digest[:16])
     return made
 
 
-def conclusion(job: Job, simulation: Simulation) -> Iterator[str]:
+def _conclusion(simulated: Simulated) -> Iterator[str]:
     """How the run ended, and what was broken."""
     style = style_of(sys.stdout)
     yield ""
-    for broken in simulation.broken[:_MOST_ROWS]:
+    for broken in simulated.broken[:_MOST_ROWS]:
         yield f"{style.paint('broken', Paint.ERROR)}: {visible(_told(broken))}"
-    if len(simulation.broken) > _MOST_ROWS:
-        yield f"  and {len(simulation.broken) - _MOST_ROWS} more"
-    yield from _standing(job, simulation)
-    assert simulation.ending is not None
-    match simulation.ending:
+    if len(simulated.broken) > _MOST_ROWS:
+        yield f"  and {len(simulated.broken) - _MOST_ROWS} more"
+    yield from _standing(simulated)
+    match simulated.ending:
         case Ending.FAULT:
-            ended = simulation.fault
+            ended = simulated.fault
             assert ended is not None
             whose = "" if ended.robot is None else f" of robot {ended.robot}"
             said = style.paint("fault", Paint.ERROR)
             kind, place = ended.fault.kind.value, visible(ended.fault.place)
-            yield f"{said}: {kind}{whose}, after {simulation.time_s:.1f} s, at {place}"
+            yield f"{said}: {kind}{whose}, after {simulated.time_s:.1f} s, at {place}"
         case Ending.VIOLATED:
             pass
-        case ending if simulation.broken:
-            count = len(simulation.broken)
+        case ending if simulated.broken:
+            count = len(simulated.broken)
             yield f"{ending.value}; {count} claim{'' if count == 1 else 's'} broken"
-        case ending if simulation.standing:
-            yield f"{ending.value}; {still_words(len(simulation.standing))}"
+        case ending if simulated.standing:
+            yield f"{ending.value}; {still_words(len(simulated.standing))}"
         case ending:
             yield f"{style.paint('done', Paint.ADDED)}: {ending.value}"
 
 
-def _standing(job: Job, simulation: Simulation) -> Iterator[str]:
+def _standing(simulated: Simulated) -> Iterator[str]:
     """The robots that stand still, and what can be done."""
     style = style_of(sys.stdout)
-    for one in simulation.standing[:_MOST_ROWS]:
+    for one in simulated.standing[:_MOST_ROWS]:
         yield f"{style.paint('stuck', Paint.ERROR)}: {standing_words(one)}"
-    if len(simulation.standing) > _MOST_ROWS:
-        yield f"  and {len(simulation.standing) - _MOST_ROWS} more"
-    if any(one.hindrance is Hindrance.OUTSIDE for one in simulation.standing):
-        where = bounds_words(job.scene.world)
+    if len(simulated.standing) > _MOST_ROWS:
+        yield f"  and {len(simulated.standing) - _MOST_ROWS} more"
+    if any(one.hindrance is Hindrance.OUTSIDE for one in simulated.standing):
+        where = bounds_words(simulated.setup)
         yield f"  the world reaches {where}: `world: {{bounds: …}}` in a configuration says how far"
 
 
-def bounds_words(world: World) -> str:
+def bounds_words(setup: Setup) -> str:
     """From where to where a world reaches."""
-    low, high = (f"({', '.join(f'{c:g}' for c in corner)})" for corner in (world.low, world.high))
+    low, high = (f"({', '.join(f'{c:g}' for c in corner)})" for corner in (setup.low, setup.high))
     return f"from {low} to {high}"
-
-
-def standing_words(one: Standing) -> str:
-    """Who stands still, since when, and why."""
-    return f"robot {one.robot} stands still since {one.since_s:.1f} s: {one.words}"
-
-
-class Noticed:
-    """Tells on standard error which robots stand still, as it is seen."""
-
-    def __init__(self, line: LiveLine) -> None:
-        self._line, self._count = line, 0
-
-    def tell(self, simulation: Simulation) -> None:
-        """Tell of those that are new."""
-        for one in simulation.noticed[self._count : _MOST_ROWS]:
-            self._line.clear()
-            print(standing_words(one), file=sys.stderr, flush=True)
-        self._count = len(simulation.noticed)
 
 
 def _told(broken: Broken) -> str:
@@ -196,45 +190,61 @@ def _told(broken: Broken) -> str:
     return f"{broken.claim}{who}, after {broken.time_s:.2f} s{where}{words}"
 
 
-def progress(simulation: Simulation) -> str:
-    """How far a run has come."""
-    figures = simulation.gauge
-    done, tasks = figures.visited, figures.tasks
-    said = f"{simulation.time_s:.1f} s simulated"
-    return f"{said}, {done} of {tasks} tasks" if tasks else said
+class Shown:
+    """Shows a simulation while it goes on, and lets Ctrl-C end it."""
 
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        self.cancellation = Interrupts() if arguments.processes else Interruption()
+        self._arguments = arguments
+        self._stack = ExitStack()
+        self._line = LiveLine(sys.stderr)
+        self._board: Board | None = None
 
-def as_document(
-    job: Job, simulation: Simulation, wall_s: float, more: Mapping[str, Any] = MappingProxyType({})
-) -> str:
-    """The run as JSON."""
-    figures = simulation.figures()
-    assert simulation.ending is not None
-    document = {
-        "format": "koord-simulated",
-        "version": 1,
-        "program": job.loaded.source.name,
-        "problem": job.problem.document(),
-        "seed": job.scene.seed,
-        "ending": simulation.ending.name.lower(),
-        **to_builtins(figures),
-        "devices": job.scene.names,
-        "safety_m": job.scene.safety_m,
-        "bounds": {"low": job.scene.world.low, "high": job.scene.world.high}
-        | {"given": job.configuration.bounded and job.configuration.name != NO_FILE},
-        "wall_s": wall_s,
-        "claims": simulation.looked,
-        "by_chance": job.by_chance,
-        "broken": [to_builtins(broken) for broken in simulation.broken],
-        "standing": [
-            {"robot": one.robot, "since_s": one.since_s, "why": one.hindrance.name.lower()}
-            | {"words": one.words}
-            for one in simulation.standing
-        ],
-        "fault": None
-        if simulation.fault is None
-        else to_builtins(simulation.fault.fault)
-        | {"kind": simulation.fault.fault.kind.value, "robot": simulation.fault.robot},
-        **more,
-    }
-    return json.dumps(document, indent=2) + "\n"
+    def __enter__(self) -> Shown:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def hear(self, told: Progress) -> None:
+        """Show what is told."""
+        match told:
+            case SimulationBegun(setup=setup):
+                self._begin(setup)
+            case PageServed():
+                print(told.message, file=sys.stderr, flush=True)
+            case StandsStill():
+                self._line.clear()
+                print(told.message, file=sys.stderr, flush=True)
+            case FleetHeard():
+                self._show(told)
+            case SimulationOver(simulated=simulated):
+                self._stack.close()
+                self._report(simulated)
+            case _:
+                self._line.show(told.message)
+
+    def _begin(self, setup: Setup) -> None:
+        if not self._arguments.json:
+            print(heading(setup))
+            if self._arguments.processes:
+                print(f"{len(setup.devices)} processes")
+        if not self._arguments.processes:
+            self._stack.enter_context(self.cancellation)
+            self._stack.enter_context(self._line)
+
+    def _show(self, heard: FleetHeard) -> None:
+        if self._board is None:
+            from koord.cli.deployed import Board
+
+            self._stack.enter_context(self.cancellation)
+            self._board = self._stack.enter_context(Board())
+        self._board.is_stopping = self.cancellation.requested
+        self._board.show(heard)
+
+    def _report(self, simulated: Simulated) -> None:
+        if self._arguments.json:
+            sys.stdout.write(simulated.to_json() + "\n")
+        else:
+            for text in report(simulated):
+                print(text)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import io
-from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from koord.api.files import write_atomically
+from koord.api.pictures import keep_figure
 from koord.cli.terminal import Paint, Style, visible
 from koord.cli.verdicts import PAINT, outcome_of
 from koord.syntax.problem import Problem
@@ -18,8 +16,6 @@ from koord.verify.engine_names import Engine
 from koord.verify.verdicts import Outcome
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from koord.api.verdicts import VerifyReport
 
 _MARKERS = {Outcome.HOLDS: "o", Outcome.VIOLATED: "X", Outcome.UNKNOWN: "s"}
@@ -48,17 +44,6 @@ def row(found: VerifyReport, style: Style) -> str:
     return f"  {found.system.robots:>6}  {shown}  {engines:<20}  {time:>9}"
 
 
-def check_drawable(path: str) -> None:
-    """Raises ArgumentTypeError before any work is done if no picture can come of it."""
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-    except ImportError:
-        raise ArgumentTypeError("--plot needs matplotlib: pip install 'koord[plot]'") from None
-    known = FigureCanvasAgg.get_supported_filetypes()
-    if Path(path).suffix.removeprefix(".").lower() not in known:
-        raise ArgumentTypeError(f"--plot: {path!r} is no picture; write times.svg or times.png")
-
-
 def draw(path: str, problem: Problem, points: Sequence[VerifyReport]) -> None:
     """Time against the number of robots, as a picture. Raises KoordError."""
     from matplotlib.figure import Figure
@@ -81,13 +66,3 @@ def draw(path: str, problem: Problem, points: Sequence[VerifyReport]) -> None:
     axes.grid(visible=True, alpha=0.3)
     axes.legend()
     keep_figure(path, figure)
-
-
-def keep_figure(path: str, figure: Figure) -> None:
-    """Write a picture, in the form that the file's name ends in. Raises KoordError."""
-    form = Path(path).suffix.removeprefix(".").lower()
-    # Without a date, so that equal results give equal files.
-    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form)
-    picture = io.BytesIO()
-    figure.savefig(picture, format=form, metadata=undated)
-    write_atomically(path, picture.getvalue())

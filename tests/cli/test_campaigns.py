@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from koord.cli.campaigns import mean_and_reach
+from koord.api.campaign import mean_and_reach
 from koord.cli.exits import Exit
 from koord.cli.main import main
 
@@ -133,7 +133,7 @@ def test_a_cluster_does_what_one_process_does(capsys: pytest.CaptureFixture[str]
 #: Runs the command line, and ends itself by a signal once so many runs are in the file.
 ENDED = """
 import os, sys
-from koord.cli.campaign_files import RunFile
+from koord.api.campaign_file import RunFile
 from koord.cli.main import main
 
 def adding(self, row, add=RunFile.add):
@@ -242,7 +242,7 @@ def test_no_run_on_a_cluster_outlives_who_asked_for_it(
             ended_.set()
 
     # The worker is a thread of this process.
-    monkeypatch.setattr("koord.cli.campaign_runs.run", endless)
+    monkeypatch.setattr("koord.api.campaign_runs.run", endless)
     with distributed.LocalCluster(
         n_workers=1,
         threads_per_worker=1,

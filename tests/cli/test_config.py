@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 import yaml
 
+from koord.api.configurations import check_start
+from koord.api.deployment import DeployRequest
 from koord.cli import config, deploy, fitting
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
@@ -138,8 +140,7 @@ def refused(
         "properties": [],
         "settings": [],
     }
-    flags |= {"delta": None, "all_local": True, "run": None, "as_fast_as_possible": True}
-    flags |= {"rounds": 1}
+    flags |= {"delta": None}
     told = []
     for check in (_by_config, _by_sim, _by_deploy):
         report = Report()
@@ -157,14 +158,14 @@ def _by_config(arguments: Namespace, report: Report) -> None:
 
 
 def _by_sim(arguments: Namespace, report: Report) -> None:
-    wanted = fitting.asked(arguments, report)
-    job = None if wanted is None else wanted.job(report, None, None)
-    if job is not None:
-        job.check_start(job.begun())
+    wanted = fitting.fit_request(arguments, report)
+    found = None if wanted is None else fitting.fitted(wanted, report)
+    if found is not None:
+        check_start(found)
 
 
 def _by_deploy(arguments: Namespace, report: Report) -> None:
-    deploy.job_of(arguments, report)
+    deploy.prepare(arguments, DeployRequest(rounds=1, as_fast_as_possible=True), report)
 
 
 def agree(texts: list[str], folder: Path, capsys: pytest.CaptureFixture[str]) -> int:

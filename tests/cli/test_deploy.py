@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from koord.api.deployment import DeployRequest
 from koord.cli import deploy
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
@@ -214,12 +215,8 @@ def test_rounds_are_as_long_as_the_program_states_if_the_configuration_does_not_
         settings=[],
         properties=[],
         delta=None,
-        run=None,
-        all_local=True,
-        as_fast_as_possible=False,
-        rounds=2,
     )
-    wanted = deploy.job_of(arguments, Report())
+    wanted = deploy.prepare(arguments, DeployRequest(rounds=2), Report())
     assert wanted is not None
-    job, _ = wanted
+    _, job = wanted
     assert (job.delta_s, job.pace_s) == (0.03, 0.03)

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+from koord.api.deployed import FleetHeard
 from koord.cli.deployed import table
 from koord.cli.exits import Exit
 from koord.runtime.deploy.status import Status
@@ -157,7 +158,7 @@ def status(pid: int, round_: int, **said: object) -> Status:
 
 
 def column(statuses: list[Status], name: str, rows: int = 24) -> list[str]:
-    made = table({one.pid: one for one in statuses}, 200, rows)
+    made = table(FleetHeard.of({one.pid: one for one in statuses}, 200), rows)
     (found,) = [c for c in made.columns if c.header == name]
     return [str(cell) for cell in found.cells]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from koord.cli import campaign_runs, deploy
+from koord.api import campaign_runs, deployment
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.runtime.configuration.model import Configuration
@@ -112,7 +112,7 @@ def test_robots_of_which_one_cannot_begin_leave_nothing(
         here = on_this_machine(robots, 27_001, group=None)
         return Plan((here.addresses[0], ("203.0.113.9", 27_002)))
 
-    monkeypatch.setattr(deploy, "local_plan", half)
+    monkeypatch.setattr(deployment, "local_plan", half)
     before = tree(folder)
     words = [
         "app.krd",
@@ -150,7 +150,7 @@ def test_nothing_is_recorded_before_all_robots_can_talk(
         def is_over(self) -> bool:
             return False
 
-    monkeypatch.setattr(deploy, "launched", Halves)
+    monkeypatch.setattr(deployment, "launched", Halves)
     before = tree(folder)
     words = ["app.krd", "two.yaml", "--all-local", "--record", "old.mcap"]
     assert main(["deploy", *words]) == Exit.BAD_INPUT

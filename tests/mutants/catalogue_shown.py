@@ -184,7 +184,7 @@ SHOWN = (
     ),
     Mutant(
         "a run on a cluster outlives who asked for it",
-        "cli.campaign_runs._on_worker",
+        "api.campaign_runs._on_worker",
         "_tried(order, is_unwanted)",
         "_tried(order)",
         ("tests/cli/test_campaigns.py",),
@@ -212,7 +212,7 @@ SHOWN = (
     ),
     Mutant(
         "a start that is refused leaves the folder of journals",
-        "cli.deploy._noting",
+        "api.deployment._noting",
         "one.rmdir()",
         "pass",
         ("tests/cli/test_refused_starts.py",),

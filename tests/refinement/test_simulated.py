@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import io
 import json
 import math
@@ -11,12 +10,11 @@ from typing import Any
 
 import pytest
 
-from koord.cli.diagnostics import Report
+from koord.api.fitting import Fitted, fit, fit_request
+from koord.api.sim_setup import simulation
+from koord.api.sim_trace import Tracing
 from koord.cli.exits import Exit
-from koord.cli.fitting import asked
 from koord.cli.main import main
-from koord.cli.simulated_traces import Tracing
-from koord.cli.simulating import Job
 from koord.refinement.judging import Judged
 from koord.runtime.motion.clearance import Clearance
 from koord.runtime.motion.library import Library
@@ -28,26 +26,18 @@ from tests.sampling import but_slow, first
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
 
 
-def job(name: str, configuration: str | None = None, seed: int = 0) -> Job:
+def job(name: str, configuration: str | None = None, seed: int = 0) -> Fitted:
     config = None if configuration is None else str(EXAMPLES / f"{configuration}.yaml")
-    arguments = argparse.Namespace(
-        file=str(EXAMPLES / f"{name}.krd"), config=config, properties=[], settings=[], delta=None
-    )
-    report = Report()
-    wanted = asked(arguments, report)
-    assert wanted is not None
-    found = wanted.job(report, None, seed)
-    assert found is not None
-    return found
+    return fit(fit_request(str(EXAMPLES / f"{name}.krd"), config, None, None, seed, None))
 
 
-def judged(of: Job, time_s: float) -> tuple[Judged, Simulation]:
+def judged(of: Fitted, time_s: float) -> tuple[Judged, Simulation]:
     tracing = Tracing(of)
-    simulation = of.simulation(tracing=tracing)
-    tracing.begun(simulation.begin(), simulation)
-    for decision in run(simulation, time_s):
-        tracing.round(decision, simulation)
-    return tracing.judged(tracing.ran(simulation)), simulation
+    made = simulation(of, Simulation, tracing=tracing.hear)
+    tracing.begun(made.begin(), made)
+    for decision in run(made, time_s):
+        tracing.round(decision, made)
+    return tracing.judged(tracing.ran(made)), made
 
 
 @pytest.mark.parametrize(
@@ -68,10 +58,10 @@ def judged(of: Job, time_s: float) -> tuple[Judged, Simulation]:
     ),
 )
 def test_a_simulated_run_is_one_of_the_semantics(name: str, configuration: str | None) -> None:
-    found, simulation = judged(job(name, configuration), 3.0)
+    found, made = judged(job(name, configuration), 3.0)
     assert found.refused is None
     # INIT, a turn of each robot and one of the environment in each round.
-    assert found.steps == 1 + simulation.engine.round * (len(simulation.scene.robots) + 1)
+    assert found.steps == 1 + made.engine.round * (len(made.scene.robots) + 1)
 
 
 def test_a_library_that_contradicts_its_summary_is_refused(
@@ -87,17 +77,17 @@ def test_a_library_that_contradicts_its_summary_is_refused(
 def test_vehicles_that_leave_their_paths_are_refused() -> None:
     of = job("task", "task_mixed")
     tracing = Tracing(of)
-    simulation = of.simulation(tracing=tracing)
-    tracing.begun(simulation.begin(), simulation)
-    original = simulation.fleet.sensed
+    made = simulation(of, Simulation, tracing=tracing.hear)
+    tracing.begun(made.begin(), made)
+    original = made.fleet.sensed
 
     def elsewhere() -> Any:
         return tuple(s._replace(psn=(s.psn[0] + 1.0, *s.psn[1:])) for s in original())
 
-    simulation.fleet.sensed = elsewhere  # type: ignore[method-assign]
-    for decision in run(simulation, 1.0):
-        tracing.round(decision, simulation)
-    found = tracing.judged(tracing.ran(simulation))
+    made.fleet.sensed = elsewhere  # type: ignore[method-assign]
+    for decision in run(made, 1.0):
+        tracing.round(decision, made)
+    found = tracing.judged(tracing.ran(made))
     assert found.refused is not None
     assert found.refused.rule == "ENV-CONTRACT"
 
@@ -141,12 +131,12 @@ def test_a_trace_says_what_slack_its_vehicles_need(
 
 @pytest.mark.parametrize("name", first(2, ["task", "mapping", "delivery"]))
 def test_all_answers_meet_their_summaries(name: str) -> None:
-    simulation = job(name).simulation(summaries=True)
-    simulation.begin()
-    for _ in run(simulation, 3.0):
+    made = simulation(job(name), Simulation, check_summaries=True)
+    made.begin()
+    for _ in run(made, 3.0):
         pass
-    assert simulation.broken == []
-    assert any("summary" in claim and count for claim, count in simulation.looked.items())
+    assert made.broken == []
+    assert any("summary" in claim and count for claim, count in made.looked.items())
 
 
 def test_an_answer_that_does_not_meet_its_summary_is_told(
@@ -189,17 +179,18 @@ def test_a_trace_that_grows_is_a_piece_of_the_one_that_is_kept(name: str) -> Non
     """[TRACE] And nothing of the run hangs on whether it grows."""
     traces = []
     for grows in (False, True):
-        tracing = Tracing(job(name))
-        simulation = tracing.job.simulation(tracing=tracing, summaries=True)
-        tracing.begun(simulation.begin(), simulation)
+        fitted = job(name)
+        tracing = Tracing(fitted)
+        made = simulation(fitted, Simulation, tracing=tracing.hear, check_summaries=True)
+        tracing.begun(made.begin(), made)
         file = io.BytesIO()
         part = PartTrace(file)
-        for decision in run(simulation, 0.8):
-            tracing.round(decision, simulation)
+        for decision in run(made, 0.8):
+            tracing.round(decision, made)
             if grows:
-                part.grow(tracing.so_far(simulation))
-        traces.append(encode(tracing.trace(tracing.ran(simulation))))
+                part.grow(tracing.so_far(made))
+        traces.append(encode(tracing.trace(tracing.ran(made))))
         if grows:
             assert traces[1].startswith(file.getvalue())
-            assert file.getvalue().count(b"\n  {") == simulation.engine.round
+            assert file.getvalue().count(b"\n  {") == made.engine.round
     assert traces[0] == traces[1]

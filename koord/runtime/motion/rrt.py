@@ -7,9 +7,12 @@ steps: OMPL's clocks take no part, so a seed repeats a run.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Sequence
+from functools import wraps
 from itertools import pairwise
-from typing import Any
+from threading import Lock
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from msgspec import Struct
@@ -50,6 +53,32 @@ _HERE_M = 0.01
 _LEAVING_M = 0.5
 
 
+#: OMPL has one source of chance for all threads of a process: one plan at a time is made of it.
+_chance = Lock()
+
+
+def _new_lock() -> None:
+    """A process that was forked has none of the threads that may hold the lock."""
+    global _chance
+    _chance = Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_new_lock)
+
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
+
+
+def _one_at_a_time(plan: Callable[Given, Made]) -> Callable[Given, Made]:
+    @wraps(plan)
+    def alone(*args: Given.args, **kwargs: Given.kwargs) -> Made:
+        with _chance:
+            return plan(*args, **kwargs)
+
+    return alone
+
+
 class SpacePlanner(Struct, frozen=True):
     """Paths for what can set out in every direction: trees in R³, or in the plane of the ground."""
 
@@ -57,6 +86,7 @@ class SpacePlanner(Struct, frozen=True):
     effort: Effort
     optimal: bool
 
+    @_one_at_a_time
     def plan(
         self, start: Pose, goal: Point, seed: int, avoid: Sequence[Point] = ()
     ) -> Floats | None:
@@ -103,6 +133,7 @@ class CurvePlanner(Struct, frozen=True):
     effort: Effort
     optimal: bool
 
+    @_one_at_a_time
     def plan(
         self, start: Pose, goal: Point, seed: int, avoid: Sequence[Point] = ()
     ) -> Floats | None:

@@ -1,11 +1,12 @@
-"""Simulated runs as traces of the semantics: ``koord sim --trace``, and judging them."""
+"""Simulated runs as traces of the semantics, and judging them."""
 
 from __future__ import annotations
 
 from msgspec.structs import replace
 
+from koord.api.fitting import Fitted
+from koord.api.sim_setup import slack
 from koord.api.traces import sources_of
-from koord.cli.simulating import Job
 from koord.refinement.judging import Judged, judge
 from koord.refinement.running import Ran, ready
 from koord.refinement.tracing_host import TracedFleet
@@ -26,16 +27,15 @@ class Tracing:
     Vehicles keep contracts with slack, and so the rules that judge them have it, too.
     """
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, fitted: Fitted) -> None:
         """Raises KoordError where the program is too much for the reference."""
-        self.job = job
-        program = job.loaded.core
-        found = excesses(program, job.kinds)
+        self.program, self.slack = fitted.program, slack(fitted)
+        core = fitted.program.core
+        found = excesses(core, fitted.kinds)
         if found:
             raise KoordError(found)
-        delta_s = job.delta_s
-        self.system = System(loosened(program, job.slack), job.kinds, delta_s)
-        self._made = ready(program)
+        self.system = System(loosened(core, self.slack), fitted.kinds, fitted.delta_s)
+        self._made = ready(core)
         self._hearing: TracedFleet | None = None
 
     def hear(self, host: Host, world: Host) -> Host:
@@ -61,13 +61,13 @@ class Tracing:
     def ran(self, simulation: Simulation) -> Ran:
         """The run, as far as it got. Raises KoordError."""
         assert self._hearing is not None
-        sources = sources_of(self.job.loaded)
+        sources = sources_of(self.program)
         return self._hearing.ran(simulation.engine, sources, self._shapes(simulation))
 
     def so_far(self, simulation: Simulation) -> Trace:
         """The trace of a run that goes on, up to the last round that is over. Raises KoordError."""
         assert self._hearing is not None
-        sources = sources_of(self.job.loaded)
+        sources = sources_of(self.program)
         heard = self._hearing.so_far(simulation.engine, sources, self._shapes(simulation))
         return self._as_written(heard)
 
@@ -80,8 +80,8 @@ class Tracing:
         return self._as_written(ran.trace)
 
     def _as_written(self, trace: Trace) -> Trace:
-        system = replace(self.system, program=self.job.loaded.core)
-        return replace(trace, system=system, slack=self.job.slack)
+        system = replace(self.system, program=self.program.core)
+        return replace(trace, system=system, slack=self.slack)
 
     @staticmethod
     def _shapes(simulation: Simulation) -> dict[str, Shape]:

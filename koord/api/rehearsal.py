@@ -1,15 +1,16 @@
-"""``koord sim --schedule``: a recorded run, such as a counterexample, played in the world."""
+"""A recorded run, such as a counterexample, played in the world."""
 
 from __future__ import annotations
 
-import argparse
 from fractions import Fraction
 
+from koord.api.fitting import NO_FILE, Fitted
 from koord.api.programs import Program
+from koord.api.progress import Cancellation, Listener
+from koord.api.sim_report import Simulated
+from koord.api.sim_run import SimulationRequest, play
+from koord.api.sim_setup import watch
 from koord.api.traces import read_trace
-from koord.cli.files import read_program, read_written
-from koord.cli.fitting import NO_FILE
-from koord.cli.simulating import Job, watching
 from koord.refinement.replaying_host import RecordedSchedule, ReplayingHost, places
 from koord.refinement.running import ready
 from koord.runtime.configuration.checking import load as load_configuration
@@ -21,10 +22,19 @@ from koord.syntax.elaboration.settings import Settings
 from koord.syntax.source import Source
 
 
-def rehearsal(arguments: argparse.Namespace) -> tuple[Job, Staged]:
-    """The run that a trace of the program holds. Raises KoordError."""
-    source = read_program(arguments.file).source
-    trace = read_trace(read_written(arguments.schedule), arguments.schedule, source)
+def rehearse(
+    source: Source,
+    raw: bytes,
+    name: str,
+    request: SimulationRequest,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> Simulated:
+    """Play the run that a trace of the program holds: a file of these bytes and of that name.
+
+    Raises KoordError.
+    """
+    trace = read_trace(raw, name, source)
     program, kinds = trace.system.program, trace.system.kinds
     made = ready(program)
     heard: list[ReplayingHost] = []
@@ -45,8 +55,9 @@ def rehearsal(arguments: argparse.Namespace) -> tuple[Job, Staged]:
         turned,
         cut=any(round_.cut for round_ in trace.recording.rounds),
     )
-    watching(staged, program, max(Fraction(repr(POINT_SLACK_M)), trace.slack))
+    watch(staged, program, max(Fraction(repr(POINT_SLACK_M)), trace.slack))
     of = trace.sources
-    loaded = Program(source, program, Settings(dict(of.params), of.tasks), of.properties)
+    played = Program(source, program, Settings(dict(of.params), of.tasks), of.properties)
     nothing = load_configuration(Source(NO_FILE, f"num_robots: {len(kinds)}\n"))
-    return Job(loaded, nothing, staged.scene, kinds), staged
+    fitted = Fitted(played, nothing, kinds, staged.scene)
+    return play(fitted, staged, request, None, progress, cancellation)

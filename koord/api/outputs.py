@@ -1,31 +1,25 @@
-"""What ``koord sim`` keeps of a run: a page to look at, files for other tools, pictures."""
+"""What is kept of a simulated run: a page to look at, files for other tools, pictures."""
 
 from __future__ import annotations
 
-import argparse
-import sys
-from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, Literal, TypeAlias
 
 from msgspec import Struct
 
-from koord.api.files import check_folder, write_atomically, write_folder
+from koord.api.files import check_folder, check_writable, write_atomically, write_folder
 from koord.api.growing import Growing, Part, remove_part
-from koord.cli.arguments import pace
-from koord.cli.files import check_writable
+from koord.api.progress import Listener, Progress
+from koord.api.results import ArgumentError
 from koord.syntax.diagnostics import refusal
 
 if TYPE_CHECKING:
-    from koord.cli.simulated_traces import Tracing
+    from koord.api.sim_trace import Tracing
     from koord.sim.recording import Recording
     from koord.sim.running import Simulation
-
-#: Where the page goes if nobody says.
-_PAGE = "run.html"
 
 
 class Form(Struct, frozen=True):
@@ -100,7 +94,6 @@ def _part_bag(recording: Recording, path: Path) -> Part:
     return PartBag(recording, path)
 
 
-#: By the ending of a file's name.
 _PLOTS = dict.fromkeys((".png", ".svg", ".pdf"), Form(_plot, ("matplotlib",), "plot"))
 _RECORDS = {
     ".mcap": Form(_mcap, ("mcap",), "sim", _part_mcap),
@@ -113,76 +106,78 @@ _VIEWS = {
     "3d": Form(_space, ("viser",), "view", _part_page),
 }
 
+#: How names of records and of pictures may end.
+RECORDS, PLOTS = tuple(_RECORDS), tuple(_PLOTS)
+
+#: What a page shows: the world from above with timeline and variables, or the robots in space.
+View: TypeAlias = Literal["2d", "3d"]
+
 #: How long a live page may take to fetch the end of a run.
 _PATIENCE_S = 3.0
 
 
-def add_outputs(parser: argparse.ArgumentParser) -> None:
-    """The flags that say what is kept."""
-    parser.add_argument(
-        "--html",
-        metavar="FILE",
-        default=_PAGE,
-        help=f"where the page goes that shows the run; it loads nothing from elsewhere ({_PAGE})",
-    )
-    parser.add_argument(
-        "--no-html", dest="html", action="store_const", const=None, help="make no page"
-    )
-    parser.add_argument(
-        "--view",
-        choices=tuple(_VIEWS),
-        default="2d",
-        help="what the page shows: the world from above with timeline and variables, or the "
-        "robots in space (2d)",
-    )
-    parser.add_argument(
-        "--live",
-        action="store_true",
-        help="serve the page on this machine while the run goes on, which then takes as long as "
-        "it would",
-    )
-    parser.add_argument(
-        "--pace",
-        metavar="FACTOR",
-        type=pace,
-        help="let time pass at most so many times as quickly as on the wall (with --live 1, else "
-        "without limit)",
-    )
-    parser.add_argument(
-        "--record",
-        metavar="FILE",
-        type=_record,
-        action="append",
-        default=[],
-        help="record the run for other tools, in the form that FILE ends in: "
-        f"{_known(_RECORDS)} (a rosbag2 folder); may be given several times",
-    )
-    parser.add_argument(
-        "--plot",
-        metavar="FILE",
-        type=_picture,
-        help="draw positions against time, and how a map grew, to a file that ends in "
-        f"{_known(_PLOTS)}",
-    )
+class PageServed(Progress, frozen=True, kw_only=True):
+    """The page of a run that goes on can be looked at, at this address."""
+
+    address: str
 
 
-def check_outputs(arguments: argparse.Namespace) -> None:
-    """Whether all that is asked for can be made, before long work is done. Raises KoordError."""
-    from koord.runtime.motion.libraries import require
+class Outputs(Struct, frozen=True):
+    """What is kept of a run, each as a file: ``record`` and ``plot`` in the form of their endings.
 
-    for path, form in _wanted(arguments):
-        require(form.libraries, form.extra)
-        if Path(path).suffix.lower() == ".rosbag2":
-            check_folder(path)
-        else:
-            check_writable(path)
+    ``live`` serves the page on this machine while the run goes on; ``pace`` is how many times as
+    quickly as on the wall time may pass at most (None: with ``live`` once, else without limit).
+    """
+
+    html: str | None = None
+    view: View = "2d"
+    record: tuple[str, ...] = ()
+    plot: str | None = None
+    trace: str | None = None
+    live: bool = False
+    pace: float | None = None
+
+    @property
+    def speed(self) -> float | None:
+        """The pace that is kept; None: no limit."""
+        return self.pace or (1.0 if self.live else None)
+
+    def check(self) -> None:
+        """Whether all of it can be made, before long work is done.
+
+        Raises KoordError, and ArgumentError for endings that no form has.
+        """
+        from koord.runtime.motion.libraries import require
+
+        for path, form in self.files():
+            require(form.libraries, form.extra)
+            if Path(path).suffix.lower() == ".rosbag2":
+                check_folder(path)
+            else:
+                check_writable(path)
+
+    def files(self) -> Iterator[tuple[str, Form]]:
+        """Every file but the trace, with its form. Raises ArgumentError."""
+        if self.html is not None:
+            yield self.html, _form("view", self.view, self.view, _VIEWS)
+        for path in self.record:
+            yield path, _form("record", path, Path(path).suffix.lower(), _RECORDS)
+        if self.plot is not None:
+            yield self.plot, _form("plot", self.plot, Path(self.plot).suffix.lower(), _PLOTS)
+
+
+def _form(argument: str, given: str, ending: str, forms: Mapping[str, Form]) -> Form:
+    if ending not in forms:
+        raise ArgumentError(argument, f"{given!r} ends in none of {', '.join(forms)}")
+    return forms[ending]
 
 
 @contextmanager
-def watched(
-    arguments: argparse.Namespace,
+def growing(
+    outputs: Outputs,
     simulation: Simulation,
     tracing: Tracing | None,
+    tell: Listener,
     *,
     paced: bool = True,
 ) -> Iterator[Callable[[float], None]]:
@@ -193,15 +188,15 @@ def watched(
     """
     recording = simulation.recording
     with ExitStack() as stack:
-        pace = stack.enter_context(_served(arguments, recording, paced=paced))
+        pace = stack.enter_context(_served(outputs, recording, tell, paced=paced))
         parts = stack.enter_context(Growing())
-        for path, form in _wanted(arguments):
+        for path, form in outputs.files():
             if form.part is not None:
                 parts.add(path, partial(form.part, recording))
             if form.own is not None:
                 parts.add_own(path, partial(form.own, recording))
-        if tracing is not None and arguments.trace is not None:
-            parts.add(arguments.trace, partial(_trace, tracing, simulation))
+        if tracing is not None and outputs.trace is not None:
+            parts.add(outputs.trace, partial(_trace, tracing, simulation))
 
         def step(time_s: float) -> None:
             parts.grow()
@@ -226,16 +221,15 @@ def _trace(tracing: Tracing, simulation: Simulation, file: BinaryIO) -> Callable
 
 @contextmanager
 def _served(
-    arguments: argparse.Namespace, recording: Recording, *, paced: bool
+    outputs: Outputs, recording: Recording, tell: Listener, *, paced: bool
 ) -> Iterator[Callable[[float], None]]:
     """Keeps the pace, and serves the page if that is asked for. Raises KoordError."""
-    factor = arguments.pace or (1.0 if arguments.live else None)
     pace: Callable[[float], None] = _unhurried
-    if factor is not None and paced:
+    if outputs.speed is not None and paced:
         from koord.sim.live import Pace
 
-        pace = Pace(factor).keep
-    if not arguments.live:
+        pace = Pace(outputs.speed).keep
+    if not outputs.live:
         yield pace
         return
     from koord.sim.live import Live
@@ -246,7 +240,7 @@ def _served(
         story = f"the page cannot be served on this machine: {error.strerror}"
         raise refusal("K933", "--live", story, "leave out --live: run.html shows the run") from None
     with server as live:
-        print(f"live: {live.address}", file=sys.stderr, flush=True)
+        tell(PageServed(f"live: {live.address}", address=live.address))
         yield pace
         live.wait_for_watchers(_PATIENCE_S)
 
@@ -255,13 +249,13 @@ def _unhurried(time_s: float) -> None:
     """Without a pace time passes as it does."""
 
 
-def keep(arguments: argparse.Namespace, recording: Recording) -> list[str]:
+def keep(outputs: Outputs, recording: Recording) -> tuple[str, ...]:
     """Write all that is asked for, each file whole or not at all; the files' names.
 
     Raises KoordError.
     """
     kept = []
-    for path, form in _wanted(arguments):
+    for path, form in outputs.files():
         made = form.make(recording, path)
         if isinstance(made, bytes):
             write_atomically(path, made)
@@ -269,31 +263,4 @@ def keep(arguments: argparse.Namespace, recording: Recording) -> list[str]:
             write_folder(path, made)
         remove_part(path)
         kept.append(path)
-    return kept
-
-
-def _wanted(arguments: argparse.Namespace) -> Iterator[tuple[str, Form]]:
-    if arguments.html is not None:
-        yield arguments.html, _VIEWS[arguments.view]
-    for path in arguments.record:
-        yield path, _RECORDS[Path(path).suffix.lower()]
-    if arguments.plot is not None:
-        yield arguments.plot, _PLOTS[Path(arguments.plot).suffix.lower()]
-
-
-def _record(text: str) -> str:
-    return _of_a_form(text, _RECORDS)
-
-
-def _picture(text: str) -> str:
-    return _of_a_form(text, _PLOTS)
-
-
-def _of_a_form(text: str, forms: dict[str, Form]) -> str:
-    if Path(text).suffix.lower() not in forms:
-        raise ArgumentTypeError(f"{text!r} ends in none of {_known(forms)}")
-    return text
-
-
-def _known(forms: dict[str, Form]) -> str:
-    return ", ".join(forms)
+    return tuple(kept)

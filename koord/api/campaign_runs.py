@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import argparse
-import os
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from multiprocessing import active_children, get_context, parent_process
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from typing import Any, TypeAlias
 
 from msgspec import Struct
 
-from koord.cli.campaign_files import Row
-from koord.cli.diagnostics import Report
-from koord.cli.exits import Exit
-from koord.cli.fitting import Asked
-from koord.cli.simulating import Job
-from koord.sim.running import run
+from koord.api.campaign_file import Row
+from koord.api.fitting import FitRequest, fit
+from koord.api.sim_setup import check_begun, limit_s, simulation
+from koord.sim.running import Simulation, run
 from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
 
 #: What is wrong with an order.
@@ -32,32 +29,30 @@ _CONNECT_S = 10
 class Order(Struct, frozen=True):
     """A run that is to be made. ``swept`` is the value of what is swept."""
 
-    asked: Asked
-    robots: int | None
-    seed: int
+    request: FitRequest
     rounds: int | None
-    time_s: float | None
-    summaries: bool
+    duration_s: float | None
+    check_summaries: bool
     swept: str
 
-
-def job_of(order: Order) -> Job:
-    """What is to be simulated. Raises KoordError."""
-    report = Report()
-    job = order.asked.job(report, order.robots, order.seed)
-    if job is None:
-        raise KoordError(tuple(report.diagnostics))
-    return job
+    @property
+    def key(self) -> tuple[str, int]:
+        """What tells the runs of a campaign apart."""
+        assert self.request.seed is not None
+        return self.swept, self.request.seed
 
 
 def rows_of(
-    orders: Sequence[Order], arguments: argparse.Namespace, is_enough: Callable[[], bool]
+    orders: Sequence[Order], jobs: int, cluster: str | None, is_enough: Callable[[], bool]
 ) -> Iterator[Row]:
-    """The rows of runs as they come. Raises KoordError."""
-    if arguments.cluster is not None:
-        outcomes = _on_cluster(orders, arguments.cluster, is_enough)
-    elif arguments.jobs > 1 and len(orders) > 1:
-        outcomes = _in_processes(orders, arguments.jobs, is_enough)
+    """The rows of runs as they come: so many at a time, or as many as a cluster has workers.
+
+    Raises KoordError.
+    """
+    if cluster is not None:
+        outcomes = _on_cluster(orders, cluster, is_enough)
+    elif jobs > 1 and len(orders) > 1:
+        outcomes = _in_processes(orders, jobs, is_enough)
     else:
         outcomes = (row_of(order, is_enough) for order in orders)
     for outcome in outcomes:
@@ -74,32 +69,32 @@ def _in_processes(
     """So many runs at a time on this machine."""
     # A fresh interpreter for each worker: libraries with threads do not survive a fork.
     context = get_context("spawn")
-    with ProcessPoolExecutor(min(jobs, len(orders)), context, initializer=_begin_worker) as pool:
-        waiting: set[Future[Row | Refusal | None]] = {
-            pool.submit(_tried, order) for order in orders
-        }
-        while waiting:
-            done, waiting = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
-            for future in done:
-                yield future.result()
-            if is_enough():
-                pool.shutdown(wait=False, cancel_futures=True)
-                for child in active_children():  # nobody waits for what they are at
-                    child.terminate()
-                return
+    line, ours = context.Pipe(duplex=False)
+    with ours, line:  # workers end when they hear that our end is closed
+        pool = ProcessPoolExecutor(
+            min(jobs, len(orders)), context, initializer=_begin_worker, initargs=(line,)
+        )
+        try:
+            waiting = {pool.submit(_tried, order) for order in orders}
+            while waiting:
+                done, waiting = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+                if is_enough():
+                    return
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _begin_worker() -> None:
-    """Ctrl-C is for the process that asks, and no worker outlives it, however it ends."""
+def _begin_worker(line: Connection) -> None:
+    """Ctrl-C is for the process that asks, and no worker outlives it, or its interest."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    assert parent is not None
 
-    def outlived() -> None:
-        parent.join()
-        os._exit(Exit.TERMINATED)
+    def end() -> None:
+        line.poll(None)
+        signal.raise_signal(signal.SIGTERM)
 
-    threading.Thread(target=outlived, name="parent", daemon=True).start()
+    threading.Thread(target=end, name="line to who asks", daemon=True).start()
 
 
 def _on_cluster(
@@ -151,38 +146,38 @@ def _tried(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row |
 
 def row_of(order: Order, is_enough: Callable[[], bool] = lambda: False) -> Row | None:
     """Make a run; None if it was enough before its end. Raises KoordError."""
-    job = job_of(order)
-    simulation = job.simulation(keep_going=True, summaries=order.summaries)
+    fitted = fit(order.request)
+    made = simulation(fitted, Simulation, keep_going=True, check_summaries=order.check_summaries)
     began = time.perf_counter()
-    simulation.begin()
-    job.check_start(simulation)
-    for _ in run(simulation, job.limit_s(order.rounds, order.time_s)):
+    made.begin()
+    check_begun(fitted, made)
+    for _ in run(made, limit_s(fitted, order.rounds, order.duration_s)):
         if is_enough():
             return None
     wall_s = time.perf_counter() - began
-    figures = simulation.figures()
+    figures = made.figures()
     robots = figures.robots
-    assert simulation.ending is not None
+    assert made.ending is not None
     return Row(
         order.swept,
         len(robots),
-        ", ".join(job.problem.values),
-        order.seed,
-        simulation.ending.name.lower(),
+        ", ".join(fitted.problem.values),
+        fitted.scene.seed,
+        made.ending.name.lower(),
         figures.time_s,
         len(figures.tasks),
         figures.tasks_done,
         figures.tasks_s,
         figures.distance_m,
         None if figures.nearest is None else figures.nearest.distance_m,
-        job.scene.safety_m,
+        fitted.scene.safety_m,
         sum(robot.waited_s for robot in robots),
         sum(robot.events for robot in robots),
         sum(robot.skips for robot in robots),
         sum(robot.blocked for robot in robots),
         figures.messages,
-        len(simulation.broken),
-        len(simulation.standing),
+        len(made.broken),
+        len(made.standing),
         figures.digest,
         wall_s,
     )

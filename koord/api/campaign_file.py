@@ -1,6 +1,6 @@
 """The file of a campaign: a line for each run, there as soon as the run has ended.
 
-A campaign that was ended, however that was, goes on with ``--resume``: what stands in its file is
+A campaign that was ended, however that was, can be resumed: what stands in its file is
 not done again. The first column says which campaign a line is of: none gets lines of another.
 """
 
@@ -19,6 +19,8 @@ from msgspec.structs import astuple
 
 from koord.api.files import read_written, write_atomically
 from koord.syntax.diagnostics import refusal
+
+_FAULT = "fault"
 
 
 class Row(Struct, frozen=True):
@@ -50,6 +52,21 @@ class Row(Struct, frozen=True):
     def key(self) -> tuple[str, int]:
         """What tells the runs of a campaign apart."""
         return self.swept, self.seed
+
+    @property
+    def taken_s(self) -> float | None:
+        """When the last task was visited (None: not all are), or the run over if it has none."""
+        return self.tasks_s if self.tasks else self.time_s
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all tasks were visited, and no fault ended the run."""
+        return self.tasks_done == self.tasks and self.ending != _FAULT
+
+    @property
+    def is_bad(self) -> bool:
+        """Whether a claim was broken, or a fault ended the run."""
+        return self.broken > 0 or self.ending == _FAULT
 
 
 _HINTS = get_type_hints(Row)

@@ -1,0 +1,340 @@
+"""Many simulated runs, each with a seed of its own: figures with intervals of confidence."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from os import PathLike, fspath
+from statistics import fmean, stdev
+
+from msgspec import Struct, to_builtins
+from msgspec.structs import replace
+
+from koord.api.campaign_file import Row, RunFile
+from koord.api.campaign_runs import Order, rows_of
+from koord.api.files import check_writable
+from koord.api.fitting import Configurable, FitRequest, fit, fit_request
+from koord.api.pictures import check_drawable, keep_figure
+from koord.api.programs import Loadable, Value, exact
+from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
+from koord.api.results import ArgumentError, Result, html_table
+from koord.api.robots import MOST_ROBOTS, Seconds
+from koord.api.sim_setup import check_can_begin
+from koord.runtime.motion.libraries import SIM, require
+from koord.sim.running import still_words as still_words
+from koord.syntax.literals import ParamValue, literal
+from koord.version import __version__
+
+#: How sure an interval is to have the mean in it.
+_CONFIDENCE = 0.95
+
+
+class CampaignRequest(Struct, frozen=True):
+    """Which runs are to be made, how, and what is kept of them."""
+
+    runs: int = 1  #: of each value
+    jobs: int = 1  #: at a time, in processes
+    cluster: str | None = None  #: the address of a Dask scheduler
+    swept: str | None = None  #: the param that has one value after the other; or ``robots``
+    values: tuple[ParamValue, ...] = ()
+    rounds: int | None = None
+    duration_s: float | None = None
+    check_summaries: bool = False
+    csv: str | None = None
+    resume: bool = False
+    plot: str | None = None
+
+    def check(self) -> None:
+        """Whether all of it can be made, before long work is done.
+
+        Raises KoordError, and ArgumentError.
+        """
+        if self.cluster is not None:
+            require(("distributed",), "cluster")
+        if self.resume and self.csv is None:
+            raise ArgumentError("resume", "goes on with the runs in a file: name it with csv")
+        if self.csv is not None:
+            check_writable(self.csv)
+        if self.plot is not None:
+            check_drawable(self.plot)
+            check_writable(self.plot)
+
+
+class Campaign(Result, frozen=True, kw_only=True):
+    """What the runs of a campaign came to, in the order of the values and seeds."""
+
+    program: str
+    swept: str  #: what differs between groups of runs
+    runs: tuple[Row, ...]
+    interrupted: bool
+
+    @property
+    def ok(self) -> bool:
+        """Whether all runs were made, and in none was anything broken or stuck."""
+        return not self.interrupted and not any(row.is_bad or row.stuck for row in self.runs)
+
+    def groups(self) -> dict[str, tuple[Row, ...]]:
+        """The runs of each value that was swept; of each number of robots if none was."""
+        found: dict[str, list[Row]] = {}
+        for row in self.runs:
+            found.setdefault(row.swept or str(row.robots), []).append(row)
+        return {value: tuple(rows) for value, rows in found.items()}
+
+    def common(self) -> str:
+        """δ and what else is not as in the text, where that is the same for all runs."""
+        values = {row.values for row in self.runs}
+        return f", {values.pop()}" if len(values) == 1 else ""
+
+    def to_dict(self) -> dict[str, object]:
+        """As ``koord sim --runs --json`` prints it."""
+        runs = [to_builtins(row) for row in self.runs]
+        return {"format": "koord-campaign", "version": 1, "runs": runs}
+
+    def __repr__(self) -> str:
+        bad = sum(row.is_bad for row in self.runs)
+        return f"<Campaign {self.program}: {len(self.runs)} runs{self.common()}, {bad} broken>"
+
+    def _repr_html_(self) -> str:
+        columns = (self.swept, "runs", "time s", "distance m", "waited s", "broken")
+        rows = [
+            (
+                value,
+                len(group),
+                mean_words([time for row in group if (time := row.taken_s) is not None]),
+                mean_words([row.distance_m for row in group]),
+                mean_words([row.waited_s for row in group]),
+                sum(row.is_bad for row in group),
+            )
+            for value, group in self.groups().items()
+        ]
+        return html_table(f"{self.program}: {len(self.runs)} runs{self.common()}", columns, rows)
+
+
+class CampaignBegun(Progress, frozen=True, kw_only=True):
+    """So many runs are there already, of so many."""
+
+    known: int
+    runs: int
+
+
+class RunOver(Progress, frozen=True, kw_only=True):
+    """One more run is over; ``done`` of ``runs`` are."""
+
+    row: Row
+    done: int
+    runs: int
+
+
+def campaign(
+    program: Loadable,
+    config: Configurable = None,
+    *,
+    runs: int = 1,
+    sweep: Mapping[str, Iterable[Value]] | None = None,
+    jobs: int = 1,
+    cluster: str | None = None,
+    params: Mapping[str, Value] | None = None,
+    robots: int | None = None,
+    seed: int | None = None,
+    delta_s: Seconds = None,
+    rounds: int | None = None,
+    duration_s: float | None = None,
+    check_summaries: bool = False,
+    csv: str | PathLike[str] | None = None,
+    resume: bool = False,
+    plot: str | PathLike[str] | None = None,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> Campaign:
+    """Simulate a program many times, with seeds that follow ``seed``.
+
+    ``sweep`` names one param, or ``robots``, and its values: there are so many ``runs`` for each.
+    ``jobs`` are made at a time, in processes of this machine; or as many as the Dask ``cluster`` at
+    this address has workers. A line for each run is written to the file ``csv`` as it ends, from
+    which ``resume`` goes on; ``plot`` is the file of a picture. The other arguments are those of
+    :func:`koord.simulate`. ``progress`` hears :class:`RunOver`.
+
+    Raises :class:`koord.KoordError` for what is wrong with the input.
+
+    >>> koord.campaign(program, runs=10, sweep={"robots": range(2, 9)}, jobs=2)
+    """
+    require(SIM, "sim")
+    if sweep is not None and len(sweep) != 1:
+        raise ArgumentError("sweep", "name one param, or `robots`, with its values")
+    name, values = next(iter(sweep.items())) if sweep is not None else (None, ())
+    request = CampaignRequest(
+        runs=runs,
+        jobs=jobs,
+        cluster=cluster,
+        swept=name,
+        values=tuple(exact(value) for value in values),
+        rounds=rounds,
+        duration_s=duration_s,
+        check_summaries=check_summaries,
+        csv=None if csv is None else fspath(csv),
+        resume=resume,
+        plot=None if plot is None else fspath(plot),
+    )
+    request.check()
+    wanted = fit_request(program, config, params, robots, seed, delta_s)
+    first_seed = fit(wanted).scene.seed
+    return make_campaign(replace(wanted, seed=first_seed), request, progress, cancellation)
+
+
+def make_campaign(
+    wanted: FitRequest,
+    request: CampaignRequest,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> Campaign:
+    """As :func:`campaign`, of what is known to suit and has a seed. Raises KoordError."""
+    tell, is_cancelled = heard_by(progress), asker(cancellation)
+    orders = list(_orders(wanted, request))
+    numbers = {order.key: number for number, order in enumerate(orders)}
+    with ExitStack() as stack:
+        kept = None
+        if request.csv is not None:
+            name = _identity(wanted, request)
+            kept = stack.enter_context(RunFile(request.csv, name, resumes=request.resume))
+            kept.begin(numbers)
+        rows = [] if kept is None else list(kept.rows)
+        known = {row.key for row in rows}
+        said = f"{len(known)} of {len(orders)} runs are there already"
+        tell(CampaignBegun(said, known=len(known), runs=len(orders)))
+        left = [order for order in orders if order.key not in known]
+        _check_sweep(left)
+        tell(Progress(f"{len(rows)} of {len(orders)} runs"))
+        for row in rows_of(left, request.jobs, request.cluster, is_cancelled):
+            rows.append(row)
+            if kept is not None:
+                kept.add(row)
+            said = f"{len(rows)} of {len(orders)} runs"
+            tell(RunOver(said, row=row, done=len(rows), runs=len(orders)))
+        rows.sort(key=lambda row: numbers[row.key])
+        if kept is not None and len(rows) == len(orders):
+            kept.finish(rows)
+    made = Campaign(
+        program=wanted.source.name,
+        swept=request.swept or "robots",
+        runs=tuple(rows),
+        interrupted=is_cancelled(),
+    )
+    if request.plot is not None and rows:
+        _draw(request.plot, made)
+    return made
+
+
+def _check_sweep(orders: Sequence[Order]) -> None:
+    """Whether a run can begin with each of the values that are swept, before any does.
+
+    Raises KoordError.
+    """
+    first_of = {order.swept: order for order in reversed(orders)}
+    if len(first_of) > 1:
+        for order in first_of.values():
+            check_can_begin(fit(order.request))
+
+
+def _identity(wanted: FitRequest, request: CampaignRequest) -> str:
+    """What makes runs with one seed and one swept value the same: the campaign, as a few digits."""
+    configuration = wanted.configuration
+    said = (
+        __version__,
+        wanted.source.text,
+        [source.text for source in wanted.properties],
+        None if configuration is None else configuration.document.source.text,
+        sorted((name, literal(value)) for name, value in wanted.params.items()),
+        str(wanted.delta_s),
+        wanted.seed,
+        wanted.robots,
+        request.rounds,
+        request.duration_s,
+        request.check_summaries,
+        request.swept,
+    )
+    return hashlib.sha256(repr(said).encode()).hexdigest()[:16]
+
+
+def _orders(wanted: FitRequest, request: CampaignRequest) -> Iterator[Order]:
+    assert wanted.seed is not None
+    for value in request.values if request.swept is not None else (None,):
+        given = wanted
+        if value is None:
+            pass
+        elif request.swept == "robots":
+            given = replace(wanted, robots=_robots(value))
+        else:
+            given = replace(wanted, params={**wanted.params, request.swept: value})
+        for number in range(request.runs):
+            yield Order(
+                replace(given, seed=wanted.seed + number),
+                request.rounds,
+                request.duration_s,
+                request.check_summaries,
+                "" if value is None else literal(value),
+            )
+
+
+def _robots(value: ParamValue) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= MOST_ROBOTS:
+        story = f"robots must be from 1 to {MOST_ROBOTS}, not {literal(value)}"
+        raise ArgumentError("sweep", story)
+    return value
+
+
+# --- figures --------------------------------------------------------------------------------------
+
+
+def mean_and_reach(values: Sequence[float]) -> tuple[float, float]:
+    """The mean, and how far the interval of confidence reaches to either side (Student's t)."""
+    n = len(values)
+    if n < 2:
+        return fmean(values), math.nan
+    from scipy.special import stdtrit
+
+    quantile = float(stdtrit(n - 1, (1 + _CONFIDENCE) / 2))
+    return fmean(values), quantile * stdev(values) / math.sqrt(n)
+
+
+def mean_words(values: Sequence[float]) -> str:
+    """The mean, with an interval of 95 % if there are several values."""
+    if not values:
+        return "-"
+    mean, reach = mean_and_reach(values)
+    return f"{mean:.1f}" if math.isnan(reach) else f"{mean:.1f} ± {reach:.1f}"
+
+
+def _draw(path: str, campaign: Campaign) -> None:
+    """Means and intervals of times, distances and separations. Raises KoordError."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.2), layout="constrained")
+    axes = figure.subplots(1, 3)
+    groups = campaign.groups()
+    labels = list(groups)
+    places = list(range(len(labels)))
+    shown: list[tuple[str, Callable[[Row], float | None]]] = [
+        ("time in s", lambda row: row.taken_s),
+        ("distance in m", lambda row: row.distance_m),
+        ("least separation in m", lambda row: row.separation_m),
+    ]
+    for axis, (label, value) in zip(axes, shown, strict=True):
+        for place, group in zip(places, groups.values(), strict=True):
+            values = [number for row in group if (number := value(row)) is not None]
+            if not values:
+                continue
+            mean, reach = mean_and_reach(values)
+            axis.plot([place] * len(values), values, ".", color="0.75", zorder=1)
+            yerr = None if math.isnan(reach) else reach
+            axis.errorbar(place, mean, yerr=yerr, fmt="o", color="C0", capsize=4, zorder=2)
+        axis.set(xlabel=campaign.swept, ylabel=label, xticks=places)
+        axis.set_xticklabels(labels)
+        axis.grid(visible=True, alpha=0.3)
+    safety = {row.safety_m for row in campaign.runs}
+    if len(safety) == 1:
+        axes[2].axhline(*safety, color="C3", linestyle="--", label="safe")
+        axes[2].legend()
+    figure.suptitle(f"{campaign.program}{campaign.common()}", wrap=True, parse_math=False)
+    keep_figure(path, figure)

@@ -1,0 +1,118 @@
+"""Is this a configuration that robots can be run with?"""
+
+from __future__ import annotations
+
+from os import fspath
+
+from msgspec.structs import replace
+
+from koord.api.fitting import FitRequest, Fitted, beside, can_be_placed, fit
+from koord.api.programs import Loadable, Program, Text, source_of
+from koord.api.results import Result, diagnostics_dict
+from koord.runtime.configuration.checking import load as load_configuration
+from koord.runtime.configuration.model import Configuration
+from koord.runtime.configuration.params import params
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.source import Source
+
+
+class ConfigurationReport(Result, frozen=True):
+    """What is wrong with a configuration, by itself and for a program."""
+
+    name: str
+    configuration: Configuration | None  #: None if it cannot be read
+    program: str | None  #: the name of the program that it was checked with, if with any
+    diagnostics: tuple[Diagnostic, ...]
+    sources: tuple[Source, ...]  #: the texts that the diagnostics are about
+
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        """What has to be mended before robots can be run."""
+        return tuple(d for d in self.diagnostics if d.severity is Severity.ERROR)
+
+    @property
+    def ok(self) -> bool:
+        """Whether robots can be run with it."""
+        return not self.errors
+
+    def to_dict(self) -> dict[str, object]:
+        """As ``koord config check --json`` prints it; the schema is ``diagnostics``."""
+        return diagnostics_dict(self.diagnostics)
+
+    def summary(self) -> str:
+        """The configuration in a line. It has to be one that can be read."""
+        assert self.configuration is not None
+        robots = self.configuration.robots
+        vehicles = sorted({robot.vehicle.type_name for robot in robots})
+        count = f"{len(robots)} {'robot' if len(robots) == 1 else 'robots'} ({', '.join(vehicles)})"
+        talk = self.configuration.talk
+        shared = f" to {talk.shared}" if talk.shared is not None else ""
+        length = self.configuration.delta_s
+        rounds = "as long as the program states" if length is None else f"of {length:g} s"
+        return f"{count}, {talk.carrier.value}{shared}, rounds {rounds}"
+
+    def __repr__(self) -> str:
+        said = f"{len(self.errors)} errors" if self.configuration is None else self.summary()
+        lines = [f"{d.span}: {d.severity.value} {d.code}: {d.message}" for d in self.diagnostics]
+        return "\n".join([f"<ConfigurationReport {self.name}: {said}>", *lines])
+
+
+def check_configuration(text: Text, program: Loadable | None = None) -> ConfigurationReport:
+    """Everything that is wrong with a configuration, and with a program for it.
+
+    ``text`` is the name of a file, or a text. Without a program, the one beside the file counts, if
+    there is one of its name. Mistakes are data: nothing is raised for them.
+
+    >>> koord.check_configuration("task.yaml").errors
+    ()
+    """
+    name = text.name if isinstance(text, Source) else fspath(text)
+    if program is None and not isinstance(text, Source):
+        program = beside(name, ".krd")
+    configuration, sources, found = None, list[Source](), list[Diagnostic]()
+    try:
+        sources.append(source_of(text))
+        configuration = load_configuration(sources[0])
+        if program is None:
+            _check_alone(configuration)
+        else:
+            request = _request(program, configuration)
+            sources.append(request.source)
+            fitted = fit(request)
+            found += fitted.warnings
+            check_start(fitted)
+    except KoordError as error:
+        found += error.diagnostics
+    called = None if program is None else _name(program)
+    return ConfigurationReport(name, configuration, called, tuple(found), tuple(sources))
+
+
+def check_start(fitted: Fitted) -> None:
+    """Whether a run may begin as program and configuration have it. Raises KoordError. (K934)
+
+    Without the libraries that simulated worlds are made with, nobody can tell.
+    """
+    if fitted.placed is not None:
+        from koord.api.sim_setup import check_can_begin
+
+        check_can_begin(fitted)
+
+
+def _request(program: Loadable, configuration: Configuration) -> FitRequest:
+    if isinstance(program, Program):
+        given = dict(program.settings.params)
+        return FitRequest(program.source, configuration, program.properties, given)
+    return FitRequest(source_of(program), configuration, (), {})
+
+
+def _name(program: Loadable) -> str:
+    return program.name if isinstance(program, Program | Source) else fspath(program)
+
+
+def _check_alone(configuration: Configuration) -> None:
+    """All that can be seen of a configuration without a program. Raises KoordError."""
+    params(configuration)
+    if can_be_placed():
+        from koord.sim.scene import scene
+
+        scene(replace(configuration, delta_s=configuration.delta_s or 1.0))

@@ -1,0 +1,124 @@
+"""How the robots of a deployed run are doing, and how they ended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from msgspec import to_builtins
+
+from koord.api.progress import Progress
+from koord.api.results import Result, html_table
+from koord.syntax.diagnostics import Diagnostic
+from koord.syntax.problem import Problem
+
+if TYPE_CHECKING:
+    from koord.runtime.deploy.running import Job
+    from koord.runtime.deploy.status import Status as Status
+
+
+class Deployed(Result, frozen=True, kw_only=True):
+    """How each robot of a deployed run ended, by its pid."""
+
+    problem: Problem
+    statuses: Mapping[int, Status]
+    agents: tuple[str, ...]  #: the kinds of robots by name; ``kinds`` says which robot is of which
+    kinds: tuple[int, ...]
+    rounds: int | None  #: that were to be done; None: until somebody ends it
+    interrupted: bool
+    warnings: tuple[Diagnostic, ...] = ()
+
+    @classmethod
+    def of(
+        cls, job: Job, problem: Problem, statuses: Mapping[int, Status], *, interrupted: bool
+    ) -> Deployed:
+        """What robots have said last."""
+        return cls(
+            problem=problem,
+            statuses=dict(statuses),
+            agents=tuple(one.__name__ for one in job.classes),
+            kinds=job.kinds,
+            rounds=job.rounds,
+            interrupted=interrupted,
+        )
+
+    @property
+    def in_trouble(self) -> bool:
+        """Whether a fault ended the run, or a robot could not go on."""
+        return any(one.fault or one.trouble for one in self.statuses.values())
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the rounds were done, or all robots have stopped."""
+        states = self.statuses.values()
+        done = [one.is_over or one.all_stopped or self.rounds is None for one in states]
+        return bool(done) and all(done)
+
+    @property
+    def ok(self) -> bool:
+        """Whether all went as it was asked for."""
+        return self.is_complete and not self.in_trouble and not self.interrupted
+
+    def to_dict(self) -> dict[str, object]:
+        """As ``koord deploy --json`` prints it."""
+        robots = []
+        for pid in sorted(self.statuses):
+            status = self.statuses[pid]
+            holding = None if status.holding is None else status.holding.value
+            robots.append({**to_builtins(status), "holding": holding, "drops": dict(status.drops)})
+        return {
+            "format": "koord-deployed",
+            "version": 1,
+            "program": self.problem.texts[0],
+            "problem": self.problem.document(),
+            "robots": robots,
+        }
+
+    def __repr__(self) -> str:
+        states = self.statuses.values()
+        done = max((one.round for one in states), default=-1)
+        ran, skipped = sum(one.ran for one in states), sum(one.skipped for one in states)
+        how = "a robot is in trouble" if self.in_trouble else "interrupted"
+        how = how if self.in_trouble or self.interrupted else "done"
+        whose = f"{len(states)} of {len(self.kinds)} robots"
+        return (
+            f"<Deployed {self.problem.name}, {whose}: {done} rounds, {ran} events, "
+            f"{skipped} skips, {how}>"
+        )
+
+    def _repr_html_(self) -> str:
+        columns = ("robot", "round", "ran", "skipped", "late", "")
+        states = (self.statuses[pid] for pid in sorted(self.statuses))
+        rows = [
+            (one.pid, one.round, one.ran, one.skipped, one.late, one.fault or one.trouble or "")
+            for one in states
+        ]
+        return html_table(str(self.problem), columns, rows)
+
+
+class FleetHeard(Progress, frozen=True, kw_only=True):
+    """How the robots of a run are doing, by their pids."""
+
+    statuses: Mapping[int, Status]
+    rounds: int | None  #: that are to be done; None: until somebody ends it
+
+    @classmethod
+    def of(cls, statuses: Mapping[int, Status], rounds: int | None) -> FleetHeard:
+        """What robots have said by now."""
+        first = max((0, *(status.round for status in statuses.values())))
+        said = f"round {first}, {len(statuses)} robots heard"
+        return cls(said, round=first, statuses=dict(statuses), rounds=rounds)
+
+    def lags(self) -> dict[int, int]:
+        """How many rounds each robot is behind, as far as old reports can tell."""
+        statuses = self.statuses.values()
+        from koord.runtime.deploy.running import REPORT_S
+
+        first = max((status.round for status in statuses), default=0)
+        took_s = max((status.took_s for status in statuses), default=0.0)
+        # So many rounds pass between two reports: so old may be what a robot has said last.
+        slack = 1 + 2 * REPORT_S * (first / took_s if took_s > 0 else 0.0)
+        return {
+            status.pid: status.behind if first - status.round <= slack else first - status.round
+            for status in statuses
+        }

@@ -1,0 +1,292 @@
+"""Run a program on a robot, or on processes of this machine for all robots."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from os import PathLike, fspath
+from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.api.configurations import check_start
+from koord.api.deployed import Deployed, FleetHeard
+from koord.api.files import check_writable
+from koord.api.fitting import Configurable, Fitted, fit, fit_request
+from koord.api.programs import Loadable, Value
+from koord.api.progress import Cancellation, Listener, asker, heard_by
+from koord.api.robots import Seconds
+from koord.runtime.compile import compiled
+from koord.runtime.compile.loading import loaded
+from koord.runtime.configuration.model import Configuration
+from koord.runtime.deploy.ideal import unanswered
+from koord.runtime.deploy.local import Launch, launched
+from koord.runtime.deploy.networks import local_plan, transport_of
+from koord.runtime.deploy.recording import Record
+from koord.runtime.deploy.running import Job as Job
+from koord.runtime.deploy.running import Moment, Runner
+from koord.runtime.deploy.status import Status as Status
+from koord.runtime.motion.libraries import require
+from koord.runtime.robot import Robot
+from koord.runtime.transports.transport import TransportError
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity, refusal
+from koord.syntax.problem import Problem
+from koord.syntax.source import whole_file
+
+#: Where a robot notes where it is, if nobody says.
+_STATE = ".koord"
+
+#: How long processes are waited for at a time.
+_WAIT_S = 0.2
+
+
+class DeployRequest(Struct, frozen=True):
+    """How a program is to be deployed. ``pid`` None: all robots, as processes on this machine."""
+
+    pid: int | None = None
+    rounds: int | None = None
+    as_fast_as_possible: bool = False
+    run: str | None = None
+    state: str | None = None
+    fresh: bool = False
+    record: str | None = None
+
+
+def deploy(
+    program: Loadable,
+    config: Configurable = None,
+    *,
+    pid: int | None = None,
+    params: Mapping[str, Value] | None = None,
+    delta_s: Seconds = None,
+    rounds: int | None = None,
+    as_fast_as_possible: bool = False,
+    run: str | None = None,
+    state: str | PathLike[str] | None = None,
+    fresh: bool = False,
+    record: str | PathLike[str] | None = None,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> Deployed:
+    """Run a program on the robot with this ``pid``, in this process; or on all robots.
+
+    Without a ``pid`` each robot is a process on this machine. ``config`` is a configuration, or its
+    file; else the file beside the program that has its name. The run ends after so many ``rounds``,
+    when all robots have stopped, or on ``cancellation``: robots then stop safely. ``delta_s`` is
+    the length of a round in seconds, instead of the configuration's. ``run`` is the name of the
+    run, the same for all robots; ``state`` the folder in which a robot notes where it is, to go on
+    after a crash (with a ``pid``: ``.koord``), and ``fresh`` forgets what was noted. What robots do
+    is recorded in the file ``record``, as MCAP. ``progress`` hears :class:`FleetHeard`.
+
+    Raises :class:`koord.KoordError` for what is wrong with the input, or with the network.
+
+    >>> koord.deploy(program, "task.yaml", rounds=100, as_fast_as_possible=True).is_complete
+    True
+    """
+    request = DeployRequest(
+        pid=pid,
+        rounds=rounds,
+        as_fast_as_possible=as_fast_as_possible,
+        run=run,
+        state=None if state is None else fspath(state),
+        fresh=fresh,
+        record=None if record is None else fspath(record),
+    )
+    if request.record is not None:
+        check_writable(request.record)
+        require(("mcap",), "record")
+    fitted = fit(fit_request(program, config, params, None, None, delta_s))
+    return deploy_fitted(fitted, job_of(fitted, request), request, progress, cancellation)
+
+
+def job_of(fitted: Fitted, request: DeployRequest) -> Job:
+    """What each robot has to know of the run. Raises KoordError."""
+    check_start(fitted)
+    configuration, classes = fitted.configuration, loaded(compiled(fitted.program.core))
+    assert configuration.delta_s is not None
+    missing = (*_unanswered(classes, configuration), *_keyless(configuration, request))
+    if missing:
+        raise KoordError(missing)
+    run = request.run or configuration.talk.run
+    if request.pid is None:  # on one machine nobody else needs to know the key
+        key, run = secrets.token_bytes(32), f"{run} {secrets.token_hex(4)}"
+    else:
+        assert configuration.talk.key is not None
+        key = configuration.talk.key
+    return Job(
+        classes,
+        fitted.kinds,
+        configuration,
+        key,
+        run,
+        delta_s=configuration.delta_s,
+        pace_s=0.0 if request.as_fast_as_possible else configuration.delta_s,
+        rounds=request.rounds,
+        journals=None,
+    )
+
+
+def _unanswered(
+    classes: tuple[type[Robot], ...], configuration: Configuration
+) -> Iterator[Diagnostic]:
+    missing = sorted({name for one in classes for name in unanswered(one.EXTERNALS)})
+    if missing:
+        story = f"robots without a platform have no {', '.join(missing)}"
+        hint = "write these functions in Koord, with a body"
+        yield Diagnostic("K932", Severity.ERROR, whole_file(configuration.name), story, hint)
+
+
+def _keyless(configuration: Configuration, request: DeployRequest) -> Iterator[Diagnostic]:
+    if request.pid is not None and configuration.talk.key is None:
+        story = "the robots have no key in common"
+        hint = f"add: network: {{key: {secrets.token_hex(16)}}}"
+        yield Diagnostic("K932", Severity.ERROR, whole_file(configuration.name), story, hint)
+
+
+def deploy_fitted(
+    fitted: Fitted,
+    job: Job,
+    request: DeployRequest,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> Deployed:
+    """As :func:`deploy`, of a run that is prepared. Raises KoordError."""
+    tell = heard_by(progress)
+    try:
+        if request.pid is None:
+            deployed = _all(job, fitted.problem, request, tell, cancellation)
+        else:
+            deployed = _one(job, fitted.problem, request, tell, cancellation)
+    except TransportError as error:
+        raise refusal("K933", job.configuration.name, error.message, error.hint or None) from None
+    return replace(deployed, warnings=fitted.warnings)
+
+
+def _one(
+    job: Job,
+    problem: Problem,
+    request: DeployRequest,
+    tell: Listener,
+    cancellation: Cancellation | None,
+) -> Deployed:
+    """One robot, in this process."""
+    pid = request.pid
+    assert pid is not None
+    if not 0 <= pid < job.robots:
+        story = f"there is no robot {pid}"
+        hint = f"the pids are 0 to {job.robots - 1}"
+        raise refusal("K932", job.configuration.name, story, hint)
+    # Nothing is written before it is sure that this robot can talk to the others.
+    transport = transport_of(job.configuration, job.run, pid)
+    is_cancelled = asker(cancellation)
+    with ExitStack() as stack:
+        stack.callback(transport.close)
+        job = stack.enter_context(_noting(job, request.state or _STATE))
+        journal = job.journal(pid)
+        if request.fresh and journal is not None:
+            journal.forget()
+        recorder = _recorder(request, problem, stack)
+        runner = Runner(job, pid, transport)
+        runner.keeps_moments = recorder is not None
+
+        def report(status: Status) -> None:
+            tell(FleetHeard.of({pid: status}, job.rounds))
+            if recorder is not None:
+                recorder.hear([(status, tuple(runner.moments))], is_sure=True)
+                runner.moments.clear()
+
+        last = runner.run(is_cancelled, report)
+        report(last)
+    return Deployed.of(job, problem, {pid: last}, interrupted=is_cancelled())
+
+
+def _all(
+    job: Job,
+    problem: Problem,
+    request: DeployRequest,
+    tell: Listener,
+    cancellation: Cancellation | None,
+) -> Deployed:
+    """All robots, each in a process."""
+    is_cancelled, is_stopping = asker(cancellation), False
+    with ExitStack() as stack:
+        if request.state is not None:
+            job = stack.enter_context(_noting(job, request.state, of=range(job.robots)))
+        recorder = _recorder(request, problem, stack)
+        plan = local_plan(job.configuration, job.robots)
+        fleet = launched(Launch(job, plan, keeps_moments=recorder is not None))
+        stack.callback(fleet.join)
+        stack.callback(fleet.kill)
+        tell(FleetHeard.of({}, job.rounds))
+        while not fleet.is_over:
+            news = list(fleet.news(_WAIT_S))
+            if fleet.failures:
+                raise fleet.failures[0]
+            if recorder is not None:
+                heard = fleet.statuses.keys() | set(fleet.died)
+                recorder.hear(news, is_sure=len(heard) == job.robots or fleet.is_over)
+            tell(FleetHeard.of(fleet.statuses, job.rounds))
+            if is_cancelled() and not is_stopping:
+                is_stopping = True
+                fleet.stop()
+        tell(FleetHeard.of(fleet.statuses, job.rounds))
+    return Deployed.of(job, problem, fleet.statuses, interrupted=is_cancelled())
+
+
+def _recorder(request: DeployRequest, problem: Problem, stack: ExitStack) -> _Recorder | None:
+    return None if request.record is None else _Recorder(request.record, problem, stack)
+
+
+@contextmanager
+def _noting(job: Job, path: str, of: Iterable[int] = ()) -> Iterator[Job]:
+    """The run with a folder of journals, made if need be.
+
+    A start that is refused leaves none: neither the folder nor journals ``of`` these robots, of
+    which this is the first start. Raises KoordError.
+    """
+    folder = Path(path)
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise refusal("K903", path, f"cannot be written: {error.strerror}", None) from None
+    job = replace(job, journals=folder)
+    try:
+        yield job
+    except (KoordError, TransportError):
+        for journal in map(job.journal, of):
+            if journal is not None:
+                journal.forget()
+        for one in made:
+            with suppress(OSError):  # others may have noted something
+                one.rmdir()
+        raise
+
+
+class _Recorder:
+    """The record of a run, begun when it is sure that it is not refused, with all told by then."""
+
+    def __init__(self, path: str, problem: Problem, stack: ExitStack) -> None:
+        self._path, self._problem, self._stack = path, problem, stack
+        self._record: Record | None = None
+        self._early: list[tuple[Status, tuple[Moment, ...]]] = []
+
+    def hear(self, news: Iterable[tuple[Status, tuple[Moment, ...]]], *, is_sure: bool) -> None:
+        """Write down what robots told."""
+        self._early += news
+        if not is_sure:
+            return
+        if self._record is None:
+            file = self._stack.enter_context(Path(self._path).open("wb"))  # noqa: SIM115
+            self._record = Record(file)
+            self._stack.callback(self._record.close)
+            self._record.describe(self._problem)
+        for status, moments in self._early:
+            now = time.time_ns()
+            self._record.moments(moments, now)
+            self._record.status(status, now)
+        self._early.clear()
+        self._record.flush()

@@ -1,0 +1,352 @@
+"""A program and a configuration together: the one check of both, for all that takes them.
+
+What can be wrong with a configuration by itself is found where it is read. Here it is seen whether
+it suits a program: params, kinds of robots, planners, and where robots and tasks are.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.api.programs import (
+    Loadable,
+    Program,
+    Text,
+    Value,
+    checked,
+    exact,
+    no_program,
+    source_of,
+)
+from koord.api.results import ArgumentError
+from koord.api.robots import Seconds, delta_of, fleet_of, system_of
+from koord.runtime.configuration.checking import load as load_configuration
+from koord.runtime.configuration.model import Configuration, Scatter
+from koord.runtime.configuration.params import params
+from koord.runtime.motion.libraries import SIM
+from koord.runtime.motion.world import World
+from koord.syntax import core
+from koord.syntax.collector import uncollected
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.elaboration.settings import ParamValue, Settings
+from koord.syntax.problem import Problem
+from koord.syntax.source import Source, Span, whole_file
+from koord.syntax.system import System, dealt
+from koord.syntax.types import POS, ArrayType, ListType, RecordType, Type
+
+if TYPE_CHECKING:
+    from koord.sim.scene import Scene
+
+#: So many tasks there are where nobody says how many.
+_TASKS = 20
+
+#: What stands for the file of a configuration where there is none.
+NO_FILE = "(none)"
+
+_DEFAULT = """\
+agents:
+{agents}
+devices:
+    car: {{bot_type: CAR, planner: RRT_CAR}}
+    drone: {{bot_type: QUAD, planner: RRT_DRONE}}
+world: {{}}
+"""
+
+
+#: What functions of the API take as a configuration; None is the one beside the program's file.
+Configurable: TypeAlias = Configuration | Text | None
+
+
+class FitRequest(Struct, frozen=True):
+    """What is to be run, and with which configuration (None: the plainest that suits the program).
+
+    ``robots`` is another number of robots than the configuration's, ``delta_s`` another length of a
+    round in seconds, ``seed`` what places hang on that nobody gives; None means as configured, or
+    as the program states.
+    """
+
+    source: Source
+    configuration: Configuration | None
+    properties: tuple[Source, ...]
+    params: Mapping[str, ParamValue]
+    delta_s: Fraction | None = None
+    robots: int | None = None
+    seed: int | None = None
+
+
+class Fitted(Struct, frozen=True):
+    """A program with a configuration that suits it. ``kinds`` are those of the robots."""
+
+    program: Program
+    configuration: Configuration  #: its δ is set
+    kinds: tuple[int, ...]
+    placed: Scene | None  #: None where the libraries that scenes are made with are not installed
+    warnings: tuple[Diagnostic, ...] = ()
+
+    @property
+    def scene(self) -> Scene:
+        """Robots and tasks in their world, for who has the libraries for it."""
+        assert self.placed is not None, "who simulates has what scenes are made with"
+        return self.placed
+
+    @property
+    def delta_s(self) -> Fraction:
+        """The length of a round in seconds, as exact as a double can be written."""
+        length = self.configuration.delta_s if self.placed is None else self.placed.delta_s
+        return Fraction(repr(length))
+
+    @property
+    def problem(self) -> Problem:
+        """What a run is a run of."""
+        return self.program.problem(self.kinds, self.delta_s)
+
+
+def fit_request(
+    program: Loadable,
+    config: Configurable,
+    params: Mapping[str, Value] | None,
+    robots: int | None,
+    seed: int | None,
+    delta_s: Seconds,
+) -> FitRequest:
+    """What is to be run, as functions of the API are asked for it. Raises KoordError."""
+    chosen = {name: exact(value) for name, value in (params or {}).items()}
+    properties: tuple[Source, ...] = ()
+    if isinstance(program, Program):
+        source, properties = program.source, program.properties
+        chosen = {**program.settings.params, **chosen}
+    else:
+        source = source_of(program)
+    if config is None:
+        config = beside(source.name, ".yaml")
+    if config is not None and not isinstance(config, Configuration):
+        config = read_configuration(config)
+    return FitRequest(source, config, properties, chosen, delta_of(delta_s), robots, seed)
+
+
+def read_configuration(text: Text) -> Configuration:
+    """The configuration in a file or a text. Raises KoordError with every mistake."""
+    return load_configuration(source_of(text))
+
+
+def beside(path: str, suffix: str) -> str | None:
+    """The file that lies beside another and has its name, but for how it ends, if there is one."""
+    other = Path(path).with_suffix(suffix)
+    return str(other) if other.is_file() and str(other) != path else None
+
+
+def can_be_placed() -> bool:
+    """Whether the libraries are there that look at where things are."""
+    return all(find_spec(name) is not None for name in SIM)
+
+
+@uncollected()
+def fit(request: FitRequest) -> Fitted:
+    """Program and configuration together. Raises KoordError with all that does not suit."""
+    found: list[Diagnostic] = []
+    try:
+        return _fitted(request, found)
+    except ArgumentError:
+        raise
+    except KoordError as error:
+        raise KoordError(tuple(dict.fromkeys((*found, *error.diagnostics)))) from None
+
+
+def _fitted(request: FitRequest, found: list[Diagnostic]) -> Fitted:
+    """As :func:`fit`; what is found on the way is added, and raised are errors beside it."""
+    given = request.configuration
+    chosen = dict(request.params)
+    places: dict[str, Span] = {}
+    if given is not None:
+        own = params(given)
+        of = given.document.name_place
+        places = {k: of(("params", k)) for k in own if k not in chosen}
+        chosen = {**own, **chosen}
+    program = _elaborated(request, Settings(chosen, places=places)).core
+    configuration = given or _default(program, request.robots)
+    configuration = _with_tasks(configuration, program, sized="tasks" in chosen)
+    configuration = _with_delta(configuration, program, request.delta_s)
+    described = [robot.kind for robot in configuration.robots]
+    found += _kinds(program, described, configuration.name)[1]
+    made = _scene(configuration, program, request)
+    roles = made.roles if made is not None else described
+    kinds, problems = _kinds(program, roles, configuration.name)
+    found += problems
+    if given is not None and request.delta_s is None and not problems:
+        found += _unlike(configuration, program, kinds if request.robots is None else None)
+    if made is not None:
+        configuration = replace(configuration, world=made.world)
+    tasks = configuration.world.tasks if configuration.world is not None else ()
+    chosen |= _sizes(request, program, chosen, len(tasks))
+    where = tuple((Fraction(x), Fraction(y), Fraction(z)) for x, y, z in tasks)
+    whole = _elaborated(request, Settings(chosen, where or None))
+    if any(one.severity is Severity.ERROR for one in found):
+        raise KoordError(())
+    return Fitted(whole, configuration, kinds, made, tuple(found))
+
+
+def _elaborated(request: FitRequest, chosen: Settings) -> Program:
+    """The program with these values. Raises KoordError."""
+    report = checked(request.source, chosen, request.properties)
+    if report.program is None:
+        none = () if report.errors else (no_program(request.source.name),)
+        raise KoordError((*report.diagnostics, *none))
+    return report.program
+
+
+def _sizes(
+    request: FitRequest, program: core.Program, chosen: Mapping[str, ParamValue], tasks: int
+) -> dict[str, ParamValue]:
+    """The param that says how many tasks there are, if nobody has set it: as many as there are.
+
+    Which one it is shows when it is changed.
+    """
+    size = task_count(program)
+    if size is None or size == tasks or not tasks:
+        return {}
+    for given in program.parameters:
+        if given.value != size or given.name in chosen:
+            continue
+        more: dict[str, ParamValue] = {given.name: tasks}
+        changed = checked(request.source, Settings({**chosen, **more}), request.properties).program
+        if changed is not None and task_count(changed.core) == tasks:
+            return more
+    return {}
+
+
+def _scene(
+    configuration: Configuration, program: core.Program, request: FitRequest
+) -> Scene | None:
+    """Robots and tasks in their world; None where the libraries for that are not installed."""
+    if not can_be_placed():
+        return None
+    from koord.sim.bounds import moves, places_of
+    from koord.sim.scene import scene
+
+    landmarks = tuple(places_of(program)) if moves(program) else None
+    return scene(configuration, request.seed, request.robots, landmarks)
+
+
+def _default(program: core.Program, robots: int | None) -> Configuration:
+    """Cars and drones in turn, or what the kinds of robots of a program are called after.
+
+    Without a number, there are the robots that the program states, or the usual ones.
+    """
+    lines = []
+    for pid, kind in enumerate(system_of(program, fleet_of(robots), None).kinds):
+        name = program.agents[kind].name
+        device = ("car", "drone")[pid % 2]
+        if name:
+            device = "car" if "car" in name.lower() else "drone"
+        of = f", kind: {name}" if name else ""
+        lines.append(f"    - {{pid: {pid}, on_device: {device}{of}}}")
+    from koord.sim.bounds import places_of, widened
+    from koord.sim.scene import inner
+
+    made = load_configuration(Source(NO_FILE, _DEFAULT.format(agents="\n".join(lines))))
+    # However far away a program sends its robots, they begin in the arena of the paper.
+    scatter = replace(made.scatter, start=inner(World()))
+    world = widened(World(), tuple(places_of(program)))
+    return replace(made, world=world, scatter=scatter, bounded=True)
+
+
+def _with_tasks(
+    configuration: Configuration, program: core.Program, *, sized: bool
+) -> Configuration:
+    """Tasks for a program that has a list of them, if the configuration has none."""
+    size, scatter = task_count(program), configuration.scatter
+    if size is None or scatter.tasks or (configuration.world and configuration.world.tasks):
+        return configuration
+    count = size if sized or configuration.name != NO_FILE else _TASKS
+    return replace(configuration, scatter=Scatter(count, scatter.start))
+
+
+def _with_delta(
+    configuration: Configuration, program: core.Program, delta_s: Fraction | None
+) -> Configuration:
+    """With δ: as asked for, or as the configuration says, or as the program states."""
+    if delta_s is not None:
+        return replace(configuration, delta_s=float(delta_s))
+    if configuration.delta_s is None:
+        return replace(configuration, delta_s=float(program.instance.used_delta_s))
+    return configuration
+
+
+def _unlike(
+    configuration: Configuration, program: core.Program, kinds: Sequence[int] | None
+) -> tuple[Diagnostic, ...]:
+    """Warnings where a configuration is another instance than the program is meant for. It wins.
+
+    ``kinds`` are those of its robots, or None where it is not the configuration that says how many
+    there are.
+    """
+    meant, found = program.instance, []
+    if meant.kinds and kinds is not None and Counter(meant.kinds) != Counter(kinds):
+        here = System(program, tuple(kinds)).fleet
+        found.append((("agents",), System(program, meant.kinds).fleet, f"here are {here}"))
+    delta_s = configuration.delta_s
+    if meant.delta_s is not None and delta_s is not None and float(meant.delta_s) != delta_s:
+        found.append((("delta",), f"δ = {float(meant.delta_s):g} s", f"it is {delta_s:g} s here"))
+    return tuple(
+        Diagnostic(
+            "K936",
+            Severity.WARNING,
+            configuration.place(*path),
+            f"the program is meant for {wanted}; {other}",
+            "what was verified for the one need not hold of the other",
+        )
+        for path, wanted, other in found
+    )
+
+
+def _kinds(
+    program: core.Program, roles: Sequence[str | None], file: str
+) -> tuple[tuple[int, ...], tuple[Diagnostic, ...]]:
+    """Of which kind each robot is: as a configuration says, or dealt round; and what is wrong."""
+    names = [agent.name for agent in program.agents]
+    if all(role is None for role in roles):
+        return dealt(program, len(roles)).kinds, ()
+    cure = f"its kinds are {', '.join(names)}"
+    if names == [""]:
+        cure = "its robots are of one kind, which has no name: leave `kind` out"
+    problems = tuple(
+        Diagnostic(
+            "K932",
+            Severity.ERROR,
+            whole_file(file),
+            f"robot {pid} is of kind {role}, which the program does not have",
+            cure,
+        )
+        for pid, role in enumerate(roles)
+        if role not in names
+    )
+    return tuple(names.index(role) if role in names else 0 for role in roles), problems
+
+
+def task_count(program: core.Program) -> int | None:
+    """How many tasks a program has a list of; 0 for a list of any length, None without a list.
+
+    That of a list whose length an assumption fixes is known.
+    """
+    for entry in program.allwrite:
+        match entry.variable.type:
+            case ArrayType(element=element, size=int() as size) if _is_task(element):
+                return size
+            case ListType(element=element) if _is_task(element):
+                return entry.length or 0
+            case _:
+                pass
+    return None
+
+
+def _is_task(type_: Type) -> bool:
+    """A task is a record that begins with a place."""
+    return isinstance(type_, RecordType) and bool(type_.fields) and type_.fields[0][1] == POS

@@ -1,0 +1,97 @@
+"""A simulation from INIT to its end: what is told on the way, judged and kept."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from koord.api.fitting import Fitted
+from koord.api.growing import remove_part
+from koord.api.outputs import Outputs, growing, keep
+from koord.api.progress import Cancellation, Listener, asker, heard_by
+from koord.api.sim_report import (
+    Simulated,
+    SimulationBegun,
+    SimulationOver,
+    StandsStill,
+    report_of,
+    round_over,
+    setup_of,
+    standing_words,
+)
+from koord.api.sim_setup import check_begun, limit_s
+from koord.sim.running import Ending, Simulation, run
+
+if TYPE_CHECKING:
+    from koord.api.sim_trace import Tracing
+
+#: More robots that stand still are not told of while a run goes on.
+_MOST_TOLD = 24
+
+
+class SimulationRequest(Struct, frozen=True):
+    """How a program is to be simulated, and what is kept of it. None: as suits the program."""
+
+    rounds: int | None = None
+    duration_s: float | None = None
+    keep_going: bool = False
+    check_summaries: bool = False
+    processes: bool = False
+    outputs: Outputs = Outputs()
+
+
+def play(
+    fitted: Fitted,
+    simulation: Simulation,
+    request: SimulationRequest,
+    tracing: Tracing | None,
+    progress: Listener | None,
+    cancellation: Cancellation | None,
+) -> Simulated:
+    """Run a simulation from INIT to its end. Raises KoordError where it may not begin so."""
+    tell, is_cancelled = heard_by(progress), asker(cancellation)
+    limit = limit_s(fitted, request.rounds, request.duration_s)
+    began = time.perf_counter()
+    first = simulation.begin()
+    if tracing is not None:
+        tracing.begun(first, simulation)
+    check_begun(fitted, simulation)
+    setup = setup_of(fitted)
+    tell(SimulationBegun("the run begins", setup=setup))
+    with growing(request.outputs, simulation, tracing, tell) as round_is_over:
+        told = 0
+        for decision in run(simulation, limit):
+            tell(round_over(simulation))
+            if tracing is not None:
+                tracing.round(decision, simulation)
+            round_is_over(simulation.time_s)
+            for one in simulation.noticed[told:_MOST_TOLD]:
+                tell(StandsStill(standing_words(one), standing=one))
+            told = len(simulation.noticed)
+            if is_cancelled():
+                simulation.end(Ending.INTERRUPTED)
+    simulated = report_of(fitted, setup, simulation, time.perf_counter() - began)
+    return conclude(simulated, simulation, request.outputs, tracing, tell)
+
+
+def conclude(
+    simulated: Simulated,
+    simulation: Simulation,
+    outputs: Outputs,
+    tracing: Tracing | None,
+    tell: Listener,
+) -> Simulated:
+    """Judge and keep a run that is over. Raises KoordError where a file cannot be written."""
+    if tracing is not None:
+        from koord.api.traces import complete_trace
+
+        assert outputs.trace is not None
+        ran = tracing.ran(simulation)
+        complete_trace(outputs.trace, tracing.trace(ran))
+        remove_part(outputs.trace)
+        simulated = replace(simulated, refused=tracing.judged(ran).refused)
+    tell(SimulationOver(simulated.ending.value, simulated=simulated))
+    return replace(simulated, kept=keep(outputs, simulation.recording))

@@ -1,0 +1,175 @@
+"""From a program in a scene to a simulation of it, with all that it claims watched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from typing import TYPE_CHECKING, TypeVar
+
+from koord.api.fitting import NO_FILE, Fitted, task_count
+from koord.runtime.compile import compiled
+from koord.runtime.compile.loading import loaded
+from koord.runtime.compile.watching import Sort, Watched, watched
+from koord.sim.claims import Checked, Watching
+from koord.sim.hosting import ANSWERED, SENSED, plain_name
+from koord.sim.running import Cast, Simulation
+from koord.syntax import core
+from koord.syntax.collector import uncollected
+from koord.syntax.core import Direction
+from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
+from koord.syntax.source import whole_file
+from koord.syntax.walk import nodes
+
+if TYPE_CHECKING:
+    from koord.runtime.robot import Host
+
+Run = TypeVar("Run", bound=Simulation)
+
+#: A run ends after so long: of a program that can stop, and of one that cannot.
+_LONG_S, _ENDLESS_S = 600.0, 120.0
+
+#: Of starts that a program does not assume, so many are told.
+_MOST_TOLD = 10
+
+
+def cast(fitted: Fitted) -> Cast:
+    """The program, compiled."""
+    program, source = fitted.program.core, fitted.program.source
+    differing = fitted.problem.differing
+    return Cast(source.name, source.text, loaded(compiled(program)), fitted.kinds, differing)
+
+
+def slack(fitted: Fitted) -> Fraction:
+    """By how many metres numbers may be off in claims."""
+    return Fraction(repr(fitted.scene.slack_m))
+
+
+def fallback(fitted: Fitted) -> Callable[[Host], Host] | None:
+    """What answers what no world does, if the program leaves that open. Raises KoordError."""
+    program = fitted.program.core
+    starts = bool(program.assumptions) and not _is_placed(program)
+    if not starts and not unanswered(program):
+        return None
+    from koord.api.fallback_host import Fallback
+    from koord.syntax.system import System
+
+    system = System(program, fitted.kinds, fitted.delta_s)
+    return Fallback.of(system, fitted.scene.seed, starts=starts)
+
+
+@uncollected()
+def simulation(
+    fitted: Fitted,
+    kind: type[Run],
+    *,
+    keep_going: bool = False,
+    check_summaries: bool = False,
+    tracing: Callable[[Host, Host], Host] | None = None,
+) -> Run:
+    """The program in its scene, with all that it claims watched, summaries if asked for.
+
+    ``kind`` is a Simulation, or one that other processes make; ``tracing`` makes of the host of the
+    program, and of the world's, the one that is to be heard instead. Raises KoordError.
+    """
+    program = fitted.program.core
+    checked: list[Checked] = []
+
+    def heard(world: Host) -> Host:
+        host = world
+        if check_summaries:
+            checked.append(Checked(world))
+            host = checked[0]
+        return host if tracing is None else tracing(host, world)
+
+    supplied = fallback(fitted)
+    made = kind(cast(fitted), fitted.scene, keep_going=keep_going, heard=heard, supplied=supplied)
+    claims = watch(made, program, slack(fitted))
+    for one in checked:
+        one.hold(claims, made)
+        made.claims.append(one)
+    return made
+
+
+def watch(simulation: Simulation, program: core.Program, slack: Fraction) -> Watched:
+    """Have all that a program claims watched in a run, with so much slack."""
+    claims = watched(program, slack)
+    simulation.claims.append(Watching(claims, simulation))
+    return claims
+
+
+def limit_s(fitted: Fitted, rounds: int | None, time_s: float | None) -> float:
+    """How long a run may take in simulated seconds: as asked for, or as suits the program."""
+    given = [] if rounds is None else [rounds * fitted.scene.delta_s]
+    given += [] if time_s is None else [time_s]
+    if given:
+        return min(given)
+    events = tuple(e.effect for agent in fitted.program.core.agents for e in agent.events)
+    stops = any(isinstance(node, core.Stop | core.TryStop) for node in nodes(events))
+    return _LONG_S if stops else _ENDLESS_S
+
+
+def unanswered(program: core.Program) -> tuple[str, ...]:
+    """The functions and sensors of a program that nothing in a simulated world answers."""
+    functions = (plain_name(function.name) for function in program.externals)
+    ports = (
+        agent.ports[position]
+        for agent in program.agents
+        for module in agent.modules
+        if module.environment is None
+        for position in module.ports
+    )
+    found = [name for name in functions if name not in ANSWERED]
+    found += [
+        port.label
+        for port in ports
+        if port.direction is Direction.SENSOR and port.declaration.variable.name not in SENSED
+    ]
+    return tuple(dict.fromkeys(found))
+
+
+# --- how a run begins -----------------------------------------------------------------------------
+
+
+def check_can_begin(fitted: Fitted) -> None:
+    """Whether a run may begin as program and configuration have it. Raises KoordError. (K934)"""
+    begun = simulation(fitted, Simulation)
+    begun.begin()
+    check_begun(fitted, begun)
+
+
+def check_begun(fitted: Fitted, simulation: Simulation) -> None:
+    """Raises KoordError if a run did not begin as the program assumes. (K934)"""
+    configuration = fitted.configuration
+    problems = []
+    for broken in simulation.broken:
+        if broken.sort != Sort.ASSUMPTION.value:
+            continue
+        place = configuration.place()
+        if configuration.name == NO_FILE:
+            place = whole_file("the scene")
+        elif broken.robots:
+            pid = broken.robots[0]
+            robot = configuration.robots[pid if pid < len(configuration.robots) else 0]
+            place = configuration.place(*robot.path)
+        who = f" of robot{'s' * (len(broken.robots) > 1)} " if broken.robots else ""
+        who += " and ".join(map(str, broken.robots))
+        story = f"the run does not begin as the program assumes: {broken.claim}{who}"
+        hint = f"it is {broken.words}; {_cure(fitted)}"
+        problems.append(Diagnostic("K934", Severity.ERROR, place, story, hint))
+    if problems:
+        raise KoordError(tuple(problems[:_MOST_TOLD]))
+
+
+def _cure(fitted: Fitted) -> str:
+    """What to do if a run does not begin as it should."""
+    if not _is_placed(fitted.program.core):
+        return "give the variables that it speaks of an initial value"
+    if fitted.configuration.name == NO_FILE:
+        return "name a configuration that says where robots are, with `position`"
+    return "say where robots are with `position`"
+
+
+def _is_placed(program: core.Program) -> bool:
+    """Whether a program speaks of where robots or tasks are, of which worlds say how it starts."""
+    names = {port.declaration.variable.name for agent in program.agents for port in agent.ports}
+    return not names.isdisjoint(SENSED) or task_count(program) is not None

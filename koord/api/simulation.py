@@ -1,0 +1,133 @@
+"""Run a program in a simulated world."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from os import PathLike, fspath
+from typing import TYPE_CHECKING
+
+from koord.api.files import read_written
+from koord.api.fitting import Configurable, Fitted, fit, fit_request
+from koord.api.outputs import Outputs, View
+from koord.api.programs import Loadable, Program, Value, source_of
+from koord.api.progress import Cancellation, Listener
+from koord.api.results import ArgumentError
+from koord.api.robots import Seconds
+from koord.api.sim_report import (
+    Simulated,
+)
+from koord.api.sim_run import SimulationRequest as SimulationRequest
+from koord.api.sim_run import play
+from koord.api.sim_setup import check_can_begin, simulation
+from koord.runtime.motion.libraries import SIM, require
+from koord.sim.running import Simulation
+
+if TYPE_CHECKING:
+    pass
+
+
+def check_libraries() -> None:
+    """Whether the libraries are there that simulate worlds. Raises KoordError."""
+    require(SIM, "sim")
+
+
+def simulate(
+    program: Loadable,
+    config: Configurable = None,
+    *,
+    params: Mapping[str, Value] | None = None,
+    robots: int | None = None,
+    seed: int | None = None,
+    delta_s: Seconds = None,
+    rounds: int | None = None,
+    duration_s: float | None = None,
+    keep_going: bool = False,
+    check_summaries: bool = False,
+    processes: bool = False,
+    schedule: str | PathLike[str] | None = None,
+    html: str | PathLike[str] | None = None,
+    view: View = "2d",
+    record: str | PathLike[str] | Iterable[str | PathLike[str]] = (),
+    plot: str | PathLike[str] | None = None,
+    trace: str | PathLike[str] | None = None,
+    live: bool = False,
+    pace: float | None = None,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> Simulated:
+    """Run a program in a simulated world.
+
+    ``config`` is a configuration, or its file; else the file beside the program that has its name,
+    else the plainest that suits. ``robots``, ``seed`` and ``delta_s`` (the length of a round in
+    seconds) replace those of the configuration. The run ends after so many ``rounds``, or so much
+    simulated time: 600 s, 120 s if the program cannot stop. It ends where a claim is broken, unless
+    it is to ``keep_going``. ``check_summaries`` holds every answer of an external function against
+    the summary that is verified with. With ``processes`` each robot is a process of its own, over
+    UDP. ``schedule`` is a trace, such as a counterexample, that is played instead.
+
+    Files are written where they are named: ``html`` (a page that shows the run, from above or, with
+    ``view="3d"``, in space), ``record`` (``.mcap``, ``.rrd``, ``.rosbag2``), ``plot`` (``.png``,
+    ``.svg``, ``.pdf``), ``trace``. ``live`` serves the page while the run goes on, ``pace`` times
+    as quickly as time goes by; ``progress`` hears of its address as ``PageServed``.
+
+    Raises :class:`koord.KoordError` for what is wrong with the input.
+
+    >>> koord.simulate(program, "task.yaml", seed=1, duration_s=60).broken
+    ()
+    """
+    check_libraries()
+    paths = (record,) if isinstance(record, str | PathLike) else tuple(record)
+    outputs = Outputs(
+        html=_path(html),
+        view=view,
+        record=tuple(fspath(one) for one in paths),
+        plot=_path(plot),
+        trace=_path(trace),
+        live=live,
+        pace=pace,
+    )
+    outputs.check()
+    request = SimulationRequest(rounds, duration_s, keep_going, check_summaries, processes, outputs)
+    if schedule is None:
+        fitted = fit(fit_request(program, config, params, robots, seed, delta_s))
+        return simulate_fitted(fitted, request, progress, cancellation)
+    given = (config, params, robots, seed, delta_s, trace)
+    if processes or any(one is not None for one in given):
+        story = "a recorded run is played as it is: only its end and its outputs can be chosen"
+        raise ArgumentError("schedule", story)
+    from koord.api.rehearsal import rehearse
+
+    source = program.source if isinstance(program, Program) else source_of(program)
+    name = fspath(schedule)
+    return rehearse(source, read_written(name), name, request, progress, cancellation)
+
+
+def _path(given: str | PathLike[str] | None) -> str | None:
+    return None if given is None else fspath(given)
+
+
+def simulate_fitted(
+    fitted: Fitted,
+    request: SimulationRequest,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> Simulated:
+    """As :func:`simulate`, of a program that a configuration suits. Raises KoordError."""
+    tracing = None
+    if request.outputs.trace is not None:
+        from koord.api.sim_trace import Tracing
+
+        tracing = Tracing(fitted)
+    if request.processes:
+        from koord.api.sim_processes import simulate_processes
+
+        check_can_begin(fitted)
+        return simulate_processes(fitted, request, tracing, progress, cancellation)
+    made = simulation(
+        fitted,
+        Simulation,
+        keep_going=request.keep_going,
+        check_summaries=request.check_summaries,
+        tracing=None if tracing is None else tracing.hear,
+    )
+    return play(fitted, made, request, tracing, progress, cancellation)

@@ -1,0 +1,66 @@
+"""Deployments from Python, as a user asks for them."""
+
+from __future__ import annotations
+
+import json
+import threading
+
+import pytest
+
+import koord
+from koord.api.deployed import FleetHeard
+
+COUNT = koord.Source("count.krd", "local:\n  int x = 0\nUp:\n  pre: x < 3\n  eff: x = x + 1\n")
+TWO = koord.read_configuration(koord.Source("two.yaml", "num_robots: 2\ndelta: 0.05\n"))
+
+
+def test_all_robots_run_as_processes(capfd: pytest.CaptureFixture[str]) -> None:
+    heard: list[koord.Progress] = []
+    deployed = koord.deploy(COUNT, TWO, rounds=6, as_fast_as_possible=True, progress=heard.append)
+    assert capfd.readouterr() == ("", "")
+    assert deployed.ok
+    assert [status.ran for status in deployed.statuses.values()] == [3, 3]
+    document = json.loads(deployed.to_json())
+    assert [robot["round"] for robot in document["robots"]] == [6, 6]
+    assert "2 of 2 robots: 6 rounds, 6 events" in repr(deployed)
+    assert "<td>6</td>" in deployed._repr_html_()
+    assert all(isinstance(told, FleetHeard) for told in heard)
+
+
+def test_a_deployment_is_cancelled_from_another_thread() -> None:
+    stop = koord.Cancellation()
+
+    def hear(told: koord.Progress) -> None:
+        if told.round:
+            stop.cancel()
+
+    deployed = koord.deploy(COUNT, TWO, progress=hear, cancellation=stop)
+    assert deployed.interrupted
+    assert not deployed.ok
+
+
+def test_one_robot_runs_in_this_process(tmp_path: object) -> None:
+    text = "num_robots: 1\ndelta: 0.05\nnetwork: {key: 00112233445566778899aabbccddeeff}\n"
+    alone = koord.read_configuration(koord.Source("one.yaml", text))
+    found: list[koord.Deployed] = []
+
+    def deploy() -> None:
+        found.append(koord.deploy(COUNT, alone, pid=0, rounds=3, state=str(tmp_path)))
+
+    thread = threading.Thread(target=deploy)
+    thread.start()
+    thread.join(30)
+    assert [one.ok for one in found] == [True]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"pid": 0}, "no key in common"),
+        ({"record": "none/run.mcap"}, "no folder"),
+        ({"delta_s": -1}, "δ must be"),
+    ],
+)
+def test_what_is_wrong_is_raised_as_diagnostics(arguments: dict[str, object], said: str) -> None:
+    with pytest.raises(koord.KoordError, match=said):
+        koord.deploy(COUNT, TWO, **arguments)  # type: ignore[arg-type]
