@@ -22,6 +22,7 @@ from koord.api.progress import Cancellation, Listener, asker, cores, teller
 from koord.api.results import ArgumentError
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
 from koord.syntax.system import System
+from koord.verify import engine_names
 
 if TYPE_CHECKING:
     from koord.api.verdicts import VerifyReport
@@ -42,6 +43,13 @@ class Engine(Enum):
     SPACER = "spacer"  #: constrained Horn clauses: reals and integers, all rounds
     SEARCH = "search"  #: all configurations one by one
     INDUCTION = "induction"  #: for all rounds at once
+
+
+#: Who is asked; None: whoever the strategy says.
+_ENGINES = {
+    engine: None if engine is Engine.AUTO else engine_names.Engine(engine.value)
+    for engine in Engine
+}
 
 
 class Question(Struct, frozen=True):
@@ -173,7 +181,7 @@ def verify_each(
     check_loadable()
     load_for_threads()
     # Loaded once, before there are several processes.
-    import koord.verify.time_limits  # noqa: F401
+    import koord.verify.strategy.time_limits  # noqa: F401
     from koord.verify.processes import Pool
 
     if len(questions) == 1:
@@ -207,7 +215,10 @@ def check_loadable() -> None:
         from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
     except ImportError:
         return
-    if getrlimit(RLIMIT_AS)[0] == RLIM_INFINITY or "koord.verify.time_limits" in sys.modules:
+    if (
+        getrlimit(RLIMIT_AS)[0] == RLIM_INFINITY
+        or "koord.verify.strategy.time_limits" in sys.modules
+    ):
         return
 
     def loads(tell: Teller) -> bool:
@@ -233,13 +244,7 @@ def load_for_threads() -> None:
 
 
 def _load_engines() -> None:
-    import koord.verify.certificates
-    import koord.verify.engines.bits.engine
-    import koord.verify.engines.horn.engine
-    import koord.verify.export.problems
-    import koord.verify.instants
-    import koord.verify.liveness_strategy
-    import koord.verify.proof_core  # noqa: F401
+    pass
 
 
 def in_process(
@@ -295,8 +300,7 @@ def _answer(
     from koord.api.verdicts import Parts, VerifyReport
     from koord.verify.claims import claims_of, liveness_of
     from koord.verify.effort import Deadline
-    from koord.verify.strategy import Choice
-    from koord.verify.time_limits import verify_apart
+    from koord.verify.strategy.time_limits import verify_apart
     from koord.verify.verdicts import Report
 
     system = question.system
@@ -312,7 +316,8 @@ def _answer(
         )
         between = [*shadows.names, *(claim.name for claim, _ in shadows.unsaid)]
     check_names(options.properties, [*known, *between])
-    choice = Choice.EVERY_N if question.every_n else Choice(options.engine.value)
+    every_n = engine_names.Engine.EVERY_N if question.every_n else None
+    choice = every_n or _ENGINES[options.engine]
     bounds = options.bounds
     own = [name for name in options.properties if name in known]
     report = Report((), (), 0.0)

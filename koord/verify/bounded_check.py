@@ -31,7 +31,7 @@ from koord.verify.witness import NotReplayedError, Reader, recording_of
 AFTERWARDS_S = 10.0
 
 
-class Bounded:
+class BoundedCheck:
     """The bounded check of one system, which goes on from where it stopped.
 
     ``completed`` is the last round through which all claims that are still open hold (None: not
@@ -169,10 +169,10 @@ def _look(
     return found, unreplayed, ""
 
 
-class ByUnrolling(Struct):
+class Unroller(Struct):
     """Bounded model checking, which goes on from where it stopped."""
 
-    bounded: Bounded | None = None
+    bounded: BoundedCheck | None = None
     relying: bool = True  #: takes for granted what is proved
     late: bool = False  #: it was stopped by the clock, and not by what there is to be done
     afterwards: Effort = field(default_factory=lambda: Effort.of_seconds(AFTERWARDS_S))
@@ -185,11 +185,11 @@ class ByUnrolling(Struct):
         if ledger.wanting():
             self.through(ledger, ledger.bounds.rounds)
 
-    def of(self, ledger: Ledger) -> Bounded:
+    def of(self, ledger: Ledger) -> BoundedCheck:
         if self.late and not ledger.deadline.is_near():  # there is time again
             self.bounded, self.late = None, False
         if self.bounded is None:
-            self.bounded = Bounded(ledger.system, ledger.subject.judge, ledger.seed)
+            self.bounded = BoundedCheck(ledger.system, ledger.subject.judge, ledger.seed)
         return self.bounded
 
     @property
@@ -215,7 +215,7 @@ class ByUnrolling(Struct):
             self._leave(bounded, ledger)
 
     def _through(
-        self, bounded: Bounded, ledger: Ledger, rounds: int, effort: Effort | None
+        self, bounded: BoundedCheck, ledger: Ledger, rounds: int, effort: Effort | None
     ) -> None:
         while not (bounded.reason or bounded.beyond) and (claims := self._pending(bounded, ledger)):
             number = 0 if bounded.completed is None else bounded.completed + 1
@@ -229,10 +229,10 @@ class ByUnrolling(Struct):
             if bounded.tired:
                 return
 
-    def _pending(self, bounded: Bounded, ledger: Ledger) -> list[Claim]:
+    def _pending(self, bounded: BoundedCheck, ledger: Ledger) -> list[Claim]:
         return [claim for claim in ledger.open() if claim not in bounded.unreplayed]
 
-    def _leave(self, bounded: Bounded, ledger: Ledger) -> None:
+    def _leave(self, bounded: BoundedCheck, ledger: Ledger) -> None:
         reason = bounded.reason
         obstacle: Obstacle | None = None
         if bounded.tired:

@@ -28,8 +28,8 @@ from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engine_names import Engine
 from koord.verify.engines.every_n.candidates import candidates
 from koord.verify.engines.every_n.proving import GENEROUS, infer
-from koord.verify.engines.induction.engine import prove, step_scripts
-from koord.verify.engines.workers import MAX_DEPTH, PROOF_S
+from koord.verify.engines.induction.engine import MAX_DEPTH, PROOF_S
+from koord.verify.engines.induction.proving import prove, step_scripts
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.verdicts import Outcome, Report, as_invariant
 

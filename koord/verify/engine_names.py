@@ -1,4 +1,4 @@
-"""The engines by name."""
+"""The engines by name: what may be asked, and what gave a verdict."""
 
 from __future__ import annotations
 
@@ -6,16 +6,25 @@ from enum import Enum
 
 
 class Engine(Enum):
-    """What gave a verdict."""
+    """An engine."""
 
     EVERY_N = "every N"  #: for every number of robots at once
     INDUCTION = "induction"
-    SEARCH = "search"
+    SEARCH = "search"  #: all configurations one by one
     SPACER = "spacer"  #: constrained Horn clauses
     BITS = "bits"  #: and-inverter graphs, SAT and IC3
     ABC = "abc"  #: the same, with PDR by abc
     BMC = "bmc"
-    NONE = "none"
+    NONE = "none"  #: no engine gave it
+
+    @property
+    def folder(self) -> str:
+        """Where it stands in ``koord/verify/engines``."""
+        return _FOLDERS.get(self.value, self.value)
+
+
+#: The folders that have other names than their engines.
+_FOLDERS = {"every N": "every_n", "search": "explicit", "spacer": "horn", "abc": "bits"}
 
 
 def engine_named(name: str) -> Engine:

@@ -29,8 +29,7 @@ from koord.syntax.walk import reached
 from koord.traces.fairness import Excuses, OfEvent, Standing
 from koord.traces.lassos import flaw_of
 from koord.verify.engines.explicit.fair_search import lively
-from koord.verify.engines.explicit.limits import HANDFUL, Limits
-from koord.verify.engines.explicit.liveness_engine import FEW_EDGES
+from koord.verify.engines.explicit.limits import FEW_EDGES, HANDFUL, Limits
 
 #: So many suggestions are made at most, and so many tried.
 MOST, TRIED = 2, 24

@@ -45,8 +45,7 @@ from koord.verify.reduction.shadows import (
     ports_of,
     with_primed,
 )
-from koord.verify.strategy import Choice
-from koord.verify.time_limits import verify_apart
+from koord.verify.strategy.time_limits import verify_apart
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 
 
@@ -113,7 +112,7 @@ def instant_of(recording: Recording) -> Fraction | None:
 def verified(
     shadows: Shadowed,
     bounds: Bounds,
-    choice: Choice,
+    choice: Engine | None,
     *,
     wanted: Callable[[str], bool] = lambda name: True,
     seed: int = 0,

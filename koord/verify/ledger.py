@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -398,13 +398,3 @@ def _together(spans: Iterable[Interval]) -> float:
         total += max(0.0, last - max(first, end))
         end = max(end, last)
     return total
-
-
-class Works(Protocol):
-    """An engine: settles the open claims of a ledger, or says how far it came with them."""
-
-    @property
-    def name(self) -> str:
-        """What it is called where it fails."""
-
-    def work(self, ledger: Ledger) -> None: ...

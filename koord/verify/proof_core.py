@@ -8,24 +8,21 @@ others.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.syntax.analysis.premises import Premise, premises, without
 from koord.syntax.system import System
-from koord.verify.bounded_check import ByUnrolling
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.engines.bits.engine import ByBits
-from koord.verify.engines.every_n.engine import ByEveryN, ByInference
-from koord.verify.engines.every_n.proving import SPARING
-from koord.verify.engines.explicit.limits import Limits
-from koord.verify.engines.workers import ByInduction, BySearch
-from koord.verify.ledger import Ledger, Subject, Works
+from koord.verify.engines.engine import Workers
+from koord.verify.ledger import Ledger, Subject
+from koord.verify.processes import Pool
 from koord.verify.reduction.abstraction import abstracted
+from koord.verify.strategy.table import INFERRING_AGAIN, PROVING_AGAIN
+from koord.verify.strategy.turns import AnyTurn, EngineTurn
 from koord.verify.verdicts import Bounds, Counterexample, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
 
@@ -60,7 +57,6 @@ def resting(
     deadline = Deadline.after(bounds.timeout_s)
     engines = {v.engine for v in proved}
     found = any(v.lemmas and v.engine is Engine.EVERY_N for v in proved)
-    workers = partial(_workers, engines, found)
     spare: list[Premise] = []
     for number, premise in enumerate(asked):
         progress(f"without {premise.kind.value} {premise.name}")
@@ -68,7 +64,7 @@ def resting(
         if deadline.passed():
             needed = tuple(p for p in asked[:number] if p not in spare)
             return Resting(names, needed, tuple(spare), asked[number:])
-        if _still_proved(trial, names, workers(), bounds, deadline, seed):
+        if _still_proved(trial, names, _turns(engines, found), bounds, deadline, seed):
             spare.append(premise)
     needed = tuple(p for p in asked if p not in spare)
     return Resting(names, needed, tuple(spare))
@@ -77,7 +73,7 @@ def resting(
 def _still_proved(
     system: System,
     names: Sequence[str],
-    workers: Iterable[Works],
+    turns: Iterable[AnyTurn],
     bounds: Bounds,
     deadline: Deadline,
     seed: int,
@@ -87,24 +83,18 @@ def _still_proved(
     subject = Subject(replace(system, program=program), _unasked, system)
     claims = tuple(c for c in claims_of(subject.system) if c.name in names)
     ledger = Ledger(subject, bounds, deadline, claims, seed)
-    for engine in workers:
+    for turn in turns:
         if ledger.open() and not ledger.is_violated:
-            engine.work(ledger)
+            turn.work(ledger)
     return len(ledger.proved()) == len(names)
 
 
-def _workers(engines: set[Engine], found: bool) -> Iterator[Works]:
+def _turns(engines: set[Engine], found: bool) -> Iterator[AnyTurn]:
     """The engines that gave proofs; ``found`` says whether with invariants that nobody gave."""
-    if Engine.EVERY_N in engines:
-        yield ByEveryN(SPARING)
-    if Engine.INDUCTION in engines:
-        yield ByInduction(ByUnrolling())
-    if Engine.SEARCH in engines:
-        yield BySearch(Limits())
-    if Engine.BITS in engines:
-        yield ByBits()
-    if found:
-        yield ByInference(SPARING)
+    workers = Workers(Pool())
+    rows = [row for engine, row in PROVING_AGAIN.items() if engine in engines]
+    for row in [*rows, INFERRING_AGAIN] if found else rows:
+        yield EngineTurn(row.engine, row.task, workers)
 
 
 def _unasked(recording: object, claim: Claim, phase: Phase) -> Counterexample:

@@ -37,7 +37,7 @@ class Bounds(Struct, frozen=True):
     """How far to look: rounds, and seconds for everything (None: no limit).
 
     ``violations`` is how many different counterexamples to look for where a claim is violated.
-    ``claim_s`` is for each claim (:mod:`koord.verify.time_limits`).
+    ``claim_s`` is for each claim (:mod:`koord.verify.strategy.time_limits`).
     """
 
     rounds: int = 20

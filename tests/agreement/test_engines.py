@@ -33,7 +33,6 @@ from koord.verify.engines.explicit.findings import Exhausted, Subject, Violated
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
-from koord.verify.strategy import Choice
 from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from tests.generators.large import large
 from tests.generators.staged import staged
@@ -162,7 +161,7 @@ def every_n_agrees(case: Searched) -> Counter[str]:
 def spacer_agrees(case: Searched, rounds: int) -> Counter[str]:
     """What Spacer says is so; what breaks in the rounds that were seen it finds, or gives up."""
     count = Counter(["spacer"])
-    for verdict in ask(case.system, rounds=rounds, choice=Choice.SPACER):
+    for verdict in ask(case.system, rounds=rounds, choice=Engine.SPACER):
         if verdict.claim.kind is ClaimKind.LIVENESS:
             continue
         assert_so(case, verdict)

@@ -14,18 +14,18 @@ import pytest
 
 from koord.cli.verdicts import SOONER, said
 from koord.verify.claims import ClaimKind
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import abc
-from koord.verify.strategy import Choice
 from koord.verify.verdicts import Outcome, Verdict
 from tests.agreement.test_engines import Searched, searched
 from tests.generators.staged import staged
 from tests.verify.asking import Answers, ask, of_text
 
 #: abc's PDR, where it is installed.
-ABC = (Choice.ABC,) if abc.installed() else ()
+ABC = (Engine.ABC,) if abc.installed() else ()
 
 #: Those that look for violations, and all of them in turn.
-CHOICES = (Choice.SEARCH, Choice.BITS, *ABC, Choice.BMC, Choice.SPACER, Choice.AUTO)
+CHOICES = (Engine.SEARCH, Engine.BITS, *ABC, Engine.BMC, Engine.SPACER, None)
 
 ROUNDS = 6
 
@@ -46,9 +46,9 @@ def assert_first(case: Searched, verdict: Verdict) -> None:
         assert verdict.counterexample.round == first or not verdict.fewest, where
 
 
-def count_of(seeds: Iterable[int]) -> Counter[str]:
+def count_of(seeds: Iterable[int]) -> Counter[Engine | None]:
     """How many late violations each engine showed and called the first ones."""
-    count: Counter[str] = Counter()
+    count: Counter[Engine | None] = Counter()
     for seed in seeds:
         case = searched(seed, staged(Random(seed)))
         if case is None or not any(2 < n <= ROUNDS for n in case.first.values()):
@@ -68,19 +68,19 @@ def count_of(seeds: Iterable[int]) -> Counter[str]:
                 assert_first(case, verdict)
                 assert verdict.counterexample is not None
                 late = verdict.fewest and verdict.counterexample.round > 2
-                count[choice.value] += late
+                count[choice] += late
     return count
 
 
 def test_the_fewest_rounds_are_the_fewest() -> None:
     count = count_of((8, 15, 20))
-    assert all(count[choice.value] >= 3 for choice in CHOICES), count
+    assert all(count[choice] >= 3 for choice in CHOICES), count
 
 
 @pytest.mark.slow
 def test_the_fewest_rounds_are_the_fewest_of_many() -> None:
     count = count_of(range(60))
-    assert all(count[choice.value] >= 15 for choice in CHOICES), count
+    assert all(count[choice] >= 15 for choice in CHOICES), count
 
 
 LATE = """
@@ -94,7 +94,7 @@ invariant Few: x < {most}
 
 def test_spacer_says_so_where_it_does_not_look_at_all_earlier_rounds() -> None:
     near, far = (
-        ask(of_text(LATE.format(most=most), 1), rounds=4, choice=Choice.SPACER)["Few"]
+        ask(of_text(LATE.format(most=most), 1), rounds=4, choice=Engine.SPACER)["Few"]
         for most in (9, 60)
     )
     assert (near.outcome, near.fewest, said(near)) == (
@@ -123,7 +123,7 @@ Count:
   eff: most = most + 1
 invariant Few: most < 5
 """
-    for choice in (Choice.BMC, Choice.BITS, *ABC, Choice.AUTO):
+    for choice in (Engine.BMC, Engine.BITS, *ABC, None):
         found = ask(of_text(text, 1), rounds=6, choice=choice)["Few"]
         assert found.outcome is Outcome.VIOLATED
         assert not found.fewest

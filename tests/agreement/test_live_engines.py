@@ -19,7 +19,10 @@ from koord.syntax.types import MapType
 from koord.syntax.walk import nodes
 from koord.traces.trace import Numbers, traced
 from koord.verify.effort import Deadline
-from koord.verify.liveness_strategy import Ways, settled
+from koord.verify.engine_names import Engine
+from koord.verify.reduction.slices import Slices
+from koord.verify.strategy.liveness import settled
+from koord.verify.strategy.table import LIVENESS
 from koord.verify.verdicts import Bounds, Emptiness, Outcome
 from tests.agreement.test_lassos import LIVELY, searched, with_liveness
 from tests.sampling import blocks
@@ -33,7 +36,7 @@ def compare(seed: int) -> Counter[str]:
     found = searched(of)
     if found is None:
         return Counter(["too large, or not finite"])
-    said = settled(of, Bounds(8), Ways.BITS, Deadline.after(None))
+    said = settled(Slices(of), Bounds(8), LIVENESS[Engine.BITS], Deadline.after(None))
     for verdict in said.verdicts:
         if verdict.outcome is not Outcome.UNKNOWN:
             is_violated = verdict.claim.name in found.violated

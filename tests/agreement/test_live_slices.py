@@ -16,15 +16,18 @@ from koord.refinement.compiled_replay import rerun
 from koord.refinement.generating.programs import system
 from koord.traces.trace import Numbers, traced
 from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.findings import Exhausted
-from koord.verify.liveness_strategy import Ways, settled
+from koord.verify.reduction.slices import Slices
+from koord.verify.strategy.liveness import settled
+from koord.verify.strategy.table import LIVENESS
 from koord.verify.verdicts import Bounds, Outcome
 from tests.agreement.test_lassos import LIVELY, searched, with_liveness
 from tests.generators.junk import with_junk
 from tests.semantics.driving import NO_TEXT
 
 
-def compare(seed: int, ways: Ways, most: int) -> Counter[str]:
+def compare(seed: int, choice: Engine | None, most: int) -> Counter[str]:
     """What engines say of slices, with and without junk, is what the search says of all.
 
     It is of programs with so many configurations at most.
@@ -36,10 +39,11 @@ def compare(seed: int, ways: Ways, most: int) -> Counter[str]:
         return Counter(["too large, or not finite"])
     count: Counter[str] = Counter()
     for asked in (of, with_junk(of, random, events=False)):
-        for verdict in settled(asked, Bounds(8), ways, Deadline.after(None)).verdicts:
+        rows, slices = LIVENESS[choice], Slices(asked)
+        for verdict in settled(slices, Bounds(8), rows, Deadline.after(None)).verdicts:
             where = (seed, verdict.claim.name, asked is of)
             count[verdict.outcome.value] += 1
-            if ways is Ways.SEARCH:
+            if choice is Engine.SEARCH:
                 assert verdict.outcome is not Outcome.UNKNOWN, where
             if verdict.outcome is Outcome.UNKNOWN:
                 continue
@@ -48,7 +52,7 @@ def compare(seed: int, ways: Ways, most: int) -> Counter[str]:
             if verdict.counterexample is not None:
                 assert lasso is not None
                 recording = verdict.counterexample.recording
-                if ways is Ways.SEARCH:
+                if choice is Engine.SEARCH:
                     assert len(recording.rounds) <= len(lasso.rounds), where
                 count["with junk"] += asked is not of
                 assert rerun(traced(NO_TEXT, asked, Numbers.EXACT, recording)) is None, where
@@ -56,15 +60,15 @@ def compare(seed: int, ways: Ways, most: int) -> Counter[str]:
 
 
 def test_slices_and_junk_change_nothing_that_is_said_of_whole_runs() -> None:
-    count = sum((compare(seed, Ways.SEARCH, 60) for seed in range(18)), Counter[str]())
+    count = sum((compare(seed, Engine.SEARCH, 60) for seed in range(18)), Counter[str]())
     assert count["with junk"] > 5, count
     assert count["holds"] > 10, count
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ways", [Ways.SEARCH, Ways.BITS, Ways.ALL])
+@pytest.mark.parametrize("choice", [Engine.SEARCH, Engine.BITS, None])
 @pytest.mark.parametrize("block", range(4))
-def test_slices_and_junk_change_nothing_of_many(ways: Ways, block: int) -> None:
+def test_slices_and_junk_change_nothing_of_many(choice: Engine | None, block: int) -> None:
     seeds = range(100 + block * 40, 140 + block * 40)
-    count = sum((compare(seed, ways, 400) for seed in seeds), Counter[str]())
+    count = sum((compare(seed, choice, 400) for seed in seeds), Counter[str]())
     assert count["with junk"] > 10, count

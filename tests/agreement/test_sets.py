@@ -17,7 +17,8 @@ from koord.traces.codec import decode, encode
 from koord.traces.itf import itf_value
 from koord.traces.rendering import show_value
 from koord.traces.replay import replay
-from koord.verify.strategy import Choice, verify
+from koord.verify.engine_names import Engine
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome
 from tests.semantics.driving import NO_TEXT
 from tests.verify.asking import of_text
@@ -48,7 +49,7 @@ invariant Few: length(seen) < 2
 """
 
 
-def said(text: str, robots: int, choice: Choice) -> dict[str, tuple[Outcome, int | None]]:
+def said(text: str, robots: int, choice: Engine | None) -> dict[str, tuple[Outcome, int | None]]:
     """What engines say of each claim that is settled, and the round in which it breaks."""
     report = verify(of_text(text, robots), Bounds(4), choice)
     return {
@@ -60,12 +61,12 @@ def said(text: str, robots: int, choice: Choice) -> dict[str, tuple[Outcome, int
 
 @pytest.mark.parametrize("robots", [2, 3])
 def test_engines_agree_about_a_set_that_robots_enter_and_leave(robots: int) -> None:
-    searched = said(CLAIMED, robots, Choice.SEARCH)
+    searched = said(CLAIMED, robots, Engine.SEARCH)
     assert searched["Few"] == (Outcome.VIOLATED, 2)
     held = {"Mine", "Small", "Counted", "no fault"}
     assert {name for name, (outcome, _) in searched.items() if outcome is Outcome.HOLDS} >= held
-    assert said(CLAIMED, robots, Choice.BITS) == searched
-    bounded = said(CLAIMED, robots, Choice.BMC)
+    assert said(CLAIMED, robots, Engine.BITS) == searched
+    bounded = said(CLAIMED, robots, Engine.BMC)
     assert {name: searched[name] for name in bounded} == bounded
     assert bounded["Few"] == (Outcome.VIOLATED, 2)
 

@@ -16,13 +16,14 @@ import pytest
 from koord.refinement.generating.profiles import FINITE, SYMMETRIC
 from koord.refinement.generating.programs import system
 from koord.syntax.system import System
-from koord.verify import strategy
+from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.findings import Exhausted
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.slices import Slices
-from koord.verify.strategy import Choice
+from koord.verify.strategy import verification
+from koord.verify.strategy.table import SAFETY
 from koord.verify.verdicts import Outcome
 from tests.generators.junk import with_junk
 from tests.generators.staged import staged
@@ -38,10 +39,10 @@ FAMILIES: dict[str, Callable[[Random], System]] = {
 ROUNDS = 4
 
 #: They look at one round after the other, or at all configurations in their order.
-IN_ORDER = (Choice.SEARCH, Choice.BMC)
+IN_ORDER = (Engine.SEARCH, Engine.BMC)
 
 #: abc is asked what bits are, by a program that may be missing.
-ENGINES = [choice for choice in Choice if choice is not Choice.ABC]
+ENGINES = [choice for choice in SAFETY if choice is not Engine.ABC]
 
 #: A claim's outcome; the round that breaks it, or those it was seen to hold for.
 Told = dict[str, tuple[Outcome, int | None]]
@@ -57,11 +58,11 @@ class Wholes(Slices, frozen=True):
         return self.everything
 
 
-def told(of: System, choice: Choice, slices: type[Slices] = Slices) -> Told:
+def told(of: System, choice: Engine | None, slices: type[Slices] = Slices) -> Told:
     """What is said of each claim that is not about junk; nobody asks what never happens."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(strategy, "Slices", slices)
-        patch.setattr(strategy, "look", lambda ledger: "")
+        patch.setattr(verification, "Slices", slices)
+        patch.setattr(verification, "look", lambda ledger: "")
         verdicts = list(ask(of, rounds=ROUNDS, choice=choice))
     return {
         v.claim.name: (v.outcome, v.rounds if v.counterexample is None else v.counterexample.round)
@@ -75,7 +76,7 @@ def is_small(of: System) -> bool:
     return isinstance(survey(of, of.program.properties, limits).end, Exhausted)
 
 
-def compare(of: System, choice: Choice, seed: int) -> Counter[str]:
+def compare(of: System, choice: Engine | None, seed: int) -> Counter[str]:
     """One engine on a program as a whole, on its slices, and on those of it with junk.
 
     A search sees all of the whole program, and so knows what is true of it.
@@ -84,7 +85,7 @@ def compare(of: System, choice: Choice, seed: int) -> Counter[str]:
         return Counter(["large"])
     junky = with_junk(of, Random(seed))
     assert not list(complaints(junky.program)), seed
-    truth, whole = told(of, Choice.SEARCH, Wholes), told(of, choice, Wholes)
+    truth, whole = told(of, Engine.SEARCH, Wholes), told(of, choice, Wholes)
     count: Counter[str] = Counter()
     for said in (told(of, choice), told(junky, choice)):
         assert said.keys() == truth.keys(), seed
@@ -108,18 +109,18 @@ def compare(of: System, choice: Choice, seed: int) -> Counter[str]:
     return count
 
 
-def compared(choice: Choice, seeds: Iterable[int]) -> Counter[str]:
+def compared(choice: Engine | None, seeds: Iterable[int]) -> Counter[str]:
     """The same of several programs of each family."""
     cases = [(make(Random(seed)), seed) for make in FAMILIES.values() for seed in seeds]
     return sum((compare(of, choice, seed) for of, seed in cases), Counter[str]())
 
 
 #: So many programs of each family are looked at by default.
-FEW = {Choice.SEARCH: 3, Choice.BMC: 2, Choice.INDUCTION: 1, Choice.BITS: 2, Choice.AUTO: 1}
+FEW = {Engine.SEARCH: 3, Engine.BMC: 2, Engine.INDUCTION: 1, Engine.BITS: 2, None: 1}
 
 
 @pytest.mark.parametrize("choice", FEW)
-def test_slices_and_junk_change_no_verdict(choice: Choice) -> None:
+def test_slices_and_junk_change_no_verdict(choice: Engine | None) -> None:
     count = compared(choice, range(FEW[choice]))
     assert count["holds"] + count["violated"] > 10, count
 
@@ -127,6 +128,6 @@ def test_slices_and_junk_change_no_verdict(choice: Choice) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("choice", ENGINES)
 @pytest.mark.parametrize("block", range(3))
-def test_slices_and_junk_change_no_verdict_of_many(choice: Choice, block: int) -> None:
+def test_slices_and_junk_change_no_verdict_of_many(choice: Engine | None, block: int) -> None:
     count = compared(choice, range(100 + block * 5, 105 + block * 5))
     assert count["holds"] + count["violated"] > 10, count

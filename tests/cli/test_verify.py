@@ -574,12 +574,12 @@ def test_an_engine_that_fails_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In the reasons, in a line of its own and as JSON; the exit code is that of the verdicts."""
-    from koord.verify.engines.bits.engine import ByBits
+    from koord.verify.engines.bits.engine import BitsEngine
 
-    def work(self: ByBits, ledger: object) -> None:
+    def work(self: BitsEngine, ledger: object, task: object) -> None:
         raise AssertionError("made to fail")
 
-    monkeypatch.setattr(ByBits, "work", work)
+    monkeypatch.setattr(BitsEngine, "work", work)
     path = tmp_path / "p.krd"
     path.write_text("local:\n    int x = 0\n\nA:\n    eff: x = 1\n\ninvariant P: x < 2\n")
     assert frame.main(["verify", str(path), "--engine", "bits"]) == Exit.UNKNOWN

@@ -24,8 +24,8 @@ AGREEMENT = "tests/agreement/test_symbols.py"
 ROUNDS = "tests/verify/encoding/test_rounds.py"
 BMC = "tests/verify/engines/bmc/test_engine.py"
 INDUCTION = "tests/verify/engines/induction/test_engine.py"
-PORTFOLIO = "tests/verify/test_strategy.py"
-SINGLY = "tests/verify/test_per_claim.py"
+PORTFOLIO = "tests/verify/strategy/test_verification.py"
+SINGLY = "tests/verify/strategy/test_each_claim_turn.py"
 WITNESS = "tests/verify/test_witness.py"
 FOOTPRINT = "tests/syntax/test_footprint.py"
 ABSTRACTION = "tests/verify/reduction/test_abstraction.py"
@@ -391,49 +391,49 @@ VERIFY = (
     ),
     Mutant(
         "induction assumes what it is to prove",
-        "verify.engines.induction.engine._Step.__init__",
+        "verify.engines.induction.proving._Step.__init__",
         "self._last = taken",
         "self._last = taken\nself._assumed.append(taken.middle)",
         (INDUCTION,),
     ),
     Mutant(
         "induction skips the middle of the round",
-        "verify.engines.induction.engine._Step.__init__",
+        "verify.engines.induction.proving._Step.__init__",
         "taken.moments",
         "taken.moments[-1:]",
         (INDUCTION,),
     ),
     Mutant(
         "induction does not look inside the round",
-        "verify.engines.induction.engine._Step.__init__",
+        "verify.engines.induction.proving._Step.__init__",
         "taken.moments",
         "taken.moments[-2:]",
         (INDUCTION,),
     ),
     Mutant(
         "induction proves what it had no time for",
-        "verify.engines.induction.engine._Step._broken_by",
+        "verify.engines.induction.proving._Step._broken_by",
         '{claim: "timeout" if deadline.is_near() else "too much for the solver"}',
         "{}",
         (INDUCTION,),
     ),
     Mutant(
         "induction does not mind what it does not cover",
-        "verify.engines.induction.engine.prove",
+        "verify.engines.induction.proving.prove",
         "not within_limits",
         "not candidates",
         (INDUCTION,),
     ),
     Mutant(
         "claims that fail stay lemmas",
-        "verify.engines.induction.engine.prove",
+        "verify.engines.induction.proving.prove",
         "[*given, *candidates]",
         "[*given, *claims]",
         (INDUCTION,),
     ),
     Mutant(
         "induction believes what did not replay",
-        "verify.engines.workers.ByInduction.over",
+        "verify.engines.induction.engine.InductionEngine._over",
         "[c for c in ledger.open() if c not in bounded.unreplayed]",
         "ledger.open()",
         (PORTFOLIO,),
@@ -461,21 +461,21 @@ VERIFY = (
     ),
     Mutant(
         "rounds that were looked at meanwhile count whatever was proved",
-        "verify.per_claim.ByRounds.work",
+        "verify.strategy.each_claim_turn.EachClaimTurn.work",
         "ledger.open() != open_",
         "not open_",
         (SINGLY,),
     ),
     Mutant(
         "others go on for ever where one is violated",
-        "verify.per_claim.ByRounds.work",
+        "verify.strategy.each_claim_turn.EachClaimTurn.work",
         "ledger.is_violated or not tired",
         "not tired",
         (SINGLY,),
     ),
     Mutant(
         "what takes longer than a slice is given up",
-        "verify.per_claim._slices",
+        "verify.strategy.each_claim_turn._slices",
         "[*SLICES, AT_LAST] if wanting > 1 else [AT_LAST]",
         "[SLICES[0]]",
         (SINGLY,),
@@ -622,7 +622,7 @@ VERIFY = (
     ),
     Mutant(
         "a step of three rounds rests on one",
-        "verify.engines.workers.ByInduction.over",
+        "verify.engines.induction.engine.InductionEngine._over",
         "not claims or bounded.completed is None or bounded.completed < depth - 1",
         "not claims or bounded.completed is None",
         ("tests/verify/engines/induction/test_engine.py",),
@@ -706,21 +706,21 @@ VERIFY = (
     ),
     Mutant(
         "after a crash a claim has all of its time again",
-        "verify.time_limits._Asking.each",
+        "verify.strategy.time_limits._Asking.each",
         "left_s[name] - job.lasted_s",
         "left_s[name]",
-        ("tests/verify/test_time_limits.py",),
+        ("tests/verify/strategy/test_time_limits.py",),
     ),
     Mutant(
         "where all is answered proofs cost as much as ever",
-        "verify.engines.workers.ByInduction._effort",
+        "verify.engines.induction.engine.InductionEngine._effort",
         "ledger.wanting",
         "ledger.open",
         ("tests/verify/engines/induction/test_engine.py",),
     ),
     Mutant(
         "what two robots cannot do no number can",
-        "verify.strategy._Beside.end",
+        "verify.strategy.verification._Beside.end",
         "self.of_any_number",
         "False",
         (VACUITY,),

@@ -6,7 +6,7 @@ from tests.mutants.mutant import Mutant
 
 DAMAGE = "tests/recheck/test_damage.py"
 CRASHING = "tests/recheck/test_crashing.py"
-WAYS = "tests/verify/test_strategy.py"
+WAYS = "tests/verify/strategy/test_verification.py"
 SCRIPTS = "tests/verify/export/test_smtlib.py"
 EXPORTS = "tests/cli/test_exporting.py"
 

@@ -255,17 +255,17 @@ SHOWN = (
     ),
     Mutant(
         "what is spent on all together does not count for each",
-        "verify.time_limits.verify_apart",
+        "verify.strategy.time_limits.verify_apart",
         "max(0.0, claim_s - (time.monotonic() - started))",
         "claim_s",
-        ("tests/verify/test_time_limits.py",),
+        ("tests/verify/strategy/test_time_limits.py",),
     ),
     Mutant(
         "what a process told of before it was ended is lost",
-        "verify.time_limits._Asking._known",
+        "verify.strategy.time_limits._Asking._known",
         "past.verdict(claim.name)",
         "None",
-        ("tests/verify/test_time_limits.py",),
+        ("tests/verify/strategy/test_time_limits.py",),
     ),
     Mutant(
         "a variable that cannot be followed is not named",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 SLICES = "tests/verify/reduction/test_slices.py"
-ASKING = "tests/verify/reduction/test_sliced_problems.py"
+ASKING = "tests/verify/strategy/test_slices_turn.py"
 ENGINES = "tests/agreement/test_slices.py"
 LIVE = "tests/agreement/test_live_slices.py"
 HAPPENING = "tests/verify/reduction/test_happening.py"
@@ -63,7 +63,7 @@ CONE = (
     ),
     Mutant(
         "cone: what only the shared slice breaks is not asked of the whole program",
-        "verify.strategy.verify",
+        "verify.strategy.verification.verify",
         "part is system and not subject.is_abstract",
         "not subject.is_abstract",
         (ASKING,),
@@ -133,7 +133,7 @@ CONE = (
     ),
     Mutant(
         "cone: a lasso that is only one of a slice leaves it at that",
-        "verify.liveness_strategy.settled",
+        "verify.strategy.liveness.settled",
         "asking.doubted()",
         "[]",
         (ASKING,),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.mutants.mutant import Mutant
 
-ENGINES = "tests/verify/test_failing_engines.py"
+ENGINES = "tests/verify/strategy/test_failing_engines.py"
 PARTS = "tests/cli/test_failing_parts.py"
 EXTREMES = "tests/cli/test_extremes.py"
 WAYS_OF_PARAMS = "tests/cli/test_params_by_every_way.py"
@@ -76,7 +76,7 @@ FAILING = (
     Mutant(
         "that IC3 gave up is not told",
         "verify.engines.bits.engine._Run._search",
-        'self.no_invariant = NoInvariant(self.engine, "PDR" if self.abc else "IC3")',
+        "self.no_invariant = NoInvariant(self.engine, who)",
         "pass",
         (OBSTACLES,),
     ),
@@ -96,7 +96,7 @@ FAILING = (
     ),
     Mutant(
         "an engine that hangs has all the time",
-        "verify.resumption.Steps.take",
+        "verify.strategy.resumption.Steps.take",
         "None if is_last else ended",
         "None",
         (ENGINES,),
@@ -110,7 +110,7 @@ FAILING = (
     ),
     Mutant(
         "a proof that hangs has all the time of the rounds",
-        "verify.per_claim.asked",
+        "verify.strategy.each_claim_turn.asked",
         "tell.lasting(ended)",
         "pass",
         (ENGINES,),

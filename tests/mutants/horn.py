@@ -37,7 +37,7 @@ HORN = (
     ),
     Mutant(
         "spacer: nobody looks at the rounds below a violation",
-        "verify.engines.horn.engine.BySpacer._show",
+        "verify.engines.horn.engine.HornEngine._show",
         "_first(ledger, claim, shown)",
         "_First(shown, fewest=True)",
         ("tests/agreement/test_fewest.py",),
@@ -51,7 +51,7 @@ HORN = (
     ),
     Mutant(
         "fewest: a list that may be longer breaks nothing sooner",
-        "verify.bounded_check.Bounded.check",
+        "verify.bounded_check.BoundedCheck.check",
         "has_fewest(shown, self.covered)",
         "True",
         ("tests/agreement/test_fewest.py",),

@@ -16,7 +16,8 @@ from koord.syntax.source import Source
 from koord.syntax.system import dealt
 from koord.verify.certificates import Texts, certificate, digest, shown_by
 from koord.verify.effort import Deadline
-from koord.verify.strategy import Choice, verify
+from koord.verify.engine_names import Engine
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds
 from tests.recheck.certificates import Document
 
@@ -131,7 +132,7 @@ def _written(file: str, robots: int) -> str:
     assert program is not None
     system = dealt(program, robots)
     # Only the first is for every number of robots: that takes longer.
-    choice = Choice.AUTO if robots == 1 else Choice.INDUCTION
+    choice = None if robots == 1 else Engine.INDUCTION
     shown = shown_by(verify(system, Bounds(4, 20.0), choice))
     made = certificate(system, Texts(source, (), settings), shown, Deadline.after(30), "test")
     assert made is not None

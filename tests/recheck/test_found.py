@@ -15,8 +15,9 @@ from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.verify.certificates import Texts, certificate, shown_by
 from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bits.abc import installed
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds
 from tests.recheck.certificates import Document, rechecked, with_text
 from tests.sampling import but_slow
@@ -35,7 +36,7 @@ pytest.importorskip("cvc5")
 
 
 @cache
-def _made(text: str, kinds: tuple[int, ...], choice: Choice) -> str:
+def _made(text: str, kinds: tuple[int, ...], choice: Engine | None) -> str:
     source, settings = Source("test.krd", text), Settings({})
     program = load(source, settings).program
     assert program is not None
@@ -47,7 +48,9 @@ def _made(text: str, kinds: tuple[int, ...], choice: Choice) -> str:
     return json.dumps(made.document)
 
 
-def made(text: str, kinds: tuple[int, ...] = (0, 0, 0), choice: Choice = Choice.BITS) -> Document:
+def made(
+    text: str, kinds: tuple[int, ...] = (0, 0, 0), choice: Engine | None = Engine.BITS
+) -> Document:
     """A certificate as ``koord verify --engine bits --certificate`` writes it; a copy."""
     return dict(json.loads(_made(text, kinds, choice)))
 
@@ -97,7 +100,7 @@ def test_what_ic3_finds_is_confirmed(text: str, kinds: tuple[int, ...]) -> None:
 
 @pytest.mark.skipif(installed() is None, reason="needs abc")
 def test_what_abc_finds_is_confirmed() -> None:
-    assert outcome(made(alone("task.krd", "Exclusive"), choice=Choice.ABC)) is Outcome.CONFIRMED
+    assert outcome(made(alone("task.krd", "Exclusive"), choice=Engine.ABC)) is Outcome.CONFIRMED
 
 
 def test_without_one_of_its_parts_it_is_refuted() -> None:
@@ -144,7 +147,7 @@ def test_what_cannot_be_said_is_not_covered_with_its_reason() -> None:
     program = load(source, Settings({})).program
     assert program is not None
     system = System(program, (0, 0))
-    shown = shown_by(verify(system, Bounds(3), Choice.BITS))
+    shown = shown_by(verify(system, Bounds(3), Engine.BITS))
     found = certificate(system, Texts(source, (), Settings({})), shown, Deadline.after(60), "test")
     assert found is not None
     assert found.not_covered == {

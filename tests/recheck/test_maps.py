@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from koord.recheck.checking import Outcome
-from koord.verify.strategy import Choice
+from koord.verify.engine_names import Engine
 from tests.recheck.certificates import rechecked, with_text
 from tests.recheck.test_found import made
 
@@ -51,8 +51,8 @@ invariant Visits: visits == {1: 0} and length(visits) == 1
 KINDS = (0, 0)
 
 
-@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BITS], ids=["auto", "bits"])
-def test_claims_about_maps_are_confirmed(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [None, Engine.BITS], ids=["auto", "bits"])
+def test_claims_about_maps_are_confirmed(choice: Engine | None) -> None:
     document = made(LOCKERS, KINDS, choice)
     assert [c["name"] for c in document["claims"]] == ["Here", "Owner", "Visits", "no fault"]
     assert rechecked(document).outcome is Outcome.CONFIRMED
@@ -126,6 +126,6 @@ Come:
 
 invariant Noted: forall i: here@i implies contains(came, i)
 """
-    document = made(text, KINDS, Choice.AUTO)
+    document = made(text, KINDS, None)
     assert "no lost update of came" in [c["name"] for c in document["claims"]]
     assert rechecked(document).outcome is Outcome.CONFIRMED

@@ -19,7 +19,7 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.certificates import Texts, certificate, shown_by
 from koord.verify.effort import Deadline
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds
 from tests.recheck.certificates import EXAMPLES, rechecked
 
@@ -109,7 +109,7 @@ def written(text: str, robots: int) -> Rechecked | None:
 
 
 def _of(source: Source, settings: Settings, system: System, seconds: float) -> Rechecked | None:
-    shown = shown_by(verify(system, Bounds(3, seconds), Choice.AUTO))
+    shown = shown_by(verify(system, Bounds(3, seconds), None))
     if not shown.holding:
         return None
     texts = Texts(source, (), settings)

@@ -7,7 +7,7 @@ import pytest
 from koord.syntax.analysis.always_met import always_met
 from koord.syntax.analysis.auxiliary import auxiliary
 from koord.syntax.core import Home
-from koord.verify.strategy import verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome
 from tests.verify.asking import of_text
 

@@ -16,9 +16,10 @@ from koord.syntax.budget import OutOfPatienceError, Patience
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
+from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.findings import OutOfBounds
 from koord.verify.engines.explicit.search import search
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome
 from tests.semantics.driving import drive
 
@@ -73,9 +74,9 @@ def test_a_turn_is_cut_short() -> None:
     assert driven.run.configuration is before
 
 
-@pytest.mark.parametrize("choice", [Choice.BMC, Choice.INDUCTION, Choice.AUTO])
+@pytest.mark.parametrize("choice", [Engine.BMC, Engine.INDUCTION, None])
 @pytest.mark.parametrize("text", [WIDE, MANY], ids=["wide", "many"])
-def test_writing_formulas_ends_in_time(text: str, choice: Choice) -> None:
+def test_writing_formulas_ends_in_time(text: str, choice: Engine | None) -> None:
     report = verify(system(text, 12), Bounds(rounds=50, timeout_s=0.01), choice)
     assert report.outcome is Outcome.UNKNOWN
     assert not report.interrupted
@@ -161,8 +162,8 @@ def looped(bodies: int, depth: int) -> str:
     [nested(2, 95), nested(3, 70), nested(20, 5), looped(2, 45), looped(4, 22), looped(12, 4)],
     ids=["expression", "expressions", "calls", "loops", "loops of loops", "short loops"],
 )
-@pytest.mark.parametrize("choice", [Choice.BMC, Choice.SEARCH])
-def test_what_is_as_deep_as_may_be_overflows_nobody(text: str, choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [Engine.BMC, Engine.SEARCH])
+def test_what_is_as_deep_as_may_be_overflows_nobody(text: str, choice: Engine | None) -> None:
     subject = system(text, 1)
     report = verify(subject, Bounds(rounds=1, timeout_s=0.5), choice)
     assert report.outcome in (Outcome.HOLDS, Outcome.UNKNOWN)

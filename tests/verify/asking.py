@@ -14,11 +14,12 @@ from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
-from koord.verify.bounded_check import Bounded
+from koord.verify.bounded_check import BoundedCheck
 from koord.verify.claims import Claim, Phase, claims_of
 from koord.verify.effort import Deadline
-from koord.verify.engines.induction.engine import prove
-from koord.verify.strategy import Choice, verify
+from koord.verify.engine_names import Engine
+from koord.verify.engines.induction.proving import prove
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Counterexample, Outcome, Report, Verdict
 from koord.verify.witness import replayed
 
@@ -30,7 +31,7 @@ class Checked:
     """What bounded model checking said, by name of the claim."""
 
     violated: dict[str, Counterexample]
-    bounded: Bounded
+    bounded: BoundedCheck
     system: System
 
     @property
@@ -59,7 +60,7 @@ def bounded(
 ) -> Checked:
     """Bounded model checking of all claims, without simplifying what it finds."""
     system = system_of(program, robots)
-    check = Bounded(system, partial(judged, system), seed)
+    check = BoundedCheck(system, partial(judged, system), seed)
     found = check.check(claims_of(system), (), rounds, Deadline.after(SECONDS))
     shown = {}
     for claim, verdict in found.items():
@@ -91,7 +92,7 @@ def ask(
     program: core.Program | System,
     robots: int = 2,
     rounds: int = 5,
-    choice: Choice = Choice.AUTO,
+    choice: Engine | None = None,
     *,
     seed: int = 0,
 ) -> Answers:

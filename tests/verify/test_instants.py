@@ -20,8 +20,9 @@ from koord.semantics.rounds import evolved
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.instants import Shadowed, instant_of, shadowed, verified
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.verify.asking import of_text
 
@@ -32,7 +33,7 @@ def shadows_of(text: str, robots: int = 2, delta: Fraction = Fraction(1)) -> Sha
     return shadowed(of_text(text, robots, delta), Deadline())
 
 
-def asked(shadows: Shadowed, choice: Choice = Choice.AUTO) -> dict[str, Verdict]:
+def asked(shadows: Shadowed, choice: Engine | None = None) -> dict[str, Verdict]:
     report = verified(shadows, Bounds(4, 60, 1), choice)
     return {verdict.claim.name: verdict for verdict in report.verdicts}
 
@@ -67,7 +68,7 @@ invariant Apart: forall i, j: i != j implies abs(Rail.x@i - Rail.x@j) > 0.5
 
 def violated(text: str, name: str) -> tuple[Shadowed, Verdict]:
     shadows = shadows_of(text)
-    verdict = asked(shadows, Choice.BMC)[name]
+    verdict = asked(shadows, Engine.BMC)[name]
     assert verdict.outcome is Outcome.VIOLATED
     return shadows, verdict
 
@@ -95,7 +96,7 @@ def test_robots_that_are_apart_at_the_ends_meet_in_between() -> None:
         .replace("return -2.0", "return -4.0")
     )
     program = of_text(text)
-    report = verify(program, Bounds(1, 60, 1), Choice.BMC, names=["Apart"])
+    report = verify(program, Bounds(1, 60, 1), Engine.BMC, names=["Apart"])
     assert [v.outcome for v in report.verdicts] == [Outcome.HOLDS]
     shadows, verdict = violated(text, "Apart between rounds")
     found = verdict.counterexample

@@ -11,8 +11,11 @@ import z3
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
-from koord.verify import per_claim, processes
-from koord.verify.strategy import Choice, verify
+from koord.verify import processes
+from koord.verify.engine_names import Engine
+from koord.verify.strategy import each_claim_turn
+from koord.verify.strategy.table import SAFETY
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome
 
 TEXT = """
@@ -35,7 +38,7 @@ invariant Few: sum < 40
 """
 
 #: Those that ask Z3.
-ENGINES = [Choice.AUTO, Choice.BMC, Choice.INDUCTION, Choice.EVERY_N, Choice.SPACER]
+ENGINES = [None, Engine.BMC, Engine.INDUCTION, Engine.EVERY_N, Engine.SPACER]
 
 #: More than is needed; in whole seconds, to be told from Z3's own default.
 BUDGET_S = 60.0
@@ -50,12 +53,12 @@ def system() -> System:
 
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(processes, "can_fork", lambda: False)
-    monkeypatch.setattr(per_claim, "can_fork", lambda: False)
+    monkeypatch.setattr(each_claim_turn, "can_fork", lambda: False)
 
 
-@pytest.mark.parametrize("choice", ENGINES, ids=lambda choice: choice.name)
+@pytest.mark.parametrize("choice", ENGINES, ids=str)
 def test_no_question_is_asked_without_a_limit(
-    system: System, choice: Choice, monkeypatch: pytest.MonkeyPatch
+    system: System, choice: Engine | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     in_this_process(monkeypatch)
     limits: dict[int, dict[str, int]] = {}
@@ -84,9 +87,9 @@ def test_no_question_is_asked_without_a_limit(
         assert is_quick or 0 < each.get("timeout", 0) <= BUDGET_S * 1000, each
 
 
-@pytest.mark.parametrize("choice", list(Choice), ids=lambda choice: choice.name)
+@pytest.mark.parametrize("choice", list(SAFETY), ids=str)
 def test_the_clock_is_looked_at(
-    system: System, choice: Choice, monkeypatch: pytest.MonkeyPatch
+    system: System, choice: Engine | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of a clock on which each look takes a second, few looks are taken after the time is up."""
     in_this_process(monkeypatch)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.verify.strategy import Choice
+from koord.verify.engine_names import Engine
 from koord.verify.verdicts import Outcome
 from tests.verify.asking import ask, of_text
 
@@ -24,8 +24,8 @@ def lockers(key: str) -> str:
     )
 
 
-@pytest.mark.parametrize("choice", [Choice.SEARCH, Choice.BMC, Choice.BITS, Choice.AUTO])
-def test_two_robots_that_write_parts_of_one_entry_lose_an_update(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [Engine.SEARCH, Engine.BMC, Engine.BITS, None])
+def test_two_robots_that_write_parts_of_one_entry_lose_an_update(choice: Engine | None) -> None:
     """Neither reads the map, but what each writes is the whole entry as it was before."""
     found = ask(of_text(lockers("0")), choice=choice)[CLAIM]
     assert found.outcome is Outcome.VIOLATED
@@ -34,6 +34,6 @@ def test_two_robots_that_write_parts_of_one_entry_lose_an_update(choice: Choice)
     assert "updates what it read before" in found.counterexample.detail
 
 
-@pytest.mark.parametrize("choice", [Choice.SEARCH, Choice.BMC, Choice.BITS, Choice.AUTO])
-def test_parts_of_entries_under_different_keys_lose_nothing(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [Engine.SEARCH, Engine.BMC, Engine.BITS, None])
+def test_parts_of_entries_under_different_keys_lose_nothing(choice: Engine | None) -> None:
     assert ask(of_text(lockers("pid")), choice=choice).outcome(CLAIM) is Outcome.HOLDS

@@ -31,7 +31,7 @@ from koord.verify.engines.explicit.findings import Subject
 from koord.verify.engines.explicit.finiteness import NotFinite
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
-from koord.verify.strategy import verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.agreement.test_engines import NAMES
 from tests.generators.mutating import Mutant, mutants

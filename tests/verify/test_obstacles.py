@@ -21,10 +21,12 @@ from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import engine as bits_engine
+from koord.verify.engines.engine import Task
 from koord.verify.ledger import Ledger
 from koord.verify.obstacles import NotInductive, TimeUp, TooLong, Values, WholeRuns
 from koord.verify.reduction.problems import plain_subject
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.table import SAFETY
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.generators.large import large
 
@@ -60,7 +62,7 @@ Rise:
 invariant Low: level * level * level < 1000000
 """
 
-CHOICES = [c for c in Choice if c is not Choice.ABC]
+CHOICES = [c for c in SAFETY if c is not Engine.ABC]
 
 
 def program_of(text: str) -> core.Program:
@@ -69,17 +71,17 @@ def program_of(text: str) -> core.Program:
     return program
 
 
-def asked(text: str, choice: Choice, timeout_s: float | None = None) -> tuple[Verdict, ...]:
+def asked(text: str, choice: Engine | None, timeout_s: float | None = None) -> tuple[Verdict, ...]:
     system: System = dealt(program_of(text), 2)
     return verify(system, Bounds(2, timeout_s), choice).verdicts
 
 
 @pytest.mark.parametrize(
     ("text", "choice"),
-    [*product([OPEN, STARTS], [c for c in CHOICES if c is not Choice.AUTO])],
-    ids=lambda value: value.value if isinstance(value, Choice) else "",
+    [*product([OPEN, STARTS], [c for c in CHOICES if c is not None])],
+    ids=lambda value: value.value if isinstance(value, Engine) else "",
 )
-def test_whatever_is_unknown_says_what_stands_in_the_way(text: str, choice: Choice) -> None:
+def test_whatever_is_unknown_says_what_stands_in_the_way(text: str, choice: Engine | None) -> None:
     for verdict in asked(text, choice, 2.0):
         said = obstacles.lines(verdict.obstacles, verdict.claim.name)
         assert bool(said) is (verdict.outcome is Outcome.UNKNOWN), (choice, verdict)
@@ -98,7 +100,7 @@ invariant Odd: forall i: x@i != 7
 
 def test_a_number_that_grows_too_long_is_named() -> None:
     system = dealt(program_of(SQUARES), 1)
-    (odd, *_) = verify(system, Bounds(30), Choice.SEARCH).verdicts
+    (odd, *_) = verify(system, Bounds(30), Engine.SEARCH).verdicts
     assert odd.outcome is Outcome.UNKNOWN
     assert TooLong(Engine.SEARCH, ("x",)) in odd.obstacles
     lines = obstacles.lines(odd.obstacles, "Odd")
@@ -110,7 +112,6 @@ def test_who_looked_for_an_invariant_and_found_none_is_named(
     rounds: int, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also where all rounds that were asked about have been looked at."""
-    monkeypatch.setattr(bits_engine, "FEW_QUESTIONS", 0)
     text = """
 allwrite:
     int x = 0
@@ -125,7 +126,7 @@ invariant Odd: y != 7 or x != 9
     system = dealt(program_of(text), 2)
     (odd, *_) = claims = claims_of(system)
     ledger = Ledger(plain_subject(system), Bounds(rounds), Deadline.after(None), claims, 0, print)
-    bits_engine.ByBits(sparing=True).work(ledger)
+    bits_engine.BitsEngine().work(ledger, Task(questions=0))
     verdict = ledger.verdict(odd)
     assert verdict.outcome is outcome
     (line,) = obstacles.lines(verdict.obstacles, "Odd")
@@ -141,7 +142,7 @@ Step:
 invariant Odd: forall i: x@i != 91
 """
     system = dealt(program_of(text), 1)
-    report = verify(system, Bounds(2), Choice.INDUCTION)
+    report = verify(system, Bounds(2), Engine.INDUCTION)
     odd = report.verdicts[0]
     assert (odd.outcome, odd.rounds) == (Outcome.HOLDS, 2)
     assert [type(each) for each in odd.obstacles] == [NotInductive]
@@ -150,12 +151,12 @@ invariant Odd: forall i: x@i != 91
     shown = "\n".join(verdicts.lines(whole, Style()))
     assert "a proof for all rounds was looked for besides, and given up, of Odd:" in shown
     assert "'kind': 'NotInductive'" in str(whole.to_dict())
-    (alone, *_) = verify(system, Bounds(2), Choice.BMC).verdicts
+    (alone, *_) = verify(system, Bounds(2), Engine.BMC).verdicts
     assert alone.outcome is Outcome.HOLDS
     assert not alone.obstacles  # nobody looked for one
 
 
-def assert_said(system: System, choice: Choice, where: object) -> int:
+def assert_said(system: System, choice: Engine | None, where: object) -> int:
     """How many claims are unknown; each names engine, variable or claim, and cure."""
     count = 0
     for verdict in verify(system, Bounds(2, 1.0), choice).verdicts:
@@ -177,13 +178,13 @@ def is_of_none(verdict: Verdict) -> bool:
 
 
 #: Engines that leave much open.
-LEAVING = (Choice.SEARCH, Choice.INDUCTION, Choice.BITS)
+LEAVING = (Engine.SEARCH, Engine.INDUCTION, Engine.BITS)
 
 
 @pytest.mark.parametrize("name", ["lineform", "hvac"])
 def test_every_unknown_of_an_example_says_why(name: str) -> None:
     text = (EXAMPLES / f"{name}.krd").read_text(encoding="utf-8")
-    assert assert_said(dealt(program_of(text), 2), Choice.SEARCH, name) > 0
+    assert assert_said(dealt(program_of(text), 2), Engine.SEARCH, name) > 0
 
 
 @pytest.mark.slow
@@ -191,7 +192,7 @@ def test_every_unknown_of_an_example_says_why(name: str) -> None:
 def test_every_unknown_of_all_examples_says_why(path: Path) -> None:
     program = program_of(path.read_text(encoding="utf-8"))
     if len(program.agents) == 1:
-        for choice in (*LEAVING, Choice.SPACER, Choice.BMC):
+        for choice in (*LEAVING, Engine.SPACER, Engine.BMC):
             assert_said(dealt(program, 2), choice, path.stem)
 
 
@@ -203,20 +204,20 @@ def test_every_unknown_of_generated_programs_says_why(seeds: range) -> None:
 
 
 def test_the_search_names_what_it_cannot_follow() -> None:
-    found = {v.claim.name: v.obstacles for v in asked(STARTS, Choice.SEARCH)}
+    found = {v.claim.name: v.obstacles for v in asked(STARTS, Engine.SEARCH)}
     assert [o.names for o in found["Low"] if isinstance(o, Values)] == [("level",)]
-    found = {v.claim.name: v.obstacles for v in asked(OPEN, Choice.SEARCH)}
+    found = {v.claim.name: v.obstacles for v in asked(OPEN, Engine.SEARCH)}
     assert [o.names for o in found["Near"] if isinstance(o, Values)] == [("Watch.speed",)]
     assert [o.names for o in found["Gone"] if isinstance(o, Values)] == [("Watch.speed",)]
 
 
 def test_engines_that_know_nothing_of_whole_runs_are_told_from_those_that_do() -> None:
-    found = {v.claim.name: v.obstacles for v in asked(OPEN, Choice.INDUCTION)}
+    found = {v.claim.name: v.obstacles for v in asked(OPEN, Engine.INDUCTION)}
     assert found["Gone"] == (WholeRuns(),)
 
 
 @pytest.mark.parametrize("choice", CHOICES)
-def test_when_time_is_up_more_of_it_would_help(choice: Choice) -> None:
+def test_when_time_is_up_more_of_it_would_help(choice: Engine | None) -> None:
     left = [v for v in asked(STARTS, choice, 0.0) if v.outcome is Outcome.UNKNOWN]
     assert "Low" in {verdict.claim.name for verdict in left}
     for verdict in left:

@@ -8,8 +8,9 @@ from koord.syntax.analysis.premises import Premise, PremiseKind, premises, witho
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
+from koord.verify.engine_names import Engine
 from koord.verify.proof_core import Resting, resting
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome
 
 ROVER = """
@@ -54,7 +55,7 @@ def system(text: str = ROVER, robots: int = 2) -> System:
     return dealt(made, robots)
 
 
-def found(of: System, choice: Choice = Choice.AUTO) -> Resting:
+def found(of: System, choice: Engine | None = None) -> Resting:
     report = verify(of, Bounds(5), choice)
     assert report.outcome is Outcome.HOLDS
     return resting(of, report.verdicts, Bounds(5))
@@ -76,7 +77,7 @@ def test_all_premises_are_told() -> None:
 
 
 def test_what_is_needed_stays_and_the_rest_goes() -> None:
-    for choice in (Choice.AUTO, Choice.INDUCTION):
+    for choice in (None, Engine.INDUCTION):
         told = found(system(), choice)
         assert set(told.claims) == {"Seen", "Above", "no fault"}
         assert names(told.needed) == [
@@ -116,7 +117,7 @@ def test_a_model_is_no_premise() -> None:
 
 def test_what_holds_for_some_rounds_rests_on_nothing_that_is_told() -> None:
     of = system()
-    report = verify(of, Bounds(2), Choice.BMC)
+    report = verify(of, Bounds(2), Engine.BMC)
     told = resting(of, report.verdicts, Bounds(2))
     assert (told.claims, told.needed, told.spare) == ((), (), ())
     assert len(told.untried) == 6

@@ -10,10 +10,10 @@ from koord.semantics.storage import Cell, Storage
 from koord.semantics.values import MOST_ROOM, Table
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling
+from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.findings import Exhausted
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
-from koord.verify.strategy import Choice
 from koord.verify.verdicts import Outcome
 from tests.sampling import but_slow
 from tests.verify.asking import ask, bounded, inductive, of_text
@@ -120,13 +120,13 @@ invariant Some: length(xs) > 0
 def test_lists_that_double_are_given_up() -> None:
     """Without a limit the circuit of one round would take all memory."""
     system = of_text(DOUBLING, robots=1)
-    asked = ask(system, rounds=12, choice=Choice.BITS)
+    asked = ask(system, rounds=12, choice=Engine.BITS)
     verdict = asked["Some"]
     assert (verdict.outcome, verdict.rounds) == (Outcome.UNKNOWN, None)
     assert "lists grow beyond what is followed" in verdict.reason
     # Nothing here can fault, however long the list is. [T-CONE]
     assert asked.outcome("no fault") is Outcome.HOLDS
-    some = ask(system, rounds=12, choice=Choice.BMC)["Some"]
+    some = ask(system, rounds=12, choice=Engine.BMC)["Some"]
     assert some.outcome is Outcome.UNKNOWN
     assert f"more than {MOST_ROOM} elements" in some.reason
     assert some.rounds == 8

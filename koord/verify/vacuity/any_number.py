@@ -19,8 +19,7 @@ from koord.syntax.types import BOOL
 from koord.syntax.walk import reached, statements, written
 from koord.verify.claims import Claim, ClaimKind
 from koord.verify.effort import Effort
-from koord.verify.engines.every_n.candidates import candidates
-from koord.verify.engines.every_n.engine import FEW
+from koord.verify.engines.every_n.candidates import FEW, candidates
 from koord.verify.engines.every_n.proving import SPARING, infer, prove
 from koord.verify.ledger import Ledger
 from koord.verify.reachability_goals import idle, wishes_of

@@ -26,7 +26,7 @@ from koord.verify.encoding.solver import Answer
 from koord.verify.encoding.terms import Term
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engines.explicit.limits import FEW_STATES, Limits
-from koord.verify.engines.induction.engine import prove
+from koord.verify.engines.induction.proving import prove
 from koord.verify.ledger import Ledger
 from koord.verify.verdicts import Counterexample, Outcome
 from koord.verify.witness import NotReplayedError
@@ -317,9 +317,7 @@ def never_broken(
             found |= set(result.proved)
             pending = [claim for claim in pending if claim not in found]
     if pending and not ledger.subject.is_abstract:
-        from koord.verify.engines.explicit.engine import (
-            exhaust,  # seldom needed, and takes a while to load
-        )
+        from koord.verify.engines.explicit.exhaustive import exhaust
 
         few = Limits(states=FEW_STATES)
         searched = exhaust(system, pending, few, deadline, _unshown, lambda text: None)

@@ -22,12 +22,13 @@ from koord.syntax.types import (
     Type,
 )
 from koord.syntax.walk import nodes
-from koord.verify.bounded_check import Bounded
+from koord.verify.bounded_check import BoundedCheck
 from koord.verify.claims import Claim, Phase, claims_of
 from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.reduction.concretion import Concretion
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Counterexample, Outcome
 from koord.verify.witness import replayed
 from tests.semantics import programs
@@ -181,14 +182,14 @@ def test_types_stay_apart() -> None:
 # --- verdicts -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.INDUCTION, Choice.BMC])
-def test_what_holds_of_opaque_values_holds(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [None, Engine.INDUCTION, Engine.BMC])
+def test_what_holds_of_opaque_values_holds(choice: Engine | None) -> None:
     asked = ask(planner().program(), robots=3, rounds=3, choice=choice)
     assert asked.outcome("Apart") is Outcome.HOLDS
 
 
-@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BMC])
-def test_a_violation_is_shown_with_real_values(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [None, Engine.BMC])
+def test_a_violation_is_shown_with_real_values(choice: Engine | None) -> None:
     """[REPLAY]: of the program itself, not of its abstraction."""
     system = dealt(planner(locked=False).program(), 3)
     shown = ask(system, rounds=3, choice=choice)["Apart"].counterexample
@@ -214,7 +215,7 @@ def made_of_parts() -> Build:
 def test_records_made_of_parts_are_told_apart_after_all() -> None:
     """Of a record that is made nothing is known but its parts: the replay knows more."""
     assert hidden(made_of_parts()) == {POS}
-    for choice in (Choice.BMC, Choice.AUTO):
+    for choice in (Engine.BMC, None):
         asked = ask(made_of_parts().program(), rounds=2, choice=choice)
         assert asked.outcome("Never") is Outcome.HOLDS
 
@@ -244,7 +245,7 @@ def test_a_dropped_promise_is_kept_after_all() -> None:
     b.event("Back", b.ask("next", here).eq(here), never.set(True))
     b.invariant("NoStep", forall(I, ~never.at(I)))
     assert abstracted(b.program()) is not None
-    for choice in (Choice.BMC, Choice.AUTO):
+    for choice in (Engine.BMC, None):
         assert ask(b.program(), robots=1, rounds=2, choice=choice).outcome("NoStep") is (
             Outcome.HOLDS
         )
@@ -274,7 +275,7 @@ def test_a_promise_can_be_kept_by_an_answer_that_is_made_up() -> None:
     found = abstracted(program)
     assert found is not None
     assert PATH in found.hidden.values()
-    shown = ask(program, robots=1, rounds=3, choice=Choice.BMC)["Two"].counterexample
+    shown = ask(program, robots=1, rounds=3, choice=Engine.BMC)["Two"].counterexample
     assert shown is not None
     for round_ in shown.recording.rounds:
         (answer,) = round_.answers
@@ -294,7 +295,7 @@ def test_such_an_answer_replays_without_asking_about_the_program_itself() -> Non
         made = Concretion(abstraction, real).recording(recording)
         return replayed(real, made, claims_of(real)[0], phase)
 
-    check = Bounded(abstract, judge)
+    check = BoundedCheck(abstract, judge)
     claim = claims_of(abstract)[0]
     found = check.check([claim], (), 3, Deadline())
     assert not check.unreplayed
@@ -310,7 +311,7 @@ def test_equal_opaque_values_stay_equal() -> None:
     b.event("Pick", TRUE, before.set(here), here.set(b.ask("pick", here)))
     b.event("Same", here.eq(before) & here.ne(pos(0, 0)), n.set(n + 1))
     b.invariant("Never", forall(I, n.at(I).eq(0)))
-    shown = ask(b.program(), robots=1, rounds=4, choice=Choice.BMC)["Never"].counterexample
+    shown = ask(b.program(), robots=1, rounds=4, choice=Engine.BMC)["Never"].counterexample
     assert shown is not None
     assert shown.round == 3
 
@@ -327,7 +328,7 @@ def test_a_concretion_that_is_no_run_is_no_counterexample() -> None:
         told.append(Concretion(abstraction, real).recording(recording))
         return replayed(real, told[-1], claims_of(real)[0], phase)
 
-    check = Bounded(abstract, judge)
+    check = BoundedCheck(abstract, judge)
     (claim, _) = claims_of(abstract)
     assert check.check([claim], (), 1, Deadline()) == {}
     assert claim in check.unreplayed

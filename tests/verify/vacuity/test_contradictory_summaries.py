@@ -8,8 +8,8 @@ from koord.syntax import core
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.verify.claims import claims_of
+from koord.verify.engine_names import Engine
 from koord.verify.promises import unkept
-from koord.verify.strategy import Choice
 from koord.verify.verdicts import Outcome
 from koord.verify.witness import replayed
 from tests.verify.asking import Answers, ask, bounded, system_of
@@ -61,7 +61,7 @@ def fun free(int a) -> Mode: extern fresh
         "Natural: x >= 0",
         "Idle: m == idle",
     )
-    for choice in (Choice.AUTO, Choice.BMC):
+    for choice in (None, Engine.BMC):
         found = outcomes(ask(program, robots=1, rounds=2, choice=choice))
         assert found == {"Zero": VIOLATED, "Natural": HOLDS, "Idle": VIOLATED}, choice
 
@@ -117,7 +117,7 @@ def fun known(int p, Map<int, int> m) -> bool: extern
     ensures: forall int q: known(q, m) implies result
 """
     program = once(declared, "Map<int, int> m = {}; bool b = false", "b = known(1, m)", "No: not b")
-    for choice in (Choice.BMC, Choice.INDUCTION, Choice.SPACER):
+    for choice in (Engine.BMC, Engine.INDUCTION, Engine.SPACER):
         asked = ask(program, robots=1, rounds=2, choice=choice)
         assert asked["No"].outcome is UNKNOWN
         why = "a map, as m is, in a question about every value of a type"

@@ -9,7 +9,7 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.effort import Deadline
 from koord.verify.ledger import Ledger
-from koord.verify.strategy import verify
+from koord.verify.strategy.verification import verify
 from koord.verify.vacuity import analysis
 from koord.verify.vacuity.analysis import words
 from koord.verify.verdicts import Bounds, Emptiness, Outcome, Report

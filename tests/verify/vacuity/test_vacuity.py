@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.verify.strategy import Choice
+from koord.verify.engine_names import Engine
 from koord.verify.verdicts import Emptiness, Outcome
 from tests.sampling import first
 from tests.verify.asking import ask, of_text
@@ -39,7 +39,7 @@ NEVER = "can never come true"
 RULED_OUT = "can come true, but no round in which it does can end: contracts rule it out"
 
 
-def told(text: str, robots: int = 2, rounds: int = 4, choice: Choice = Choice.AUTO) -> list[str]:
+def told(text: str, robots: int = 2, rounds: int = 4, choice: Engine | None = None) -> list[str]:
     """What is certain, but for statements that nothing can break."""
     report = ask(of_text(text), robots, rounds, choice).report
     found = [v for v in report.vacuities if v.certain and v.what.value != "untouched"]
@@ -141,7 +141,7 @@ Up:
   eff: x = x + 1
 eventually Ends: x > x@0 + 400 leadsto x == 500
 """
-    (late,) = ask(of_text(text, 3), rounds=3, choice=Choice.BMC).report.vacuities
+    (late,) = ask(of_text(text, 3), rounds=3, choice=Engine.BMC).report.vacuities
     assert not late.certain
 
 
@@ -259,8 +259,8 @@ def test_readings_that_are_hard_to_come_by_are_no_dead_end() -> None:
 # --- what nothing touches -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BMC])
-def test_what_nothing_touches_is_told_whichever_engine_saw_it_hold(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [None, Engine.BMC])
+def test_what_nothing_touches_is_told_whichever_engine_saw_it_hold(choice: Engine | None) -> None:
     text = f"{COUNTER}invariant Always: x == 2 or x != 2\ninvariant Fixed: not busy\n"
     assert ask(of_text(text), choice=choice).empty == [
         "untouched Fixed: nothing that it reads changes after the start",
@@ -333,7 +333,7 @@ def test_a_function_that_nobody_may_call_is_told() -> None:
 
 def told_of_any(text: str) -> list[tuple[str, bool]]:
     """What is told of the program with any number of robots, and whether it is certain."""
-    report = ask(of_text(text), 2, 5, Choice.EVERY_N).report
+    report = ask(of_text(text), 2, 5, Engine.EVERY_N).report
     return [(f"{v.subject}: {v.detail}", v.certain) for v in report.vacuities]
 
 
@@ -371,7 +371,7 @@ def test_what_few_robots_cannot_break_more_may() -> None:
     # Of two robots two are always the same.
     pairs = "forall i, j, k: i == j or j == k or k == i or total >= 0"
     text = f"{SUM}invariant Low: total >= 0\ninvariant Sure: {pairs}\n"
-    assert ask(of_text(text), 2, 5, Choice.EVERY_N).outcome("Sure") is Outcome.HOLDS
+    assert ask(of_text(text), 2, 5, Engine.EVERY_N).outcome("Sure") is Outcome.HOLDS
     assert told_of_any(text) == []
     assert ask(of_text(text), 2).empty == [f"untouched Sure: {hollow}"]
 

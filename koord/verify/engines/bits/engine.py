@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 from msgspec import Struct
@@ -26,6 +26,7 @@ from koord.verify.engines.bits.graph import FALSE
 from koord.verify.engines.bits.invariants import lemmas
 from koord.verify.engines.bits.robot_permutations import images
 from koord.verify.engines.bits.unrolling import Copy, Unrolled
+from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Lengths, NoInvariant, Obstacle, Unreplayed, Values, gave_up
 from koord.verify.verdicts import Outcome, Verdict, has_fewest
@@ -34,44 +35,45 @@ from koord.verify.witness import NotReplayedError
 #: So many rounds are unrolled before a proof is tried.
 FIRST_ROUNDS = 2
 
-#: How many questions IC3 may ask where other engines wait for their turn.
-FEW_QUESTIONS = 30_000
-
-#: How often one of these may go on that is hard: for some seconds in all.
+#: How many hard questions may be asked where they are counted: for some seconds in all.
 FEW_HARD = 40
 
 
-class ByBits(Struct):
-    """Verdicts from a circuit. ``sparing``: only where it promises to be quick.
+class BitsEngine(Struct, frozen=True):
+    """Verdicts from a circuit; ``engine`` says whether IC3 looks for proofs, or abc's PDR.
 
-    ``abc``: its PDR is asked in the place of IC3. With ``names`` those claims alone are asked.
+    Where a task counts questions, it does only what promises to be quick.
     """
 
-    sparing: bool = False
-    abc: bool = False
-    names: Collection[str] = ()
+    engine: Engine = Engine.BITS
 
     @property
     def name(self) -> str:
-        return Engine.ABC.value if self.abc else Engine.BITS.value
+        return self.engine.value
 
-    def work(self, ledger: Ledger) -> None:
+    def suits(self, ledger: Ledger, task: Task) -> bool:
+        return task.questions is None or not _has_floats(ledger)
+
+    def work(self, ledger: Ledger, task: Task) -> None:
         started = time.monotonic()
-        claims = [c for c in ledger.open() if not self.names or c.name in self.names]
-        if self.sparing and _has_floats(ledger):
-            return
+        claims = [c for c in ledger.open() if not task.named or c.name in task.named]
         for level in range(len(LEVELS)):
             try:
                 circuit = circuit_of(ledger.system, claims, level)
             except NotFiniteError as error:
                 _leave(ledger, claims, None, f"bits: {error}", started)
                 return
-            run = _Run(ledger, circuit, started, self.sparing, self.abc)
+            run = _Run(ledger, circuit, started, self.engine, task.questions)
             run.work()
             again = [claim for claim in run.astray if claim not in ledger.verdicts]
             if not again or not run.strays or ledger.deadline.passed():
                 return
             claims = again
+
+
+def make(engine: Engine, tools: Tools) -> Worker:
+    """The engine of a problem."""
+    return BitsEngine(engine)
 
 
 def _has_floats(ledger: Ledger) -> bool:
@@ -103,14 +105,14 @@ class _Run:
         ledger: Ledger,
         circuit: Circuit,
         started: float,
-        sparing: bool,
-        abc: bool,
+        engine: Engine,
+        questions: int | None,
     ) -> None:
         self.ledger = ledger
         self.circuit = circuit
         self.started = started
-        self.sparing = sparing
-        self.abc = abc
+        self.engine = engine
+        self.questions = questions  #: how many IC3 may ask; then only what promises to be quick
         self.completed: int | None = None
         self.astray: dict[Claim, str] = {}  #: with a violation that is no run
         self.proved: dict[Claim, None] = {}
@@ -124,8 +126,8 @@ class _Run:
         return circuit.lost != FALSE or any("strays" in latch.name for latch in circuit.latches)
 
     @property
-    def engine(self) -> Engine:
-        return Engine.ABC if self.abc else Engine.BITS
+    def sparing(self) -> bool:
+        return self.questions is not None
 
     def open(self) -> list[Claim]:
         return [
@@ -290,7 +292,7 @@ class _Run:
                     if holds_always(g, asked, found.cubes, self.ledger.deadline):
                         self._holds(claims, asked, found.cubes)
                         return
-                    if self.abc:
+                    if self.engine is Engine.ABC:
                         self.astray |= dict.fromkeys(claims, "abc gave an invariant that is none")
                         return
                     # Robots were exchanged that are not alike in every bit.
@@ -304,14 +306,15 @@ class _Run:
                             return
                         narrow = False
                 case ic3.Unfinished():
-                    self.no_invariant = NoInvariant(self.engine, "PDR" if self.abc else "IC3")
+                    who = "PDR" if self.engine is Engine.ABC else "IC3"
+                    self.no_invariant = NoInvariant(self.engine, who)
                     return
 
     def _searched(
         self, question: ic3.Question, claims: Sequence[Claim], *, exchange: bool
     ) -> ic3.Invariant | ic3.Reached | ic3.Unfinished:
         g, ledger = self.circuit.d.graph, self.ledger
-        if self.abc:
+        if self.engine is Engine.ABC:
             ledger.progress("abc, PDR")
             return abc.searched(g, question, ledger.deadline)
         properties = tuple(c.stated for c in claims if c.stated is not None)
@@ -322,7 +325,7 @@ class _Run:
             ledger.deadline,
             images(ledger.system, properties if exchange else None, question.latches),
             lambda frame, cubes: ledger.progress(f"bits, IC3, frame {frame}, {cubes} clauses"),
-            limit=FEW_QUESTIONS if self.sparing else None,
+            limit=self.questions,
         )
         found = search.run()
         clauses.close()

@@ -30,6 +30,7 @@ from koord.verify.engines.bits.fairness_monitors import NOTHING, Watched, Watchi
 from koord.verify.engines.bits.lasso_unrolling import Loops
 from koord.verify.engines.bits.liveness_to_safety import Counting, counted, counting, settles
 from koord.verify.engines.bits.robot_permutations import images, speaking_last
+from koord.verify.engines.engine import Task, Tools, Worker
 from koord.verify.ledger import Ledger, Reach
 from koord.verify.obstacles import Beyond, Lengths, Obstacle, Unreplayed, Values, gave_up
 from koord.verify.processes import Pool
@@ -64,21 +65,24 @@ AT_LENGTH = (
 )
 
 
-class LiveByBits(Struct):
-    """Verdicts on whole runs from circuits. ``lemmas`` are claims that hold in every round."""
+class BitsLivenessEngine(Struct, frozen=True):
+    """Verdicts on whole runs from circuits.
+
+    Where a task counts questions, it does only what promises to end soon, and where it counts
+    rounds, only what is tried first. The lemmas of a task are claims that hold in every round.
+    """
 
     pool: Pool  #: where claims are asked each by itself
-    sparing: bool = False  #: only what promises to end soon
-    quick: bool = False  #: only what is tried first
-    lemmas: tuple[Claim, ...] = ()
-    #: what was found out besides
-    empty: list[Vacuity] = field(default_factory=list)
+    vacuities: list[Vacuity]  #: what is found out besides
 
     @property
     def name(self) -> str:
         return Engine.BITS.value
 
-    def work(self, ledger: Ledger) -> None:
+    def suits(self, ledger: Ledger, task: Task) -> bool:
+        return True
+
+    def work(self, ledger: Ledger, task: Task) -> None:
         started = time.monotonic()
         open_ = [claim for claim in ledger.open() if _leaves_open(ledger.system, claim)]
         asks_ = "a statement asks what an external function gives"
@@ -87,38 +91,45 @@ class LiveByBits(Struct):
         stated = [claim.stated for claim in claims if claim.stated is not None]
         for level in range(len(LEVELS)):
             try:
-                watching = Watching.of(ledger.system, stated, self.lemmas, level)
+                watching = Watching.of(ledger.system, stated, task.lemmas, level)
             except NotFiniteError as error:
                 _leave(ledger, claims, str(error), started, Beyond(Engine.BITS, str(error)))
                 return
-            work = partial(self._work, watching, started)
+            work = partial(_work, task, watching, started)
             left = [claim for claim in claims if claim not in ledger.verdicts]
             each_alone(ledger, left, self.pool, work, self.name)
             circuit = watching.circuit
             held = [c for c in claims if c in ledger.verdicts]
-            if held and expected(ledger.system) and not self.empty:
-                run = _Run(ledger, watching, held[0], self.lemmas, started)
+            if held and expected(ledger.system) and not self.vacuities:
+                run = _Run(ledger, watching, held[0], task.lemmas, started)
                 if run.is_impossible():
-                    self.empty.append(no_fair_run(ledger.system))
+                    self.vacuities.append(no_fair_run(ledger.system))
             strays = any("strays" in latch.name for latch in circuit.latches)
             if (
-                self.sparing
-                or self.quick
+                task.questions is not None
+                or task.rounds is not None
                 or not ledger.open()
                 or not strays
                 or ledger.deadline.passed()
             ):
                 return
 
-    def _work(self, watching: Watching, started: float, ledger: Ledger, claim: Claim) -> None:
-        _Run(ledger, watching, claim, self.lemmas, started).work(*self._means(ledger))
 
-    def _means(self, ledger: Ledger) -> tuple[int, tuple[_Try, ...]]:
-        """How long lassos may be, and which proofs are tried once there are none of these."""
-        if self.quick:
-            return FIRST_ROUNDS, ()
-        most = ledger.bounds.rounds
-        return (min(most, FEW_ROUNDS), AGAIN) if self.sparing else (most, AT_LENGTH)
+def make(engine: Engine, tools: Tools) -> Worker:
+    """The engine of a problem."""
+    return BitsLivenessEngine(tools.pool, tools.vacuities)
+
+
+def _work(task: Task, watching: Watching, started: float, ledger: Ledger, claim: Claim) -> None:
+    _Run(ledger, watching, claim, task.lemmas, started).work(*_means(ledger, task))
+
+
+def _means(ledger: Ledger, task: Task) -> tuple[int, tuple[_Try, ...]]:
+    """How long lassos may be, and which proofs are tried once there are none of these."""
+    if task.rounds is not None:
+        return task.rounds, ()
+    most = ledger.bounds.rounds
+    return (min(most, FEW_ROUNDS), AGAIN) if task.questions is not None else (most, AT_LENGTH)
 
 
 def _leaves_open(system: System, claim: Claim) -> bool:

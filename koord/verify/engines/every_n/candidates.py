@@ -36,6 +36,9 @@ from koord.verify.claims import Claim, ClaimKind
 #: More are not worth the time that they take.
 MOST_CANDIDATES = 700
 
+#: So few are tried before other engines get their turn: in about 0.1 s.
+FEW = 64
+
 X = core.Variable(Home.BOUND, 0, "i", INT)
 Y = core.Variable(Home.BOUND, 1, "j", INT)
 

@@ -1,156 +1,128 @@
-"""The explicit search of the semantics as an engine: for all rounds, or for a run of few rounds."""
+"""The search through all configurations, one by one, as an engine: where they are few."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING
 
-from msgspec import Struct, field
+from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.semantics.recordings import Recording
-from koord.syntax.system import System
-from koord.verify.claims import Claim, ClaimKind, Phase
-from koord.verify.effort import Deadline
+from koord.syntax import core
+from koord.syntax.budget import OutOfPatienceError
+from koord.verify.claims import Claim
 from koord.verify.engine_names import Engine
-from koord.verify.engines.explicit.findings import Claim as Searched
-from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds, Subject, Violated
-from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.engine import Purpose, Task, Tools, Worker
 from koord.verify.engines.explicit.limits import Limits
-from koord.verify.engines.explicit.search import begun
-from koord.verify.ledger import Judge
-from koord.verify.obstacles import Beyond, Obstacle, Values
-from koord.verify.verdicts import Counterexample, Outcome, Verdict
-from koord.verify.witness import NotReplayedError
+from koord.verify.ledger import Ledger, Reach, Subject
+from koord.verify.obstacles import Unreplayed, Values, gave_up
+from koord.verify.verdicts import Outcome
 
-_SUBJECTS = {
-    ClaimKind.PROPERTY: Subject.PROPERTY,
-    ClaimKind.FAULT: Subject.FAULT,
-    ClaimKind.LOST_UPDATE: Subject.LOST_UPDATE,
-    ClaimKind.CONTRACT: Subject.CONTRACT,
-}
+if TYPE_CHECKING:
+    from koord.verify.engines.explicit.exhaustive import Searching
 
 
-class Searching(Struct):
-    """What the search said by now. ``states`` counts what it saw, ``reason`` is why it did not end.
+class ExplicitEngine(Struct, frozen=True):
+    """Looks at all configurations that runs reach, as many states as a task allows.
 
-    ``unreplayed`` are claims with a violation that did not replay, each with the reason.
+    Asked to refute, it looks at the first ones, for so many evaluations, and says nothing of what
+    holds: others are asked as if nobody had looked.
     """
 
-    verdicts: dict[Claim, Verdict] = field(default_factory=dict)
-    unreplayed: dict[Claim, str] = field(default_factory=dict)
-    states: int = 0
-    depth: int | None = None
-    reason: str = ""
-    obstacle: Obstacle | None = None
+    @property
+    def name(self) -> str:
+        return Engine.SEARCH.value
+
+    def suits(self, ledger: Ledger, task: Task) -> bool:
+        if task.purpose is not Purpose.REFUTE:
+            return True
+        if ledger.subject.is_abstract:
+            return False
+        from koord.verify.engines.explicit.finiteness import not_finite
+
+        properties = [claim.stated for claim in ledger.open() if claim.stated is not None]
+        return not_finite(ledger.system, properties) is None
+
+    def work(self, ledger: Ledger, task: Task) -> None:
+        claims = ledger.open()
+        if task.purpose is Purpose.REFUTE:
+            self._refute(ledger, claims, task)
+            return
+        if ledger.subject.is_abstract:
+            names = _flowing(ledger.subject)
+            reason = f"search: {', '.join(names)} may have infinitely many values"
+            obstacle = Values(Engine.SEARCH, names)
+            ledger.leave(claims, Reach(Engine.SEARCH, None, reason, 0.0, obstacle=obstacle))
+            return
+        # Seldom needed, and takes a while to load.
+        from koord.verify.engines.explicit.exhaustive import Searching, exhaust
+
+        found, started, ended = Searching(), time.monotonic(), False
+        try:
+            judge = ledger.subject.judge
+            limits = limits_of(task)
+            exhaust(ledger.system, claims, limits, ledger.deadline, judge, ledger.progress, found)
+            ended = True
+        finally:
+            _leave(ledger, found, time.monotonic() - started, failed=not ended)
+
+    def _refute(self, ledger: Ledger, claims: Sequence[Claim], task: Task) -> None:
+        from koord.verify.engines.explicit.exhaustive import Searching, exhaust
+
+        system, judge, found = ledger.system, ledger.subject.judge, Searching()
+        if task.evaluations is not None:
+            system = replace(system, patience=system.patience.rationed(task.evaluations))
+        with suppress(OutOfPatienceError):  # whoever has no patience for others finds that out
+            exhaust(system, claims, limits_of(task), ledger.deadline, judge, ledger.progress, found)
+        ledger.settle({c: v for c, v in found.verdicts.items() if v.outcome is Outcome.VIOLATED})
 
 
-def exhaust(
-    system: System,
-    claims: Sequence[Claim],
-    limits: Limits,
-    deadline: Deadline,
-    judge: Judge,
-    progress: Callable[[str], None],
-    said: Searching | None = None,
-) -> Searching:
-    """Verdicts on the claims from all reachable configurations, if they are few enough.
-
-    They are written into ``said`` as they come: what was found counts, however the search ends.
-    """
-    said = said if said is not None else Searching()
-    started = time.monotonic()
-    properties = [claim.stated for claim in claims if claim.stated is not None]
-    subjects = frozenset(_SUBJECTS[claim.kind] for claim in claims) - {Subject.PROPERTY}
-    search = begun(
-        system,
-        properties,
-        Limits(limits.states, limits.memory_mb, limits.rounds, deadline.at),
-        subjects=subjects,
-        progress=lambda states, rounds, _: progress(f"search, round {rounds}, {states} states"),
-    )
-    if isinstance(search, NotFinite):
-        said.reason = f"search: {search.reason} ({search.span})"
-        said.obstacle = in_the_way(search)
-        return said
-    asked = {_searched(claim): claim for claim in claims}
-    try:
-        for shown in search.violations():
-            claim = asked.get(shown.claim)
-            if claim is None:
-                continue
-            try:
-                said.verdicts[claim] = _violation(claim, shown, judge, time.monotonic() - started)
-            except NotReplayedError as error:
-                said.unreplayed[claim] = f"search: a candidate violation did not replay: {error}"
-    finally:
-        _conclude(said, search.end, claims, time.monotonic() - started)
-    return said
+def make(engine: Engine, tools: Tools) -> Worker:
+    """The engine of a problem."""
+    return ExplicitEngine()
 
 
-def _conclude(
-    said: Searching,
-    end: Exhausted | OutOfBounds | NotFinite,
-    claims: Sequence[Claim],
-    seconds: float,
-) -> None:
-    """What the end of a search says of the claims that it found no violation of."""
-    match end:
-        case Exhausted(states=states, depth=depth):
-            said.states, said.depth = states, depth
-            for claim in claims:
-                if claim not in said.verdicts and claim not in said.unreplayed:
-                    said.verdicts[claim] = Verdict(claim, Outcome.HOLDS, Engine.SEARCH, seconds)
-        case OutOfBounds(reason=reason, states=states, depth=depth):
-            said.states, said.depth = states, depth
-            where = "at the start" if depth is None else f"through round {depth}"
-            said.reason = f"search: {reason} {where}"
-        case NotFinite(reason=reason, span=span):
-            said.reason = f"search: {reason} ({span})"
-            said.obstacle = in_the_way(end)
+def limits_of(task: Task) -> Limits:
+    """How far a search may go for a task."""
+    return Limits() if task.states is None else Limits(states=task.states)
 
 
-def in_the_way(found: NotFinite) -> Obstacle:
-    """What a search could not follow."""
-    if found.name:
-        return Values(Engine.SEARCH, (found.name,))
-    return Beyond(Engine.SEARCH, found.reason)
+def _leave(ledger: Ledger, found: Searching, seconds: float, *, failed: bool) -> None:
+    """Write down what a search found, and how far it came with the rest."""
+    ledger.settle(found.verdicts)
+    enough = found.depth is not None and found.depth >= ledger.bounds.rounds
+    reason = "" if enough else found.reason
+    if failed and reason:
+        through = "the start" if found.depth is None else f"round {found.depth}"
+        reason = f"search: it came no further than {through}"
+    obstacle = None if enough else found.obstacle
+    if found.reason and obstacle is None and not enough and not failed:
+        obstacle = gave_up(Engine.SEARCH, ledger.deadline)
+    reach = Reach(Engine.SEARCH, found.depth, reason, seconds, obstacle=obstacle)
+    ledger.leave([c for c in ledger.open() if c not in found.unreplayed], reach)
+    for claim, reason in found.unreplayed.items():
+        astray = Unreplayed(Engine.SEARCH)
+        ledger.leave([claim], Reach(Engine.SEARCH, None, reason, seconds, obstacle=astray))
 
 
-def _searched(claim: Claim) -> Searched:
-    """A claim in the words of the search."""
-    if claim.kind is ClaimKind.FAULT:
-        return Searched(Subject.FAULT)
-    return Searched(_SUBJECTS[claim.kind], claim.subject or claim.name)
-
-
-def _violation(claim: Claim, shown: Violated, judge: Judge, seconds: float) -> Verdict:
-    """The verdict on a claim that a run breaks, once it was replayed; or NotReplayedError."""
-    recording = shown.recording
-    phase = Phase.INIT
-    if recording.rounds:
-        phase = Phase.INSIDE if recording.rounds[-1].cut else Phase.END
-    counterexample = None
-    if phase is Phase.END and claim.looked_at(Phase.MIDDLE):
-        counterexample = _without_the_environment(recording, claim, judge)
-    if counterexample is None:
-        counterexample = judge(recording, claim, phase)
-    # It goes round by round.
-    return Verdict(
-        claim, Outcome.VIOLATED, Engine.SEARCH, seconds, counterexample=counterexample, fewest=True
-    )
-
-
-def _without_the_environment(
-    recording: Recording, claim: Claim, judge: Judge
-) -> Counterexample | None:
-    """The same run up to its last program turn, if that breaks the claim already.
-
-    The search looks at the ends of rounds; whoever reads a run wants to know whose turn broke it.
-    """
-    last = replace(recording.rounds[-1], readings=(), cut=True)
-    try:
-        cut = replace(recording, rounds=(*recording.rounds[:-1], last))
-        return judge(cut, claim, Phase.MIDDLE)
-    except NotReplayedError:
-        return None
+def _flowing(subject: Subject) -> tuple[str, ...]:
+    """The variables whose values merely flow."""
+    plain, abstract = subject.original.program, subject.system.program
+    pairs: list[tuple[str, core.Declaration, core.Declaration]] = [
+        (old.variable.name, old, new)
+        for old, new in zip(
+            (*plain.allread, *plain.allwrite),
+            (*abstract.allread, *abstract.allwrite),
+            strict=True,
+        )
+    ]
+    for old_agent, new_agent in zip(plain.agents, abstract.agents, strict=True):
+        locals_ = zip(old_agent.locals, new_agent.locals, strict=True)
+        pairs += [(old.variable.name, old, new) for old, new in locals_]
+        for module in old_agent.modules:
+            ports = ((old_agent.ports[k], new_agent.ports[k]) for k in module.ports)
+            pairs += [(f"{module.name}.{o.shown}", o.declaration, n.declaration) for o, n in ports]
+    named = (name for name, old, new in pairs if old.variable != new.variable)
+    return tuple(dict.fromkeys(named)) or ("positions and paths",)

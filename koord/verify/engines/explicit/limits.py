@@ -26,6 +26,9 @@ HANDFUL = 2_000
 #: So many states are few: other ways to an answer get their turn after them.
 FEW_STATES = 20_000
 
+#: So many ways to go on from them are looked at where others wait.
+FEW_EDGES = 100_000
+
 
 class Limits(Struct, frozen=True):
     """Bounds of a search. ``deadline_s`` is a time on the search's clock; None means no bound."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from msgspec import Struct, field
+from msgspec import Struct
 
 from koord.verify.claims import Claim, Phase
 from koord.verify.engine_names import Engine
-from koord.verify.engines.explicit.engine import in_the_way
+from koord.verify.engines.engine import Task, Tools, Worker
+from koord.verify.engines.explicit.engine import limits_of
+from koord.verify.engines.explicit.exhaustive import in_the_way
 from koord.verify.engines.explicit.fair_search import Fairness, Lively, lively
 from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds
 from koord.verify.engines.explicit.finiteness import NotFinite
@@ -19,31 +21,28 @@ from koord.verify.obstacles import Obstacle, Unreplayed, gave_up
 from koord.verify.verdicts import Outcome, Vacuity, Verdict, no_fair_run
 from koord.verify.witness import NotReplayedError
 
-#: So many ways to go on are looked at where other engines wait for their turn.
-FEW_EDGES = 100_000
 
+class ExplicitLivenessEngine(Struct, frozen=True):
+    """Looks for fair cycles among all configurations that runs reach, where they are few."""
 
-class LiveBySearch(Struct, frozen=True):
-    """All configurations one by one, where they are few."""
-
-    limits: Limits
-    most_edges: int | None = None
-    #: what was found out besides
-    empty: list[Vacuity] = field(default_factory=list)
+    vacuities: list[Vacuity]  #: what is found out besides
 
     @property
     def name(self) -> str:
         return Engine.SEARCH.value
 
-    def work(self, ledger: Ledger) -> None:
+    def suits(self, ledger: Ledger, task: Task) -> bool:
+        return True
+
+    def work(self, ledger: Ledger, task: Task) -> None:
         started = time.monotonic()
         claims = ledger.open()
-        limits = self.limits
+        limits = limits_of(task)
         found = lively(
             ledger.system,
             [claim.stated for claim in claims if claim.stated is not None],
             Limits(limits.states, limits.memory_mb, limits.rounds, ledger.deadline.at),
-            most_edges=self.most_edges,
+            most_edges=task.edges,
             progress=lambda states, rounds: ledger.progress(
                 f"search for lassos, round {rounds}, {states} states"
             ),
@@ -60,7 +59,12 @@ class LiveBySearch(Struct, frozen=True):
                 obstacle = in_the_way(found.end)
             ledger.leave([claim], Reach(Engine.SEARCH, None, why, seconds, obstacle=obstacle))
         if found.is_empty:
-            self.empty.append(no_fair_run(ledger.system))
+            self.vacuities.append(no_fair_run(ledger.system))
+
+
+def make(engine: Engine, tools: Tools) -> Worker:
+    """The engine of a problem."""
+    return ExplicitLivenessEngine(tools.vacuities)
 
 
 def _settled(

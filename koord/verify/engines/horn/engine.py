@@ -18,7 +18,7 @@ from koord.semantics.every_number import NotFiniteError
 from koord.syntax.core import UnaryOp
 from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
-from koord.verify.bounded_check import Bounded
+from koord.verify.bounded_check import BoundedCheck
 from koord.verify.claims import Claim, Findings, Phase
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.moments import Moment
@@ -27,6 +27,7 @@ from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.terms import Term, Terms
 from koord.verify.encoding.unrolling import Unrolling, assumed, violations
 from koord.verify.engine_names import Engine
+from koord.verify.engines.engine import Purpose, Task, Tools, Worker
 from koord.verify.engines.horn.clauses import Clauses, Reached, Safe, constants
 from koord.verify.engines.horn.states import scalars
 from koord.verify.ledger import Ledger, Reach
@@ -34,15 +35,14 @@ from koord.verify.obstacles import Beyond, Obstacle, Unreplayed, gave_up
 from koord.verify.verdicts import Counterexample, Outcome, Verdict, has_fewest
 from koord.verify.witness import NotReplayedError, Reader, recording_of
 
-#: What proofs may cost, about so many seconds: before others are asked, and after them.
+#: What takes longer, about so many seconds, is not looked for where all that was asked is answered.
 HASTY_S = 3.0
-SPARING_S = 7.0
 
-#: The same where all that was asked is answered, and only a proof for all rounds is left to find:
+#: What proofs may cost there, where only one for all rounds is left to find:
 #: in units of which Spacer does a fifth as many in a second as other solvers.
 ANSWERED_S = 0.8
 
-#: The same where nobody else is asked.
+#: What proofs may cost where nobody else is asked.
 GENEROUS_S = 600.0
 
 #: What each question about an invariant that was found may cost.
@@ -52,14 +52,13 @@ CHECKING_S = 20.0
 SOONER_S, SOONER_ROUNDS = 5.0, 40
 
 
-class BySpacer(Struct):
+class HornEngine(Struct):
     """Invariants of reals and integers that nobody gave, and runs that break claims late.
 
-    With ``waits`` proofs are kept back, for others to say more than that: see :class:`KeptBack`.
+    Asked to hold proofs back, it keeps them for others to say more than that, until they are to be
+    released.
     """
 
-    seconds: float = GENEROUS_S
-    waits: bool = False
     proved: dict[Claim, Verdict] = field(default_factory=dict)
     unreplayed: set[Claim] = field(default_factory=set)
 
@@ -67,16 +66,24 @@ class BySpacer(Struct):
     def name(self) -> str:
         return Engine.SPACER.value
 
-    def work(self, ledger: Ledger) -> None:
-        if self.waits and ledger.is_violated and not ledger.wanting():
-            return  # of the rest, the rounds that were looked at are enough
-        started = time.monotonic()
-        is_answered = self.waits and not ledger.wanting()
-        if is_answered and self.seconds > HASTY_S:
+    def suits(self, ledger: Ledger, task: Task) -> bool:
+        if task.purpose is not Purpose.HOLD_BACK or ledger.wanting():
+            return True
+        # Of the rest, the rounds that were looked at are enough, if something is violated.
+        return not ledger.is_violated and (task.seconds or GENEROUS_S) <= HASTY_S
+
+    def work(self, ledger: Ledger, task: Task) -> None:
+        if task.purpose is Purpose.RELEASE:
+            ledger.settle({c: v for c, v in self.proved.items() if c not in ledger.verdicts})
             return
-        effort = Effort.of_seconds(ANSWERED_S if is_answered else self.seconds)
+        started = time.monotonic()
+        holds_back = task.purpose is Purpose.HOLD_BACK
+        seconds = GENEROUS_S if task.seconds is None else task.seconds
+        is_answered = holds_back and not ledger.wanting()
+        effort = Effort.of_seconds(ANSWERED_S if is_answered else seconds)
         reason = ""
         obstacle: Obstacle = Unreplayed(Engine.SPACER)
+        self.unreplayed.clear()
         while not reason and (claims := self._pending(ledger)):
             ledger.progress("Spacer looks for a proof for all rounds")
             try:
@@ -92,7 +99,7 @@ class BySpacer(Struct):
                     self.proved = {
                         c: Verdict(c, Outcome.HOLDS, Engine.SPACER, seconds) for c in claims
                     }
-                    if self.waits:
+                    if holds_back:
                         return
                     ledger.settle(self.proved)
                 case Reached():
@@ -142,18 +149,9 @@ class BySpacer(Struct):
             self.unreplayed.update(claims)
 
 
-class KeptBack(Struct, frozen=True):
-    """What Spacer proved, of claims of which nobody could say more in the meantime."""
-
-    spacer: BySpacer
-
-    @property
-    def name(self) -> str:
-        return Engine.SPACER.value
-
-    def work(self, ledger: Ledger) -> None:
-        still = {c: v for c, v in self.spacer.proved.items() if c not in ledger.verdicts}
-        ledger.settle(still)
+def make(engine: Engine, tools: Tools) -> Worker:
+    """The engine of a problem."""
+    return HornEngine()
 
 
 class Question(Struct, frozen=True):
@@ -274,7 +272,7 @@ def _first(ledger: Ledger, claim: Claim, shown: Counterexample) -> _First:
     fewest = has_fewest(shown, seen)
     if fewest or before > SOONER_ROUNDS:
         return _First(shown, fewest)
-    bounded = Bounded(ledger.system, ledger.subject.judge, ledger.seed)
+    bounded = BoundedCheck(ledger.system, ledger.subject.judge, ledger.seed)
     effort = Effort.of_seconds(SOONER_S)
     found = bounded.check([claim], ledger.proved(), before, ledger.deadline, effort).get(claim)
     if found is None or found.counterexample is None:

@@ -1,207 +1,112 @@
-"""Inductive proofs for a fixed number of robots: one arbitrary step, for all rounds.
-
-All claims about configurations are assumed at the start of a step that begins anywhere, and each is
-asked for at its middle and its end. Claims that fail are dropped and the rest asked again, until
-what is left proves itself (Houdini). With ``depth`` k, k steps follow each other and the claims are
-asked of the last.
-"""
+"""Induction over the rounds as an engine: for every number of rounds."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
 
-from msgspec import Struct
+from msgspec import Struct, field
 
-from koord.semantics.domain import disjunction
-from koord.syntax.core import UnaryOp
-from koord.syntax.system import System
-from koord.verify.claims import Claim, Findings, Phase
-from koord.verify.effort import Deadline, Effort
-from koord.verify.encoding.moments import Moment
-from koord.verify.encoding.solver import Answer, Model, cases
-from koord.verify.encoding.symbols import SymbolicInputs
-from koord.verify.encoding.terms import Term
-from koord.verify.encoding.unrolling import Unrolling, violations
+from koord.semantics.every_number import NotFiniteError
+from koord.verify.bounded_check import AFTERWARDS_S, Unroller
+from koord.verify.claims import Claim
+from koord.verify.effort import Effort
 from koord.verify.engine_names import Engine
-from koord.verify.engines.induction.broken_steps import broken_step
-from koord.verify.engines.induction.representatives import representatives
-from koord.verify.verdicts import BrokenStep, Outcome, Verdict
-from koord.verify.witness import Reader
+from koord.verify.engines.engine import Task, Tools, Worker
+from koord.verify.engines.induction.proving import prove
+from koord.verify.ledger import Ledger, Reach
+from koord.verify.obstacles import Beyond, NotInductive, Obstacle, gave_up
+from koord.verify.verdicts import BrokenStep
 
-#: What a claim may cost as one question (about half a second) before it is asked case by case.
-FIRST_TRY = 5_000_000
+#: How many rounds an inductive step may span.
+MAX_DEPTH = 3
+
+#: What inductive attempts may cost before other engines get their turn: about so many seconds.
+PROOF_S = 30.0
+
+#: What a proof for all rounds may cost where all claims were seen to hold as far as was asked.
+ANSWERED_S = 5.0
 
 
-class Inductive(Struct, frozen=True):
-    """The claims that hold in all rounds, and why the others are still open."""
+class InductionEngine(Struct):
+    """Inductive proofs over one round, then two, …: for every number of rounds.
 
-    proved: dict[Claim, Verdict]
-    reasons: dict[Claim, str]
-    steps: dict[Claim, BrokenStep]  #: of those that are not inductive
-
-
-def prove(
-    system: System,
-    claims: Sequence[Claim],
-    given: Sequence[Claim],
-    deadline: Deadline,
-    effort: Effort | None = None,
-    *,
-    depth: int = 1,
-    seed: int = 0,
-    within_limits: bool = False,
-) -> Inductive:
-    """The largest set of the claims that is inductive; ``given`` are proved already.
-
-    The claims must be known to hold after INIT and in the first ``depth - 1`` rounds. With
-    ``within_limits`` it need not cover lists and maps of any length: then it is no proof.
+    A step of k rounds proves what holds in the first k - 1 rounds too, which is unrolled for it.
     """
-    started = time.monotonic()
-    candidates = list(claims)
-    reasons: dict[Claim, str] = {}
-    step = _Step(system, depth, seed, effort)
-    while candidates:
-        failed = step.failing([*given, *candidates], candidates, deadline)
-        if not failed:
-            break
-        reasons |= failed
-        candidates = [claim for claim in candidates if claim not in failed]
-    if step.limits and not within_limits:
-        reasons |= dict.fromkeys(candidates, f"not covered: {'; '.join(step.limits)}")
-        candidates = []
-    seconds = time.monotonic() - started
-    proved = {
-        claim: Verdict(claim, Outcome.HOLDS, Engine.INDUCTION, seconds, depth=depth)
-        for claim in candidates
-    }
-    return Inductive(proved, reasons, {c: s for c, s in step.broken.items() if c in reasons})
 
-
-def step_scripts(
-    system: System, assumed: Sequence[Claim], asked: Sequence[Claim], depth: int
-) -> Iterator[tuple[Phase, str]]:
-    """What ``prove`` asks of a step, as scripts of SMT-LIB 2, which are to be unsatisfiable."""
-    step = _Step(system, depth, 0, None)
-    yield from step.scripts(assumed, asked)
-
-
-class _Step:
-    """``depth`` rounds from an arbitrary configuration, with everything asked of the last."""
-
-    def __init__(self, system: System, depth: int, seed: int, effort: Effort | None) -> None:
-        self._system = system
-        self._effort = effort
-        self._represented = representatives(system)
-        # INIT stays part of the question: what never changes is as it was then.
-        self._unrolling = Unrolling(system, seed)
-        encoder, solver = self._unrolling.encoder, self._unrolling.solver
-        self._d = encoder.d
-        solver.add([self._d.unary(UnaryOp.NOT, self._unrolling.opening.moment.findings.fault)])
-        start = encoder.arbitrary(self._unrolling.opening.moment.configuration, "#")
-        checks = SymbolicInputs(self._unrolling.unknowns, "start")
-        # As after INIT, all claims about configurations are about this one.
-        self.broken: dict[Claim, BrokenStep] = {}
-        self._assumed = [Moment(Phase.INIT, start, [], Findings(False), checks)]
-        self._asked: list[Moment] = []
-        for number in range(depth):
-            taken = encoder.round(self._assumed[-1].configuration, f"step{number}")
-            solver.add(taken.middle.constraints)
-            if number + 1 < depth:
-                self._go_on(taken.middle)
-                solver.add(taken.urgency)
-                solver.add(taken.end.constraints)
-                self._go_on(taken.end)
-            else:
-                self._last = taken
-                self._asked = taken.moments
+    unroller: Unroller
+    effort: Effort = field(default_factory=lambda: Effort.of_seconds(PROOF_S))
+    afterwards: Effort = field(default_factory=lambda: Effort.of_seconds(AFTERWARDS_S))
+    answered: Effort = field(default_factory=lambda: Effort.of_seconds(ANSWERED_S))
+    _done: int = 0
+    _shortest: dict[Claim, BrokenStep] = field(default_factory=dict)
 
     @property
-    def limits(self) -> list[str]:
-        """What the step and the questions asked of it so far do not cover."""
-        return sorted(set(self._unrolling.unknowns.limits))
+    def name(self) -> str:
+        return Engine.INDUCTION.value
 
-    def _go_on(self, moment: Moment) -> None:
-        self._unrolling.solver.add([self._d.unary(UnaryOp.NOT, moment.findings.fault)])
-        self._assumed.append(moment)
+    def suits(self, ledger: Ledger, task: Task) -> bool:
+        return True
 
-    def scripts(
-        self, assumed: Sequence[Claim], asked: Sequence[Claim]
-    ) -> Iterator[tuple[Phase, str]]:
-        """Moment by moment: that one of the asked claims is broken at it."""
-        hypotheses = self._hypotheses(assumed)
-        for moment in self._asked:
-            broken = disjunction(self._d, list(self._violations(moment, asked).values()))
-            question = [*hypotheses, *self._last.until(self._d, moment), broken]
-            yield moment.phase, self._unrolling.solver.script(question)
+    def work(self, ledger: Ledger, task: Task) -> None:
+        rounds = MAX_DEPTH if task.rounds is None else task.rounds
+        if task.seconds is None:
+            self._over(rounds, ledger)
+            return
+        # What is not enough for it is tried again later.
+        own, self.effort = self.effort, Effort.of_seconds(task.seconds)
+        self._over(rounds, ledger)
+        self._done = 0 if self.effort.left <= 0 else self._done
+        self.effort = own
 
-    def failing(
-        self, assumed: Sequence[Claim], asked: Sequence[Claim], deadline: Deadline
-    ) -> dict[Claim, str]:
-        """The asked claims that one step can break, from where all assumed ones hold."""
-        hypotheses = self._hypotheses(assumed)
-        failed: dict[Claim, str] = {}
-        for moment in self._asked:
-            pending = self._violations_up_to_names(moment, asked)
-            extra = [*hypotheses, *self._last.until(self._d, moment)]
-            for claim in failed:
-                pending.pop(claim, None)
-            for claim, violated in list(pending.items()):
-                if claim in pending:
-                    hit = self._broken_by(claim, violated, pending, extra, moment, deadline)
-                    failed |= hit
-                    for other in hit:
-                        del pending[other]
-        return failed
+    def _over(self, rounds: int, ledger: Ledger) -> None:
+        """Go on from where it stopped, up to steps of so many rounds."""
+        started = time.monotonic()
+        while self._done < rounds:
+            if self._done > 0 and (ledger.deadline.passed() or self._effort(ledger).left <= 0):
+                return
+            self._done = depth = self._done + 1
+            self.unroller.through(ledger, depth - 1, self._effort(ledger))
+            bounded = self.unroller.of(ledger)
+            # What is not known to hold in those rounds is neither to be proved nor to be assumed.
+            claims = [c for c in ledger.open() if c not in bounded.unreplayed]
+            if not claims or bounded.completed is None or bounded.completed < depth - 1:
+                return
+            ledger.progress(f"induction over {depth} round{'s' if depth > 1 else ''}")
+            try:
+                result = prove(
+                    ledger.system,
+                    claims,
+                    ledger.proved(),
+                    ledger.deadline,
+                    self._effort(ledger),
+                    depth=depth,
+                    seed=ledger.seed,
+                )
+            except NotFiniteError as error:
+                self._done = MAX_DEPTH  # longer steps have the same rounds in them
+                seconds, why = time.monotonic() - started, str(error)
+                beyond = Beyond(Engine.INDUCTION, why)
+                ledger.leave(claims, Reach(Engine.INDUCTION, None, why, seconds, obstacle=beyond))
+                return
+            ledger.settle(result.proved)
+            for claim, reason in result.reasons.items():
+                seconds = time.monotonic() - started
+                if claim in result.steps:
+                    self._shortest.setdefault(claim, result.steps[claim])
+                step = self._shortest.get(claim)
+                obstacle: Obstacle = gave_up(Engine.INDUCTION, ledger.deadline)
+                if claim in result.steps:
+                    obstacle = NotInductive(Engine.INDUCTION)
+                ledger.leave(
+                    [claim], Reach(Engine.INDUCTION, None, reason, seconds, step, obstacle)
+                )
 
-    def _broken_by(
-        self,
-        claim: Claim,
-        violated: Term,
-        pending: dict[Claim, Term],
-        extra: list[Term],
-        moment: Moment,
-        deadline: Deadline,
-    ) -> dict[Claim, str]:
-        """Why a claim fails, case by case; with the other claims that the same step breaks."""
-        solver = self._unrolling.solver
-        whole = [*extra, violated]
-        if solver.check(whole, deadline, self._effort, at_most=FIRST_TRY) is Answer.UNSAT:
-            return {}
-        for case in cases(self._d, violated):
-            answer = solver.check([*extra, case], deadline, self._effort)
-            if answer is Answer.UNKNOWN:
-                return {claim: "timeout" if deadline.is_near() else "too much for the solver"}
-            if answer is Answer.SAT:
-                model = self._unrolling.solver.model()
-                also = [other for other, term in pending.items() if model.truth(term)]
-                self._keep(model, moment, [claim, *also])
-                return dict.fromkeys([claim, *also], "not inductive")
-        return {}
+    def _effort(self, ledger: Ledger) -> Effort:
+        if not ledger.wanting():
+            return self.answered
+        return self.afterwards if ledger.is_violated else self.effort
 
-    def _keep(self, model: Model, moment: Moment, claims: Sequence[Claim]) -> None:
-        """Note the step that breaks claims. The assumed moments are middles and ends of rounds."""
-        ends = [m.configuration for m in self._assumed if m.phase is not Phase.MIDDLE]
-        reader = Reader(model, self._system)
-        step = broken_step(reader, ends, moment.configuration, moment.phase)
-        self.broken |= dict.fromkeys(claims, step)
 
-    def _hypotheses(self, claims: Sequence[Claim]) -> list[Term]:
-        state = [claim for claim in claims if claim.is_state_property]
-        return [
-            self._d.unary(UnaryOp.NOT, violated)
-            for moment in self._assumed
-            for violated in self._violations(moment, state).values()
-        ]
-
-    def _violations_up_to_names(self, moment: Moment, claims: Sequence[Claim]) -> dict[Claim, Term]:
-        originals = {self._represented(claim): claim for claim in claims}
-        found = self._violations(moment, list(originals))
-        return {originals[claim]: violated for claim, violated in found.items()}
-
-    def _violations(self, moment: Moment, claims: Sequence[Claim]) -> dict[Claim, Term]:
-        found = {}
-        for claim, (violated, needed) in violations(self._system, self._d, moment, claims).items():
-            self._unrolling.solver.add(needed)
-            found[claim] = violated
-        return found
+def make(engine: Engine, tools: Tools) -> Worker:
+    """The engine of a problem."""
+    return InductionEngine(tools.unroller)

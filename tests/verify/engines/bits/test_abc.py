@@ -11,7 +11,7 @@ from koord.cli.exits import Exit
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import abc
 from koord.verify.engines.bits.ic3 import Invariant
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.verify.asking import of_text
 
@@ -35,7 +35,7 @@ invariant Even: x != 4
 
 
 def asked(rounds: int = 2) -> dict[str, Verdict]:
-    report = verify(of_text(STEPS), Bounds(rounds, 60), Choice.ABC)
+    report = verify(of_text(STEPS), Bounds(rounds, 60), Engine.ABC)
     return {verdict.claim.name: verdict for verdict in report.verdicts}
 
 

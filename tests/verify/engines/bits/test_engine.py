@@ -16,7 +16,7 @@ from koord.verify.engines.bits import engine
 from koord.verify.engines.bits.checking import holds_always
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.ic3 import Cube, Invariant, Question
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 from tests.verify.engines.bits.asking import on_bits
 
@@ -319,7 +319,7 @@ def test_what_is_assumed_of_starts_holds() -> None:
 
 
 def test_task_is_proved_with_opaque_paths() -> None:
-    report = verify(of_file("task.krd", 2, tasks=2), Bounds(3), Choice.BITS)
+    report = verify(of_file("task.krd", 2, tasks=2), Bounds(3), Engine.BITS)
     assert report.outcome is Outcome.HOLDS
     assert {v.engine for v in report.verdicts} == {Engine.BITS}
     assert all(v.rounds is None for v in report.verdicts)
@@ -342,7 +342,7 @@ def test_an_invariant_is_found_where_robots_change_places(
         "invariant Exclusive: forall i, j: "
         "i != j and isOnTask@i and isOnTask@j implies mine@i != mine@j\n"
     )
-    report = verify(of_text(alone, 3, tasks=3), Bounds(3), Choice.BITS)
+    report = verify(of_text(alone, 3, tasks=3), Bounds(3), Engine.BITS)
     verdict = named(report, "Exclusive")
     assert (verdict.outcome, verdict.engine) == (Outcome.HOLDS, Engine.BITS)
     assert len(found) == 1
@@ -357,7 +357,7 @@ def test_an_invariant_is_found_where_robots_change_places(
     ],
 )
 def test_violations_are_replayed_and_first(name: str, robots: int, claim: str, round_: int) -> None:
-    report = verify(of_file(name, robots), Bounds(20), Choice.BITS)
+    report = verify(of_file(name, robots), Bounds(20), Engine.BITS)
     shown = named(report, claim).counterexample
     assert shown is not None
     assert shown.round == round_

@@ -20,7 +20,7 @@ from koord.verify.effort import Deadline, Effort
 from koord.verify.engines.explicit.findings import Exhausted, Subject
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
-from koord.verify.engines.induction.engine import prove
+from koord.verify.engines.induction.proving import prove
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.verdicts import Outcome, as_invariant
 from tests.verify.engines.bits.asking import on_bits

@@ -7,10 +7,13 @@ from __future__ import annotations
 import pytest
 
 from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bits.circuit import Latch
 from koord.verify.engines.bits.graph import Graph
 from koord.verify.engines.bits.liveness_to_safety import settling
-from koord.verify.liveness_strategy import Settled, Ways, settled
+from koord.verify.reduction.slices import Slices
+from koord.verify.strategy.liveness import Settled, settled
+from koord.verify.strategy.table import LIVENESS
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 from tests.semantics.endless import GATE, PASSING, QUITTING, SERVED, TWO, system
 
@@ -25,7 +28,8 @@ ENDS_IN_A_FAULT = """
 
 
 def asked(text: str, robots: int = 2, rounds: int = 8) -> Settled:
-    return settled(system(text, robots), Bounds(rounds), Ways.BITS, Deadline.after(None))
+    rows = LIVENESS[Engine.BITS]
+    return settled(Slices(system(text, robots)), Bounds(rounds), rows, Deadline.after(None))
 
 
 def only(text: str, robots: int = 2, rounds: int = 8) -> Verdict:
@@ -163,7 +167,8 @@ def test_that_no_run_is_fair_is_told() -> None:
 
 def test_that_all_fair_runs_end_in_faults_is_told() -> None:
     of = system(ENDS_IN_A_FAULT)
-    (empty,) = settled(of, Bounds(8), Ways.SEARCH, Deadline.after(None)).vacuities
+    rows = LIVENESS[Engine.SEARCH]
+    (empty,) = settled(Slices(of), Bounds(8), rows, Deadline.after(None)).vacuities
     assert "each ends in a fault" in empty.detail
 
 
@@ -183,7 +188,9 @@ def test_a_statement_that_asks_is_left_to_others() -> None:
 
 
 def test_time_may_run_out() -> None:
-    said = settled(system(GATE + SERVED), Bounds(8), Ways.BITS, Deadline.after(0.0))
+    said = settled(
+        Slices(system(GATE + SERVED)), Bounds(8), LIVENESS[Engine.BITS], Deadline.after(0.0)
+    )
     (verdict,) = said.verdicts
     assert verdict.outcome is Outcome.UNKNOWN
     assert "timeout" in verdict.reason

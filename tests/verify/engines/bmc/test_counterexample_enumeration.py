@@ -20,13 +20,14 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc import counterexample_enumeration
 from koord.verify.engines.bmc.counterexample_enumeration import is_variant, others
 from koord.verify.ledger import Ledger
 from koord.verify.reduction.problems import plain_subject
-from koord.verify.reduction.sliced_problems import on_slice
 from koord.verify.reduction.slices import Slices
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.slices_turn import on_slice
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Verdict
 from tests.verify.asking import of_text
 
@@ -88,7 +89,7 @@ def test_runs_are_variants_if_some_naming_of_the_robots_makes_them_so() -> None:
 def ways(of: System, rounds: int = 5, most: int = 4) -> int:
     """How many further ways there are; each is another one than all the rest."""
     found = 0
-    for verdict in verify(of, Bounds(rounds, 30.0, violations=most), Choice.BMC).verdicts:
+    for verdict in verify(of, Bounds(rounds, 30.0, violations=most), Engine.BMC).verdicts:
         if verdict.counterexample is None:
             continue
         assert verdict.ways is not None
@@ -154,7 +155,7 @@ invariant Seen: forall i: seen@i >= 3
 @pytest.fixture(scope="module")
 def beside() -> tuple[System, Verdict]:
     system = of_text(BESIDE)
-    (small,) = verify(system, Bounds(4), Choice.SEARCH, names=["Small"]).verdicts
+    (small,) = verify(system, Bounds(4), Engine.SEARCH, names=["Small"]).verdicts
     return system, small
 
 
@@ -162,7 +163,7 @@ def test_ways_cost_no_more_for_what_a_claim_does_not_depend_on(
     beside: tuple[System, Verdict], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(counterexample_enumeration, "_SECONDS", 0.01)
-    report = verify(beside[0], Bounds(4, violations=40), Choice.SEARCH, names=["Small"])
+    report = verify(beside[0], Bounds(4, violations=40), Engine.SEARCH, names=["Small"])
     (small,) = report.verdicts
     assert small.ways is not None
     assert small.ways.complete, small.ways.reason

@@ -16,7 +16,7 @@ from koord.syntax.faults import FaultKind
 from koord.syntax.system import Status, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ListType, MapType, Type
 from koord.verify import bounded_check
-from koord.verify.bounded_check import Bounded
+from koord.verify.bounded_check import BoundedCheck
 from koord.verify.claims import Phase, claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.encoding.moments import Moment
@@ -394,7 +394,7 @@ def test_a_check_goes_on_from_where_it_stopped(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr(bounded_check, "_look", counted)
     system = dealt(programs.late_violation(4), 2)
-    check = Bounded(system, partial(judged, system))
+    check = BoundedCheck(system, partial(judged, system))
     claims = claims_of(system)
     assert check.check(claims, (), 2, Deadline()) == {}
     assert check.completed == 2
@@ -409,7 +409,7 @@ def test_a_check_goes_on_from_where_it_stopped(monkeypatch: pytest.MonkeyPatch) 
 def test_a_tired_check_goes_on_from_where_it_stopped() -> None:
     """Out of effort is not out of time: with more of it the same configuration is looked at."""
     system = dealt(programs.late_violation(4), 2)
-    check = Bounded(system, partial(judged, system))
+    check = BoundedCheck(system, partial(judged, system))
     claims = claims_of(system)
     assert check.check(claims, (), 2, Deadline()) == {}
     assert check.check(claims, (), 6, Deadline(), Effort(0)) == {}
@@ -422,7 +422,7 @@ def test_a_tired_check_goes_on_from_where_it_stopped() -> None:
 
 def test_out_of_time_says_how_far_it_came() -> None:
     system = dealt(programs.late_violation(4), 2)
-    check = Bounded(system, partial(judged, system))
+    check = BoundedCheck(system, partial(judged, system))
     check.check(claims_of(system), (), 2, Deadline())
     assert check.check(claims_of(system), (), 9, Deadline.after(0)) == {}
     assert (check.completed, check.reason) == (2, "timeout")
@@ -439,7 +439,7 @@ def test_what_is_proved_is_taken_for_granted() -> None:
     """A claim that is proved need not be asked; nor may it change what others do."""
     system = dealt(programs.sum_of_ids(), 3)
     claims = claims_of(system)
-    check = Bounded(system, partial(judged, system))
+    check = BoundedCheck(system, partial(judged, system))
     assert check.check(claims[1:], claims[:1], 3, Deadline()) == {}
     assert check.completed == 3
 

@@ -11,11 +11,11 @@ from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, Phase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.engines.explicit.engine import Searching, exhaust
+from koord.verify.engines.explicit.exhaustive import Searching, exhaust
 from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds
 from koord.verify.engines.explicit.limits import Limits
 from koord.verify.engines.explicit.search import survey
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Counterexample, Outcome
 from koord.verify.witness import replayed
 from tests.verify.asking import of_text
@@ -44,7 +44,7 @@ def system_of(text: str) -> System:
 
 
 def counterexample(text: str) -> Counterexample:
-    (verdict, *_) = verify(system_of(text), Bounds(rounds=5), Choice.SEARCH).verdicts
+    (verdict, *_) = verify(system_of(text), Bounds(rounds=5), Engine.SEARCH).verdicts
     assert verdict.engine is Engine.SEARCH
     assert verdict.counterexample is not None
     return verdict.counterexample

@@ -12,12 +12,14 @@ from koord.syntax.system import System
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
+from koord.verify.engines.engine import Purpose, Task
 from koord.verify.engines.every_n.candidates import candidates
 from koord.verify.engines.every_n.proving import HASTY, infer
-from koord.verify.engines.workers import FIRST_LOOK, ByShallowSearch
+from koord.verify.engines.explicit.engine import ExplicitEngine
+from koord.verify.engines.explicit.limits import HANDFUL
 from koord.verify.ledger import Ledger
 from koord.verify.reduction.problems import plain_subject
-from koord.verify.strategy import verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.verify.asking import of_text
 
@@ -72,6 +74,11 @@ def test_what_no_search_finds_is_told_before_invariants_are_looked_for() -> None
     assert any("bmc, round 1" in text for text in seen)
 
 
+def shallow(evaluations: int) -> Task:
+    """A look at the first configurations."""
+    return Task(Purpose.REFUTE, states=HANDFUL, evaluations=evaluations)
+
+
 def test_a_shallow_search_says_nothing_of_what_holds() -> None:
     """Others say more of it: that it holds for every number of robots."""
     system = of_text(
@@ -79,7 +86,7 @@ def test_a_shallow_search_says_nothing_of_what_holds() -> None:
         "invariant Fine: forall i: x@i != 1\ninvariant Low: forall i: x@i < 2\n"
     )
     ledger = Ledger(plain_subject(system), Bounds(20), Deadline(), claims_of(system))
-    ByShallowSearch(FIRST_LOOK).work(ledger)
+    ExplicitEngine().work(ledger, shallow(3_000))
     fine, low, _ = (ledger.verdict(claim) for claim in ledger.claims)
     assert low.outcome is Outcome.VIOLATED
     assert (fine.outcome, fine.engine, fine.rounds) == (Outcome.UNKNOWN, Engine.NONE, None)
@@ -100,7 +107,7 @@ def counting(system: System) -> tuple[System, list[int]]:
 def test_a_shallow_search_keeps_to_its_steps(steps: int) -> None:
     system, asked = counting(of_text((EXAMPLES / "fischer.krd").read_text("utf-8"), robots=3))
     ledger = Ledger(plain_subject(system), Bounds(20), Deadline(), claims_of(system))
-    ByShallowSearch(steps).work(ledger)
+    ExplicitEngine().work(ledger, shallow(steps))
     assert 0 < asked[0] <= steps // 100 + 1
 
 

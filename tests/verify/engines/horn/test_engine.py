@@ -17,7 +17,7 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.horn.clauses import Clauses, Reached, Safe
 from koord.verify.engines.horn.engine import _first
 from koord.verify.ledger import Ledger, Reach, Subject
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 from tests.verify.asking import bounded, judged, of_text
 
@@ -25,7 +25,7 @@ EXAMPLES = Path(__file__).parents[4] / "specs" / "examples"
 
 
 def asked(system: System, rounds: int = 3, *names: str) -> dict[str, Verdict]:
-    report: Report = verify(system, Bounds(rounds, 60), Choice.SPACER, names=names)
+    report: Report = verify(system, Bounds(rounds, 60), Engine.SPACER, names=names)
     return {verdict.claim.name: verdict for verdict in report.verdicts}
 
 

@@ -15,8 +15,8 @@ from koord.syntax.system import System, dealt
 from koord.syntax.types import INT
 from koord.verify.claims import Claim, Findings, Phase, broken, claims_of
 from koord.verify.effort import Deadline
-from koord.verify.engines.induction.engine import prove
-from koord.verify.strategy import Choice
+from koord.verify.engine_names import Engine
+from koord.verify.engines.induction.proving import prove
 from koord.verify.verdicts import BrokenStep, Outcome
 from tests.semantics import programs
 from tests.semantics.building import PID, TRUE, Build, I, J, forall
@@ -133,7 +133,7 @@ def reaches(
 
 
 def test_what_is_unknown_says_why_and_what_holds_does_not() -> None:
-    asked = ask(racing(), robots=2, choice=Choice.INDUCTION)
+    asked = ask(racing(), robots=2, choice=Engine.INDUCTION)
     verdict = asked["Distinct"]
     assert verdict.outcome is Outcome.UNKNOWN
     assert verdict.step is not None

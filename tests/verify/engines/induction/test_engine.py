@@ -11,12 +11,13 @@ from koord.semantics.recordings import Recording
 from koord.syntax import core
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ArrayType, ListType, RecordType
-from koord.verify.bounded_check import Bounded, ByUnrolling
+from koord.verify.bounded_check import BoundedCheck, Unroller
 from koord.verify.claims import Claim, Phase, claims_of
 from koord.verify.effort import PER_SECOND, Deadline, Effort
-from koord.verify.engines import workers
-from koord.verify.engines.induction.engine import Inductive, prove
-from koord.verify.engines.workers import ANSWERED_S, PROOF_S, ByInduction
+from koord.verify.engines.engine import Task
+from koord.verify.engines.induction import engine as induction
+from koord.verify.engines.induction.engine import ANSWERED_S, PROOF_S, InductionEngine
+from koord.verify.engines.induction.proving import Inductive, prove
 from koord.verify.ledger import Ledger, Subject
 from koord.verify.reduction.problems import plain_subject
 from koord.verify.verdicts import Bounds, Counterexample
@@ -121,14 +122,14 @@ def test_a_step_of_three_rounds_rests_on_two_that_were_looked_at(
     system = dealt(b.program(), 1)
     claims = claims_of(system)
     ledger = Ledger(Subject(system, _unasked, system), Bounds(9), Deadline(), claims)
-    look = Bounded.check
+    look = BoundedCheck.check
 
-    def tired(self: Bounded, claims: Any, proved: Any, rounds: int, *rest: Any) -> Any:
+    def tired(self: BoundedCheck, claims: Any, proved: Any, rounds: int, *rest: Any) -> Any:
         self.tired = rounds > 0
         return {} if self.tired else look(self, claims, proved, rounds, *rest)
 
-    monkeypatch.setattr(Bounded, "check", tired)
-    ByInduction(ByUnrolling()).work(ledger)
+    monkeypatch.setattr(BoundedCheck, "check", tired)
+    InductionEngine(Unroller()).work(ledger, Task())
     assert [claim.name for claim in ledger.open()] == ["NotTwo"]
 
 
@@ -366,10 +367,10 @@ def test_where_all_is_answered_proofs_cost_little(monkeypatch: pytest.MonkeyPatc
         given.append(effort.left)
         return Inductive({}, {}, {})
 
-    monkeypatch.setattr(workers, "prove", attempt)
+    monkeypatch.setattr(induction, "prove", attempt)
     for rounds in (2, 20):
         ledger = Ledger(plain_subject(system), Bounds(rounds), Deadline(), claims_of(system))
-        unrolling = ByUnrolling()
+        unrolling = Unroller()
         unrolling.through(ledger, 2)
-        ByInduction(unrolling).over(1, ledger)
+        InductionEngine(unrolling).work(ledger, Task(rounds=1))
     assert given == [int(ANSWERED_S * PER_SECOND), int(PROOF_S * PER_SECOND)]

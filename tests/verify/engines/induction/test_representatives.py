@@ -20,7 +20,7 @@ from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engines.induction import engine
-from koord.verify.engines.induction.engine import Inductive, prove
+from koord.verify.engines.induction.proving import Inductive, prove
 from koord.verify.engines.induction.representatives import representatives
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.verdicts import Outcome

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from enum import Enum
 from functools import partial
 
 from msgspec import Struct, field
@@ -13,29 +12,20 @@ from koord.syntax.system import System
 from koord.verify.claims import Claim, claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.engines.bits.liveness_engine import LiveByBits
-from koord.verify.engines.explicit.limits import FEW_STATES, Limits
-from koord.verify.engines.explicit.liveness_engine import FEW_EDGES, LiveBySearch
+from koord.verify.engines.engine import Workers
 from koord.verify.failures import VACUITY, Failure
 from koord.verify.ledger import Ledger, Reach, Said
 from koord.verify.obstacles import Unreplayed, WholeRuns, what
 from koord.verify.processes import Pool, Progress
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import abstract_subject, identity, plain_subject
-from koord.verify.reduction.sliced_problems import Doubts
 from koord.verify.reduction.slices import Slices
-from koord.verify.resumption import Steps
+from koord.verify.strategy.resumption import Steps
+from koord.verify.strategy.slices_turn import Doubts
+from koord.verify.strategy.table import FIRST_LASSOS, AskEngine
+from koord.verify.strategy.turns import EngineTurn
 from koord.verify.vacuity.vacuous_goals import hollow
 from koord.verify.verdicts import Bounds, Outcome, Vacuity, Verdict
-
-
-class Ways(Enum):
-    """Which engines may answer."""
-
-    ALL = "all"
-    SEARCH = "search"
-    BITS = "bits"
-    NONE = "none"
 
 
 class Settled(Struct, frozen=True):
@@ -48,9 +38,9 @@ class Settled(Struct, frozen=True):
 
 
 def settled(
-    system: System,
+    slices: Slices,
     bounds: Bounds,
-    ways: Ways,
+    rows: Sequence[AskEngine],
     deadline: Deadline,
     *,
     names: Sequence[str] = (),
@@ -59,14 +49,13 @@ def settled(
     pool: Pool | None = None,
     before: Mapping[str, float] | None = None,
     steps: Steps | None = None,
-    slices: Slices | None = None,
 ) -> Settled:
-    """Ask about everything that a program claims of whole runs, or what is named.
+    """Ask the engines of some rows what a system's claims about whole runs are, or the named ones.
 
     ``proved`` are claims that hold in every round: proofs may rely on them. ``before`` is what was
     spent on claims already, by their names; ``steps`` are told of what is known by and by.
-    ``slices`` are those of the system.
     """
+    system = slices.system
     claims = tuple(c for c in liveness_of(system) if not names or c.name in names)
     if not claims:
         return Settled(())
@@ -75,11 +64,10 @@ def settled(
     steps = steps or Steps()
     steps.follow(ledger)
     ledger.before = {c: before.get(c.name, 0.0) for c in claims} if before else {}
-    if ways is Ways.NONE:
+    if not rows:
         ledger.in_the_way = (WholeRuns(),)
         ledger.stopped = what(WholeRuns())
-    asking = _Asking(ledger, ways, proved, pool, steps)
-    slices = slices or Slices(system)
+    asking = _Asking(ledger, rows, proved, pool, steps)
     parts = _parts(slices, {claim: slices.cone([claim]) for claim in claims})
     with ledger.stopping():
         asking.about(parts)
@@ -125,7 +113,7 @@ class _Asking(Struct):
     """Engines that are asked about slices; what they find counts as a run of the whole system."""
 
     ledger: Ledger
-    ways: Ways
+    rows: Sequence[AskEngine]
     proved: Sequence[Claim]
     pool: Pool
     steps: Steps
@@ -147,17 +135,13 @@ class _Asking(Struct):
     def about(self, parts: Sequence[_Part]) -> None:
         """Each engine is asked of all of the slices before the next one."""
         self.doubts = Doubts()
-        limits, edges = Limits(), None
-        if self.ways is Ways.ALL:
-            limits, edges = Limits(states=FEW_STATES), FEW_EDGES
-        search = LiveBySearch(limits, edges, self.empty)
-        bits = LiveByBits(self.pool, sparing=self.ways is Ways.ALL, empty=self.empty)
-        for part in parts:
-            if self.ways in (Ways.ALL, Ways.SEARCH):
-                self._ask(part, 0, search.name, search.work)
-        for part in parts:
-            if self.ways in (Ways.ALL, Ways.BITS):
-                self._ask(part, 1, bits.name, partial(self._by_bits, part, bits))
+        workers = Workers(self.pool, of_runs=True)
+        workers.tools.vacuities = self.empty
+        for number, row in enumerate(self.rows):
+            turn = EngineTurn(row.engine, row.task, workers)
+            for part in parts:
+                work = partial(self._on_circuit, part, turn) if row.opaque else turn.work
+                self._ask(part, number, turn.name, work)
 
     def _ask(self, part: _Part, turn: int, name: str, work: Callable[[Ledger], None]) -> None:
         is_whole = part.system is self.ledger.system
@@ -172,7 +156,7 @@ class _Asking(Struct):
         if not is_whole:
             subject = plain_subject(self.ledger.system, part.system)
             inner.subject = self.doubts.watching(subject)
-        is_last = turn == 1 or self.ways is not Ways.ALL
+        is_last = turn == len(self.rows) - 1
         if inner is self.ledger:
             self.steps.take(part.stage, turn, name, work, inner, is_last=is_last)
             return
@@ -182,7 +166,7 @@ class _Asking(Struct):
         finally:
             self.ledger.take(inner.said(asked))
 
-    def _by_bits(self, part: _Part, bits: LiveByBits, ledger: Ledger) -> None:
+    def _on_circuit(self, part: _Part, turn: EngineTurn, ledger: Ledger) -> None:
         """Ask the circuit of a slice, with opaque values where there are any."""
         whole = self.ledger.system
         subject = abstract_subject(whole, part.system)
@@ -197,12 +181,12 @@ class _Asking(Struct):
             if identity(claim) in outer
         }
         known = {identity(claim) for claim in self.proved if claim.is_state_property}
-        bits.lemmas = tuple(c for c in claims_of(subject.system) if identity(c) in known)
+        lemmas = tuple(c for c in claims_of(subject.system) if identity(c) in known)
         inner = replace(ledger.about(subject, tuple(originals)), report=ledger.progress)
         inner.noted = lambda verdict: _put_down(ledger, verdict, originals[verdict.claim], inner)
         with ledger.waiting():
             try:
-                _without_lemmas_first(inner, bits)
+                _without_lemmas_first(inner, turn, lemmas, self.pool)
             finally:
                 for claim in inner.open():
                     inner.noted(inner.verdict(claim))
@@ -227,33 +211,36 @@ def _put_down(ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger) -> 
     )
 
 
-def _without_lemmas_first(ledger: Ledger, bits: LiveByBits) -> None:
+def _without_lemmas_first(
+    ledger: Ledger, turn: EngineTurn, lemmas: tuple[Claim, ...], pool: Pool
+) -> None:
     """Lemmas make the circuit larger, and may not be needed: ask without, and then with them.
 
     About a single claim that can be done at the same time: what is found without counts first.
     """
-    quickly = LiveByBits(bits.pool, quick=True, empty=bits.empty)
     (_, *others), ahead = ledger.open(), None
-    if bits.lemmas and not others and bits.pool.jobs > 1:
-        ahead = bits.pool.hand_in("", partial(_asked, ledger, bits))
-    if bits.lemmas:
-        quickly.work(ledger)
+    helped = replace(turn, task=replace(turn.task, lemmas=lemmas))
+    if lemmas and not others and pool.jobs > 1:
+        ahead = pool.hand_in("", partial(_asked, ledger, helped))
+    if lemmas:
+        replace(turn, task=FIRST_LASSOS).work(ledger)
     if ahead is None:
         if ledger.open():
-            bits.work(ledger)
+            helped.work(ledger)
     elif not ledger.open():
-        bits.pool.drop(ahead)
-    elif (found := bits.pool.answer(ahead)) is not None:
+        pool.drop(ahead)
+    elif (found := pool.answer(ahead)) is not None:
         said, empty = found
         ledger.take(said)
-        bits.empty += empty
+        turn.workers.tools.vacuities += empty
     else:
-        ledger.fail(Failure(bits.name, ahead.end))
+        ledger.fail(Failure(turn.name, ahead.end))
 
 
-def _asked(ledger: Ledger, bits: LiveByBits, tell: Progress) -> tuple[Said, list[Vacuity]]:
+def _asked(ledger: Ledger, turn: EngineTurn, tell: Progress) -> tuple[Said, list[Vacuity]]:
     """What is found in a process of its own."""
-    own, alone = ledger.of(ledger.open(), tell), replace(bits, pool=Pool(1), empty=[])
-    with own.stopping(), own.enduring(bits.name):
+    own = ledger.of(ledger.open(), tell)
+    alone = replace(turn, workers=Workers(Pool(1), of_runs=True))
+    with own.stopping(), own.enduring(turn.name):
         alone.work(own)
-    return own.said(ledger.open()), alone.empty
+    return own.said(ledger.open()), alone.workers.tools.vacuities

@@ -14,16 +14,19 @@ from msgspec.structs import replace
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
-from koord.verify import per_claim, processes
+from koord.verify import each_claim, processes
 from koord.verify.claims import Claim, claims_of
 from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
-from koord.verify.engines import workers
 from koord.verify.engines.bits import liveness_engine
-from koord.verify.ledger import Ledger, Reach, Subject, Works
-from koord.verify.per_claim import ByRounds
+from koord.verify.engines.bmc.engine import BmcEngine
+from koord.verify.engines.engine import Task
+from koord.verify.ledger import Ledger, Reach, Subject
 from koord.verify.processes import Pool, can_fork
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy import each_claim_turn
+from koord.verify.strategy.each_claim_turn import EachClaimTurn
+from koord.verify.strategy.turns import AnyTurn
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 from tests.sampling import first
 
@@ -67,16 +70,26 @@ def timeless(report: Report) -> Report:
     return replace(report, verdicts=verdicts, seconds=0.0)
 
 
-def asked(system: System, choice: Choice, jobs: int, **more: int) -> Report:
+def asked(system: System, choice: Engine | None, jobs: int, **more: int) -> Report:
     return timeless(verify(system, Bounds(8, **more), choice, jobs=jobs))
 
 
-@pytest.mark.parametrize("choice", first(2, [Choice.AUTO, Choice.BMC, Choice.BITS]))
+def look_at_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All claims together are looked at for one round at most before single ones are."""
+    work = BmcEngine.work
+
+    def little(self: BmcEngine, ledger: Ledger, task: Task) -> None:
+        work(self, ledger, task if task.rounds is not None else replace(task, seconds=0.0))
+
+    monkeypatch.setattr(BmcEngine, "work", little)
+
+
+@pytest.mark.parametrize("choice", first(2, [None, Engine.BMC, Engine.BITS]))
 def test_reports_are_equal_whatever_the_number_of_processes(
-    system: System, choice: Choice, monkeypatch: pytest.MonkeyPatch
+    system: System, choice: Engine | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing is settled together, so that all is asked claim by claim."""
-    monkeypatch.setattr(workers, "GLANCE_S", 0)
+    look_at_little(monkeypatch)
     one = asked(system, choice, 1, violations=2)
     assert one == asked(system, choice, 2, violations=2)
     assert one == asked(system, choice, 4, violations=2)
@@ -90,22 +103,22 @@ def test_what_was_not_enough_is_followed_by_more(
     system: System, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Slices in which nothing can be done are as if they were not there."""
-    whole = asked(system, Choice.BMC, 1)
-    monkeypatch.setattr(workers, "GLANCE_S", 0)
-    nothing = (per_claim._Slice(0, False), per_claim._Slice(0, True))
-    monkeypatch.setattr(per_claim, "SLICES", nothing)
-    told = asked(system, Choice.BMC, 2)
+    whole = asked(system, Engine.BMC, 1)
+    look_at_little(monkeypatch)
+    nothing = (each_claim_turn._Slice(0, False), each_claim_turn._Slice(0, True))
+    monkeypatch.setattr(each_claim_turn, "SLICES", nothing)
+    told = asked(system, Engine.BMC, 2)
     violated = {v.claim.name for v in told.verdicts if v.outcome is Outcome.VIOLATED}
     assert violated == {v.claim.name for v in whole.verdicts if v.outcome is Outcome.VIOLATED}
     assert [v.rounds for v in told.verdicts] == [v.rounds for v in whole.verdicts]
 
 
-@pytest.mark.parametrize("choice", first(1, [Choice.BMC, Choice.AUTO, Choice.BITS]))
+@pytest.mark.parametrize("choice", first(1, [Engine.BMC, None, Engine.BITS]))
 def test_where_nothing_can_be_forked_all_is_done_in_turn(
-    system: System, choice: Choice, monkeypatch: pytest.MonkeyPatch
+    system: System, choice: Engine | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     forked = asked(system, choice, 2, violations=2)
-    for module in (processes, per_claim):
+    for module in (processes, each_claim, each_claim_turn):
         monkeypatch.setattr(module, "can_fork", lambda: False)
     monkeypatch.setattr("os.fork", lambda: pytest.fail("it forks"))
     in_turn = asked(system, choice, 2, violations=2)
@@ -122,7 +135,7 @@ def test_with_lemmas_and_without_at_the_same_time_is_one_after_the_other(
     if not quick:
         monkeypatch.setattr(liveness_engine, "QUICKLY", ())
     told = [
-        timeless(verify(system, Bounds(8), Choice.BITS, names=["Within", "Done"], jobs=jobs))
+        timeless(verify(system, Bounds(8), Engine.BITS, names=["Within", "Done"], jobs=jobs))
         for jobs in (1, 2)
     ]
     assert told[0] == told[1]
@@ -173,13 +186,13 @@ class Proves:
 
 
 def looked(
-    system: System, says: dict[str, str], jobs: int, proofs: Sequence[Works] = ()
+    system: System, says: dict[str, str], jobs: int, proofs: Sequence[AnyTurn] = ()
 ) -> tuple[Ledger, Looks]:
     subject = Subject(system, lambda *given: pytest.fail("nothing to replay"), system)
     ledger = Ledger(subject, Bounds(8), Deadline.after(None), claims_of(system))
     looks = Looks(says)
     with Pool(jobs) as of:
-        ByRounds(looks, of, proofs).work(ledger)  # type: ignore[arg-type]
+        EachClaimTurn(looks, of, proofs).work(ledger)  # type: ignore[arg-type]
     return ledger, looks
 
 

@@ -11,20 +11,17 @@ from functools import partial
 import pytest
 import z3
 
-from koord.verify import resumption
-from koord.verify.bounded_check import ByUnrolling
+from koord.verify.bounded_check import Unroller
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline
-from koord.verify.engines.bits.engine import ByBits
-from koord.verify.engines.bits.liveness_engine import LiveByBits
-from koord.verify.engines.every_n.engine import ByEveryN, ByInference
-from koord.verify.engines.explicit.liveness_engine import LiveBySearch
-from koord.verify.engines.horn.engine import BySpacer, KeptBack
-from koord.verify.engines.workers import ByGlance, ByInduction, BySearch, ByShallowSearch, ByStep
+from koord.verify.engine_names import Engine
+from koord.verify.engines.engine import Purpose
 from koord.verify.ledger import Ledger, Subject
-from koord.verify.per_claim import ByRounds
-from koord.verify.strategy import Choice, verify
-from koord.verify.time_limits import verify_apart
+from koord.verify.strategy import resumption
+from koord.verify.strategy.each_claim_turn import EachClaimTurn
+from koord.verify.strategy.time_limits import verify_apart
+from koord.verify.strategy.turns import AnyTurn, EngineTurn
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.verify.asking import judged, of_text
 
@@ -50,25 +47,43 @@ invariant Open: forall i: y@i != 54
 eventually Done: forall i: done@i
 """
 
-#: Every engine that the default asks, by the name that its failures have.
-ENGINES: dict[type, str] = {
-    ByShallowSearch: "search",
-    ByEveryN: "every N",
-    ByStep: "induction",
-    ByInference: "every N",
-    BySearch: "search",
-    ByInduction: "induction",
-    ByBits: "bits",
-    ByGlance: "bmc",
-    ByRounds: "bmc",
-    BySpacer: "spacer",
-    KeptBack: "spacer",
-    LiveBySearch: "search",
-    LiveByBits: "bits",
+#: Everybody that the default asks, with the name that its failures have.
+ENGINES = {
+    "search, to refute": "search",
+    "every N, quickly": "every N",
+    "induction, quickly": "induction",
+    "every N, to infer": "every N",
+    "search": "search",
+    "induction": "induction",
+    "bits": "bits",
+    "bmc": "bmc",
+    "bmc, each claim": "bmc",
+    "spacer, to hold back": "spacer",
+    "spacer, to release": "spacer",
+    "search, of runs": "search",
+    "bits, of runs": "bits",
 }
 
 #: Those that settle what the others are to leave alone.
-DECIDING = {ByEveryN, ByStep, ByGlance, ByRounds, LiveBySearch, LiveByBits}
+DECIDING = {
+    "every N, quickly",
+    "induction, quickly",
+    "bmc",
+    "bmc, each claim",
+    "search, of runs",
+    "bits, of runs",
+}
+
+
+def who(turn: AnyTurn) -> str:
+    """Whose turn it is, for what."""
+    if not isinstance(turn, EngineTurn):
+        return f"{turn.name}, each claim"
+    if turn.workers.of_runs:
+        return f"{turn.name}, of runs"
+    if turn.task.purpose is not Purpose.SETTLE:
+        return f"{turn.name}, to {turn.task.purpose.value}"
+    return f"{turn.name}, quickly" if turn.quick else turn.name
 
 
 def raising(error: BaseException) -> Callable[[object, Ledger], None]:
@@ -91,10 +106,6 @@ def deep(self: object, ledger: Ledger) -> None:
 
 def hanging(self: object, ledger: Ledger) -> None:
     signal.pause()
-
-
-def idle(self: object, ledger: Ledger) -> None:
-    """Says nothing."""
 
 
 #: What may become of an engine, and what is said of it.
@@ -123,13 +134,16 @@ OVERDUE = "it did not end when its share of the time was over"
 ENDING = {"is killed", "crashes"}
 
 #: Those that are killed by default: what becomes of a process hangs little on whose turn it was.
-SAMPLE = {(ByEveryN, "is killed"), (BySpacer, "is killed"), (LiveBySearch, "is killed")}
+SAMPLE = {
+    (engine, "is killed")
+    for engine in ("every N, quickly", "spacer, to hold back", "search, of runs")
+}
 
 CASES = [
     pytest.param(
         engine,
         fault,
-        id=f"{engine.__name__} {fault}",
+        id=f"{engine} {fault}",
         marks=[] if fault == "raises" or (engine, fault) in SAMPLE else [pytest.mark.slow],
     )
     for engine in ENGINES
@@ -138,7 +152,7 @@ CASES = [
 
 
 def asked(
-    choice: Choice = Choice.AUTO, seconds: float | None = None, *, apart: bool = True
+    choice: Engine | None = None, seconds: float | None = None, *, apart: bool = True
 ) -> Report:
     ask = verify_apart if apart else verify
     return ask(of_text(PROGRAM, robots=1), Bounds(3, seconds), choice)
@@ -148,23 +162,27 @@ def outcomes(report: Report) -> dict[str, tuple[Outcome, int | None]]:
     return {v.claim.name: (v.outcome, v.rounds) for v in report.verdicts}
 
 
-def failing(monkeypatch: pytest.MonkeyPatch, engine: type, fault: str) -> None:
-    """Let an engine fail, and those that are neither it nor needed to settle things say nothing."""
-    for other in ENGINES:
-        if other is engine:
-            monkeypatch.setattr(other, "work", hanging if fault == "hangs" else FAULTS[fault][0])
-        elif other not in DECIDING:
-            monkeypatch.setattr(other, "work", idle)
+def failing(monkeypatch: pytest.MonkeyPatch, fault: str, *engines: str) -> None:
+    """Let engines fail, and those that are neither they nor needed to settle things say nothing."""
+    fails = hanging if fault == "hangs" else FAULTS[fault][0]
+    for kind in (EngineTurn, EachClaimTurn):
+        whole = kind.work
+
+        def work(self: AnyTurn, ledger: Ledger, whole: Callable[..., None] = whole) -> None:
+            if who(self) in engines:
+                fails(self, ledger)
+            elif who(self) in DECIDING:
+                whole(self, ledger)
+
+        monkeypatch.setattr(kind, "work", work)
 
 
 @pytest.mark.parametrize(("engine", "fault"), CASES)
-def test_the_others_verdicts_stay(
-    engine: type, fault: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    failing(monkeypatch, engine, fault)
+def test_the_others_verdicts_stay(engine: str, fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    failing(monkeypatch, fault, engine)
     report = asked(apart=fault in ENDING)
     assert outcomes(report) == OUTCOMES
-    if engine is LiveByBits:  # the search was quicker
+    if engine == "bits, of runs":  # the search was quicker
         assert report.failures == ()
         return
     # Where it is asked twice, the words of Python may differ behind the kind of its mistake.
@@ -176,9 +194,8 @@ def test_the_others_verdicts_stay(
 def test_what_is_open_names_the_engine_that_failed(
     fault: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    failing(monkeypatch, ByBits, fault)
-    monkeypatch.setattr(LiveByBits, "work", FAULTS[fault][0])
-    report = asked(Choice.BITS)
+    failing(monkeypatch, fault, "bits", "bits, of runs")
+    report = asked(Engine.BITS)
     for verdict in report.verdicts:
         assert verdict.outcome is Outcome.UNKNOWN
         assert f"bits failed: {FAULTS[fault][1]}" in verdict.reason
@@ -191,25 +208,29 @@ BUDGET_S, SMALL_SHARE = 30.0, 0.06
 @pytest.mark.parametrize(
     "engine",
     [
-        pytest.param(e, marks=[] if e in (ByEveryN, BySpacer) else [pytest.mark.slow])
+        pytest.param(
+            e, marks=[] if e in ("every N, quickly", "spacer, to hold back") else [pytest.mark.slow]
+        )
         for e in ENGINES
     ],
 )
 def test_an_engine_that_hangs_costs_its_share_of_the_time(
-    engine: type, monkeypatch: pytest.MonkeyPatch
+    engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    failing(monkeypatch, engine, "hangs")
+    failing(monkeypatch, "hangs", engine)
     monkeypatch.setattr(resumption, "SHARE", SMALL_SHARE)
     report = asked(seconds=BUDGET_S)
     assert outcomes(report) == OUTCOMES
     assert report.seconds <= 1.05 * BUDGET_S
-    named = () if engine is LiveByBits else ((ENGINES[engine], OVERDUE),)  # the search was quicker
+    named = (
+        () if engine == "bits, of runs" else ((ENGINES[engine], OVERDUE),)
+    )  # the search was quicker
     assert tuple((f.who, f.what) for f in report.failures) == named
 
 
 def test_an_engine_that_hangs_alone_is_ended_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(BySearch, "work", hanging)
-    report = asked(Choice.SEARCH, seconds=1.0)
+    failing(monkeypatch, "hangs", "search", "search, of runs")
+    report = asked(Engine.SEARCH, seconds=1.0)
     found = {v.claim.name: v for v in report.verdicts}
     assert found["Broken"].outcome is Outcome.UNKNOWN
     assert found["Broken"].reason == "timeout; search was being asked"
@@ -225,7 +246,12 @@ def disguised(self: object, ledger: Ledger) -> None:
 
 
 def test_ctrl_c_is_no_failure_whatever_it_is_raised_as(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ByInference, "work", disguised)
+    turn = EngineTurn.work
+
+    def work(self: EngineTurn, ledger: Ledger) -> None:
+        (disguised if who(self) == "every N, to infer" else turn)(self, ledger)
+
+    monkeypatch.setattr(EngineTurn, "work", work)
     report = asked()
     assert report.interrupted
     assert report.failures == ()
@@ -236,15 +262,15 @@ def test_ctrl_c_is_no_failure_whatever_it_is_raised_as(monkeypatch: pytest.Monke
 def test_unrolling_that_failed_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     """What was half done when it failed is relied on by nobody."""
 
-    def half_done(self: ByUnrolling, *rest: object) -> None:
+    def half_done(self: Unroller, *rest: object) -> None:
         raise AssertionError("half done")
 
     system = of_text(PROGRAM, robots=1)
     subject = Subject(system, partial(judged, system), system)
     ledger = Ledger(subject, Bounds(3), Deadline(), claims_of(system))
-    unrolling = ByUnrolling()
+    unrolling = Unroller()
     with monkeypatch.context() as patched:
-        patched.setattr(ByUnrolling, "_through", half_done)
+        patched.setattr(Unroller, "_through", half_done)
         with ledger.enduring(unrolling.name):
             unrolling.work(ledger)
     assert unrolling.bounded is None

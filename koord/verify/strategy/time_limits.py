@@ -25,15 +25,15 @@ from koord.verify.effort import GRACE, GRACE_S, Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.obstacles import Interrupted, Obstacle, TimeUp, failed_at
 from koord.verify.processes import Pool, Teller
-from koord.verify.resumption import Past
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy.resumption import Past
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 
 
 def verify_apart(
     system: System,
     bounds: Bounds,
-    choice: Choice = Choice.AUTO,
+    choice: Engine | None = None,
     *,
     names: Sequence[str] = (),
     seed: int = 0,
@@ -41,7 +41,7 @@ def verify_apart(
     progress: Callable[[str], None] = lambda text: None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Report:
-    """As :func:`koord.verify.strategy.verify`, with ``bounds.claim_s`` seconds for each claim."""
+    """As :func:`verify` of ``verification.py``, with ``bounds.claim_s`` seconds for each claim."""
     asking = _Asking(system, bounds, choice, seed, jobs, progress, interrupted)
     claim_s = bounds.claim_s
     if claim_s is None:
@@ -67,7 +67,7 @@ class _Asking(Struct, frozen=True):
 
     system: System
     bounds: Bounds
-    choice: Choice
+    choice: Engine | None
     seed: int
     jobs: int
     progress: Callable[[str], None]
@@ -101,7 +101,7 @@ class _Asking(Struct, frozen=True):
         if report is None:
             spent = time.monotonic() - started
             why = "interrupted" if cut else _late(past) if job.is_late else ""
-            every_n = self.choice is Choice.EVERY_N
+            every_n = self.choice is Engine.EVERY_N
             verdicts = self._known(past, why, spent, names, late=job.is_late)
             report = Report(verdicts, (), spent, cut, past.failures, every_n)
         return report

@@ -15,13 +15,14 @@ from msgspec.structs import replace
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
-from koord.verify import processes, time_limits
+from koord.verify import processes
 from koord.verify.claims import claims_of, liveness_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.resumption import Step
-from koord.verify.strategy import Choice, verify
-from koord.verify.time_limits import verify_apart
+from koord.verify.strategy import time_limits
+from koord.verify.strategy.resumption import Step
+from koord.verify.strategy.time_limits import verify_apart
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 
 #: More than anything here takes, on any machine.
@@ -66,7 +67,7 @@ def nothing(system: System) -> Report:
 def without_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """All claims together come to nothing, so that each is asked by itself."""
 
-    def asked(system: System, bounds: Bounds, choice: Choice, **more: Any) -> Report:
+    def asked(system: System, bounds: Bounds, choice: Engine | None, **more: Any) -> Report:
         if not more.get("known"):
             return nothing(system)
         return verify(system, bounds, choice, **more)
@@ -145,7 +146,7 @@ def test_what_is_proved_by_then_stays_and_helps(
         ),
     )
 
-    def asked(system: System, bounds: Bounds, choice: Choice, **more: Any) -> Report:
+    def asked(system: System, bounds: Bounds, choice: Engine | None, **more: Any) -> Report:
         if not more.get("known"):
             return some
         # In a process of its own: what is wrong there is raised here.
@@ -160,7 +161,7 @@ def test_what_is_proved_by_then_stays_and_helps(
 # --- nothing takes longer than it may ------------------------------------------------------------
 
 
-def deaf(system: System, bounds: Bounds, choice: Choice, **more: Any) -> Report:
+def deaf(system: System, bounds: Bounds, choice: Engine | None, **more: Any) -> Report:
     """Tells of one verdict, and then hears nothing and looks at no clock."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     first = claims_of(system)[0]
@@ -255,7 +256,7 @@ def test_who_goes_on_after_a_crash_has_what_is_left(
             return ((name, None) for name in jobs)
 
     monkeypatch.setattr(time_limits, "Pool", Dying)
-    asking = time_limits._Asking(system, AMPLE, Choice.AUTO, 0, 1, lambda text: None, lambda: False)
+    asking = time_limits._Asking(system, AMPLE, None, 0, 1, lambda text: None, lambda: False)
     found = {v.claim.name: v for v in nothing(system).verdicts}
     assert not asking.each(["Few"], 10.0, Deadline(), tuple(found.values()), found)
     assert given == pytest.approx([10.5, 7.35, 4.2, 1.1])

@@ -12,7 +12,6 @@ from koord.semantics.recordings import Recording, execute
 from koord.syntax import core
 from koord.syntax.system import dealt
 from koord.syntax.types import BOOL, FLOAT, INT, ListType
-from koord.verify import strategy
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.encoding.unknowns import LIST_CAPACITY
@@ -20,7 +19,8 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc import counterexample_enumeration
 from koord.verify.ledger import Ledger, Reach, Subject, reach_of
 from koord.verify.obstacles import GaveUp, WholeRuns
-from koord.verify.strategy import Choice, verify
+from koord.verify.strategy import verification
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import (
     Bounds,
     Counterexample,
@@ -55,15 +55,15 @@ from tests.verify.asking import ask, of_text
 @pytest.fixture(autouse=True)
 def _small_searches(monkeypatch: pytest.MonkeyPatch) -> None:
     """Programs here are small, or infinite: a short search tells them apart as well."""
-    monkeypatch.setattr(strategy, "HANDFUL", 5)
-    monkeypatch.setattr(strategy, "FEW_STATES", 300)
+    monkeypatch.setattr(verification, "HANDFUL", 5)
+    monkeypatch.setattr(verification, "FEW_STATES", 300)
 
 
 def test_a_handful_of_states_is_looked_at_before_long_steps(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Three spots in a map: solvers take half a minute over steps of three rounds."""
-    monkeypatch.setattr(strategy, "HANDFUL", 500)
+    monkeypatch.setattr(verification, "HANDFUL", 500)
     told: list[str] = []
     system = of_text(
         """allwrite:
@@ -129,9 +129,9 @@ def test_a_proof_says_for_all_rounds() -> None:
 
 
 def test_bounded_model_checking_says_through_which_round() -> None:
-    verdict = ask(growing().program(), robots=1, rounds=4, choice=Choice.BMC)["NotSeven"]
+    verdict = ask(growing().program(), robots=1, rounds=4, choice=Engine.BMC)["NotSeven"]
     assert (verdict.outcome, verdict.engine, verdict.rounds) == (Outcome.HOLDS, Engine.BMC, 4)
-    asked = ask(programs.sum_of_ids(), rounds=2, choice=Choice.BMC)
+    asked = ask(programs.sum_of_ids(), rounds=2, choice=Engine.BMC)
     assert all((v.engine, v.rounds) == (Engine.BMC, 2) for v in asked)
 
 
@@ -140,7 +140,7 @@ def test_a_search_that_came_far_enough_answers_too() -> None:
     x = b.local("x", INT, 2)
     b.event("Square", TRUE, x.set(x * x))
     b.invariant("NotSeven", forall(I, x.at(I).ne(7)))
-    verdict = ask(b.program(), robots=1, rounds=4, choice=Choice.SEARCH)["NotSeven"]
+    verdict = ask(b.program(), robots=1, rounds=4, choice=Engine.SEARCH)["NotSeven"]
     assert (verdict.outcome, verdict.engine) == (Outcome.HOLDS, Engine.SEARCH)
     assert verdict.rounds is not None
     assert verdict.rounds >= 4
@@ -154,7 +154,7 @@ def test_what_grows_for_ever_is_proved_all_the_same() -> None:
 
 
 def test_a_violation_says_in_which_round_and_is_shortest() -> None:
-    for choice in (Choice.AUTO, Choice.BMC, Choice.SEARCH):
+    for choice in (None, Engine.BMC, Engine.SEARCH):
         verdict = ask(late(4), rounds=9, choice=choice)["Small"]
         assert verdict.outcome is Outcome.VIOLATED
         shown = verdict.counterexample
@@ -162,9 +162,9 @@ def test_a_violation_says_in_which_round_and_is_shortest() -> None:
         assert shown.round == len(shown.recording.rounds) == 4
 
 
-@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BMC, Choice.SEARCH])
+@pytest.mark.parametrize("choice", [None, Engine.BMC, Engine.SEARCH])
 @pytest.mark.parametrize("program", [programs.counter_race(), late(3)], ids=lambda p: p.name)
-def test_every_violation_replays(program: core.Program, choice: Choice) -> None:
+def test_every_violation_replays(program: core.Program, choice: Engine | None) -> None:
     """What is shown is a legal run of the exact semantics, to the step that breaks the claim."""
     system = dealt(program, 3)
     shown = [v for v in ask(system, rounds=5, choice=choice) if v.counterexample is not None]
@@ -176,7 +176,7 @@ def test_every_violation_replays(program: core.Program, choice: Choice) -> None:
 
 def test_what_is_shown_has_no_event_that_need_not_be() -> None:
     """Three robots could count, and one is enough."""
-    shown = ask(late(3), robots=3, rounds=4, choice=Choice.BMC)["Small"].counterexample
+    shown = ask(late(3), robots=3, rounds=4, choice=Engine.BMC)["Small"].counterexample
     assert shown is not None
     ran = [e for round_ in shown.recording.rounds for e in round_.events if e is not None]
     assert len(ran) == 3
@@ -189,7 +189,7 @@ def test_what_shows_a_lost_update_keeps_the_update() -> None:
         x = b.allwrite("x", INT, 0)
         b.event("Set", PID.ne(updater), x.set(5))
         b.event("Up", PID.eq(updater) & (x < 9), x.set(x + 1))
-        for choice in (Choice.BMC, Choice.SEARCH):
+        for choice in (Engine.BMC, Engine.SEARCH):
             asked = ask(b.program(), robots=3, rounds=1, choice=choice)
             shown = asked["no lost update of x"].counterexample
             assert shown is not None
@@ -204,7 +204,7 @@ def test_different_violations_differ_in_what_they_need() -> None:
     b.event("Go", x < 2, x.set(x + 1))
     b.invariant("Few", forall(I, forall(J, (I.ne(J) & x.at(I).eq(1)) >> x.at(J).eq(0))))
     system = dealt(b.program(), 3)
-    for choice in (Choice.BMC, Choice.SEARCH):
+    for choice in (Engine.BMC, Engine.SEARCH):
         report = verify(system, Bounds(2, violations=9), choice)
         (verdict,) = [v for v in report.verdicts if v.claim.name == "Few"]
         assert verdict.counterexample is not None
@@ -237,7 +237,7 @@ def test_it_is_told_whether_there_are_more_ways(
     rounds: int, most: int, found: int, ways: Ways
 ) -> None:
     """Within the bound, that is; and none beyond the bound is found."""
-    report = verify(dealt(early_and_late(), 1), Bounds(rounds, violations=most), Choice.BMC)
+    report = verify(dealt(early_and_late(), 1), Bounds(rounds, violations=most), Engine.BMC)
     verdict = report.verdicts[0]
     assert 1 + len(verdict.others) == found
     assert verdict.ways == ways
@@ -247,13 +247,13 @@ def test_ways_that_were_not_looked_for_to_the_end_are_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(counterexample_enumeration, "_SECONDS", 0.0)
-    report = verify(dealt(early_and_late(), 1), Bounds(3, violations=5), Choice.BMC)
+    report = verify(dealt(early_and_late(), 1), Bounds(3, violations=5), Engine.BMC)
     verdict = report.verdicts[0]
     assert verdict.counterexample is not None
     assert verdict.ways is not None
     assert verdict.ways.reason
     assert not verdict.ways.complete
-    assert verify(dealt(early_and_late(), 1), Bounds(3), Choice.BMC).verdicts[0].ways is None
+    assert verify(dealt(early_and_late(), 1), Bounds(3), Engine.BMC).verdicts[0].ways is None
 
 
 def ran(recording: Recording) -> list[int]:
@@ -269,7 +269,7 @@ def test_one_violation_is_enough_if_no_more_are_asked_for() -> None:
 def test_the_outcome_of_a_report_is_its_worst() -> None:
     assert ask(programs.sum_of_ids()).report.outcome is Outcome.HOLDS
     assert ask(late(2)).report.outcome is Outcome.VIOLATED
-    assert ask(growing().program(), choice=Choice.INDUCTION).report.outcome is Outcome.UNKNOWN
+    assert ask(growing().program(), choice=Engine.INDUCTION).report.outcome is Outcome.UNKNOWN
 
 
 def test_one_claim_can_be_asked_for_and_the_others_still_help() -> None:
@@ -278,7 +278,7 @@ def test_one_claim_can_be_asked_for_and_the_others_still_help() -> None:
     b.event("Go", TRUE, y.set(x), x.set(0))
     b.invariant("Lemma", forall(I, x.at(I).eq(0)))
     b.invariant("Goal", forall(I, y.at(I).eq(0)))
-    report = verify(dealt(b.program(), 2), Bounds(3), Choice.INDUCTION, names=("Goal",))
+    report = verify(dealt(b.program(), 2), Bounds(3), Engine.INDUCTION, names=("Goal",))
     (verdict,) = report.verdicts
     assert (verdict.claim.name, verdict.outcome, verdict.depth) == ("Goal", Outcome.HOLDS, 1)
 
@@ -287,7 +287,7 @@ def test_liveness_is_left_open_by_engines_that_know_nothing_of_it() -> None:
     b = growing()
     kind = core.PropertyKind.EVENTUALLY
     b.properties.append(core.Property("Some", kind, core.Const(True, BOOL), 0))
-    report = verify(dealt(b.program(), 2), Bounds(1), Choice.INDUCTION, names=("Some",))
+    report = verify(dealt(b.program(), 2), Bounds(1), Engine.INDUCTION, names=("Some",))
     (verdict,) = report.verdicts
     assert verdict.outcome is Outcome.UNKNOWN
     assert verdict.obstacles == (WholeRuns(),)
@@ -314,7 +314,7 @@ def test_out_of_time_says_how_far_it_holds() -> None:
     b.event("Count", n < 2, n.set(n + 1), urgent=True)
     b.event("Find", n.eq(2) & cubes.eq(114), n.set(5))
     b.invariant("NotFound", forall(I, n.at(I) < 5))
-    report = verify(dealt(b.program(), 1), Bounds(9, 2.0), Choice.BMC)
+    report = verify(dealt(b.program(), 1), Bounds(9, 2.0), Engine.BMC)
     (verdict,) = [v for v in report.verdicts if v.claim.name == "NotFound"]
     assert (verdict.outcome, verdict.engine) == (Outcome.UNKNOWN, Engine.BMC)
     assert verdict.reason == "timeout"
@@ -335,7 +335,7 @@ class _CtrlC:
 
 
 def interrupted(
-    program: core.Program, when: Callable[[int, str], bool], choice: Choice = Choice.AUTO
+    program: core.Program, when: Callable[[int, str], bool], choice: Engine | None = None
 ) -> Report:
     return verify(dealt(program, 1), Bounds(9), choice, progress=_CtrlC(when))
 
@@ -349,7 +349,7 @@ def test_ctrl_c_ends_in_what_is_known() -> None:
         told.append(text)
         return sum("bmc, round 5" in each for each in told) == 2
 
-    report = interrupted(program, when, Choice.BMC)
+    report = interrupted(program, when, Engine.BMC)
     assert report.interrupted
     *open_, no_fault = report.verdicts
     assert (no_fault.outcome, no_fault.rounds) == (Outcome.HOLDS, 9)
@@ -442,7 +442,7 @@ def test_a_loop_without_a_known_bound_is_unknown_with_its_place() -> None:
     n, x, k = b.local("n", FLOAT, 0), b.local("x", INT, 0), bound("k", 0, INT)
     b.event("Go", TRUE, for_range(k, 0, x, n.set(n + Fraction(1, 3))), x.set(x + 1), bound=1)
     b.invariant("Low", forall(I, n.at(I) < 2))
-    asked = ask(b.program(), rounds=6, choice=Choice.BMC)
+    asked = ask(b.program(), rounds=6, choice=Engine.BMC)
     assert asked.outcome("Low") is Outcome.UNKNOWN
     assert "no bound" in asked["Low"].reason
     assert not asked.report.failures  # it is a limit, and no mistake
@@ -458,11 +458,11 @@ def test_long_lists_are_told_and_never_claimed() -> None:
     b.event("Look", TRUE, most.set(length(seen)))
     b.invariant("Few", forall(I, most.at(I) < 50))
     b.invariant("One", forall(I, most.at(I) < 1))
-    for choice in (Choice.AUTO, Choice.BMC, Choice.INDUCTION):
+    for choice in (None, Engine.BMC, Engine.INDUCTION):
         asked = ask(b.program(), robots=1, rounds=3, choice=choice)
         assert asked.outcome("Few") is Outcome.UNKNOWN
         assert asked.outcome("One") is not Outcome.HOLDS
-        assert "seen" in asked["Few"].reason or choice is Choice.INDUCTION
+        assert "seen" in asked["Few"].reason or choice is Engine.INDUCTION
     shown = ask(b.program(), robots=1, rounds=3)["One"].counterexample
     assert shown is not None
     assert shown.round == 2
@@ -488,10 +488,8 @@ def test_what_only_long_lists_allow_is_not_said_to_be_impossible() -> None:
     assert not empty.certain
 
 
-@pytest.mark.parametrize(
-    "choice", first(1, (Choice.BMC, Choice.INDUCTION, Choice.AUTO)), ids=lambda c: c.name
-)
-def test_candidates_that_do_not_replay_are_unknown_and_prove_nothing(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", first(1, (Engine.BMC, Engine.INDUCTION, None)), ids=str)
+def test_candidates_that_do_not_replay_are_unknown_and_prove_nothing(choice: Engine | None) -> None:
     """No rational number is the root of 2, so no run of numbers shows it; it is still so."""
     b = Build()
     x, n = b.local("x", FLOAT, core.Start.ARBITRARY), b.local("n", INT, 0)
@@ -503,7 +501,7 @@ def test_candidates_that_do_not_replay_are_unknown_and_prove_nothing(choice: Cho
     # NoRoot is false from the start: as a lemma it would prove everything.
     assert asked.outcome("NoRoot") is Outcome.UNKNOWN
     assert asked.outcome("Small") is Outcome.UNKNOWN
-    if choice is Choice.BMC:
+    if choice is Engine.BMC:
         assert "did not replay" in asked["NoRoot"].reason
         assert asked["NoRoot"].rounds is None
         assert asked["Small"].rounds == 2
@@ -523,8 +521,10 @@ def test_assumptions_that_contradict_each_other_are_told() -> None:
     assert asked.empty == ["assumptions: no initial configuration satisfies them all"]
 
 
-@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BMC])
-def test_contracts_that_contradict_each_other_are_told_with_the_round(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [None, Engine.BMC])
+def test_contracts_that_contradict_each_other_are_told_with_the_round(
+    choice: Engine | None,
+) -> None:
     """[ENV-CONTRACT]: no environment's turn meets them in round 3."""
     b = climbing()
     age = b.sensor("age", INT, 0)
@@ -543,11 +543,11 @@ def test_events_that_never_run_are_told() -> None:
     z = b.local("z", INT, 0)
     b.event("Never", z > 0, z.set(0))
     b.event("InRound3", core_local(b, 0) > 1, STOP)
-    assert ask(b.program(), robots=1, rounds=2, choice=Choice.BMC).empty == [
+    assert ask(b.program(), robots=1, rounds=2, choice=Engine.BMC).empty == [
         "event Never: cannot run within 2 rounds",
         "event InRound3: cannot run within 2 rounds",
     ]
-    asked = ask(b.program(), robots=1, rounds=3, choice=Choice.BMC)
+    asked = ask(b.program(), robots=1, rounds=3, choice=Engine.BMC)
     assert asked.empty == ["event Never: cannot run within 3 rounds"]
     # In a later round it may: that is no vacuity.
     assert not asked.report.is_vacuous
@@ -560,7 +560,7 @@ def test_what_happens_late_says_something_of_all_rounds_only() -> None:
     b.event("Late", n > 7, n.set(0))
     b.invariant("Small", forall(I, n.at(I) <= 9))
     assert ask(b.program(), robots=1, rounds=5).empty == []
-    bounded = ask(b.program(), robots=1, rounds=5, choice=Choice.BMC)
+    bounded = ask(b.program(), robots=1, rounds=5, choice=Engine.BMC)
     assert bounded.empty == ["event Late: cannot run within 5 rounds"]
 
 
@@ -574,7 +574,7 @@ def test_what_takes_all_robots_can_happen() -> None:
     b.event("All", (total >= 3) & (code * 7 + 3).eq(48_275), total.set(9))
     b.event("More", total.eq(5), total.set(6))
     b.invariant("Low", total >= 0)
-    asked = ask(b.program(), robots=3, rounds=5, choice=Choice.BMC)
+    asked = ask(b.program(), robots=3, rounds=5, choice=Engine.BMC)
     assert [text.split(":")[0] for text in asked.empty] == ["event More"]
 
 
@@ -595,7 +595,7 @@ def test_a_search_that_ends_makes_it_certain_too() -> None:
     turn = b.local("turn", INT, 0)
     b.event("Swap", TRUE, turn.set(-turn + 2))
     b.event("Never", turn.eq(1), STOP)
-    asked = ask(b.program(), robots=1, rounds=3, choice=Choice.SEARCH)
+    asked = ask(b.program(), robots=1, rounds=3, choice=Engine.SEARCH)
     assert asked.empty == ["event Never: can never run"]
 
 
@@ -637,7 +637,7 @@ def test_summaries_that_contradict_each_other_are_told() -> None:
     x = b.local("x", INT, 0)
     b.init(x.set(b.ask("between", 3)))
     b.event("Go", TRUE, x.set(x + 1))
-    asked = ask(b.program(), robots=1, rounds=2, choice=Choice.BMC)
+    asked = ask(b.program(), robots=1, rounds=2, choice=Engine.BMC)
     assert asked.empty == ["summaries: no external functions satisfy them all"]
 
 
@@ -674,7 +674,7 @@ def test_a_run_that_must_fault_is_no_matter_of_contracts() -> None:
     b.kind.events.clear()
     b.event("Slip", TRUE, z.set(e(1, INT) / z), urgent=True)
     b.event("Never", z > 0, z.set(0))
-    asked = ask(b.program(), robots=1, rounds=4, choice=Choice.BMC)
+    asked = ask(b.program(), robots=1, rounds=4, choice=Engine.BMC)
     assert asked.outcome("no fault") is Outcome.VIOLATED
     assert not any("contracts" in line for line in asked.empty)
 
@@ -716,7 +716,7 @@ def test_engines_agree_on_programs_written_by_hand(program: core.Program) -> Non
     """Whoever knows says the same."""
     said: dict[str, set[Outcome]] = {}
     # The search alone would go on as long as it finds something new.
-    for choice in (Choice.AUTO, Choice.BMC, Choice.INDUCTION):
+    for choice in (None, Engine.BMC, Engine.INDUCTION):
         for verdict in ask(program, robots=2, rounds=3, choice=choice):
             if verdict.outcome is not Outcome.UNKNOWN:
                 said.setdefault(verdict.claim.name, set()).add(verdict.outcome)

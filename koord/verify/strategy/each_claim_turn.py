@@ -12,14 +12,15 @@ from functools import partial
 
 from msgspec import Struct
 
-from koord.verify.bounded_check import AFTERWARDS_S, ByUnrolling
+from koord.verify.bounded_check import AFTERWARDS_S, Unroller
 from koord.verify.claims import Claim
 from koord.verify.each_claim import note_end
 from koord.verify.effort import Effort
 from koord.verify.engine_names import Engine
 from koord.verify.failures import Failure
-from koord.verify.ledger import Ledger, Said, Works, reach_of
+from koord.verify.ledger import Ledger, Said, reach_of
 from koord.verify.processes import Job, Pool, Progress, Teller, can_fork
+from koord.verify.strategy.turns import AnyTurn
 from koord.verify.verdicts import Outcome, Verdict
 
 
@@ -48,7 +49,7 @@ class _Looked(Struct, frozen=True):
     tired: bool
 
 
-class ByRounds(Struct, frozen=True):
+class EachClaimTurn(Struct, frozen=True):
     """Bounded model checking claim by claim, and proofs of all of them at the same time.
 
     What ``proofs`` say, which are asked in turn, counts first: the rounds that were looked at
@@ -56,9 +57,9 @@ class ByRounds(Struct, frozen=True):
     for a while.
     """
 
-    unrolling: ByUnrolling
+    unrolling: Unroller
     pool: Pool
-    proofs: Sequence[Works] = ()
+    proofs: Sequence[AnyTurn] = ()
 
     @property
     def name(self) -> str:
@@ -128,7 +129,7 @@ class ByRounds(Struct, frozen=True):
         def look(claim: Claim, tell: Progress) -> _Looked:
             own = ledger.of([claim], tell)
             effort = None if slice_.seconds is None else Effort.of_seconds(slice_.seconds)
-            unrolling = ByUnrolling() if slice_.afresh else self.unrolling
+            unrolling = Unroller() if slice_.afresh else self.unrolling
             with own.stopping(), own.enduring(self.name):
                 unrolling.through(own, own.bounds.rounds, effort)
             bounded = unrolling.of(own)
@@ -164,7 +165,7 @@ def _slices(ledger: Ledger) -> Sequence[_Slice]:
 
 
 def asked(
-    ledger: Ledger, claims: Sequence[Claim], engines: Iterable[tuple[int, Works]], tell: Teller
+    ledger: Ledger, claims: Sequence[Claim], engines: Iterable[tuple[int, AnyTurn]], tell: Teller
 ) -> Said:
     """What engines say of some claims, in turn, in a process of its own.
 

@@ -11,12 +11,13 @@ from msgspec.structs import replace
 from koord.semantics.recordings import Recording
 from koord.syntax.analysis.auxiliary import Var
 from koord.verify.claims import Claim, Phase, claims_of, liveness_of
-from koord.verify.ledger import Ledger, Subject, Works
-from koord.verify.per_claim import ByRounds
+from koord.verify.ledger import Ledger, Subject
 from koord.verify.reduction.influence import Cone, Part
 from koord.verify.reduction.problems import Identity, identity, subject_of
 from koord.verify.reduction.slices import Slices
-from koord.verify.resumption import Steps
+from koord.verify.strategy.each_claim_turn import EachClaimTurn
+from koord.verify.strategy.resumption import Steps
+from koord.verify.strategy.turns import AnyTurn
 from koord.verify.verdicts import Counterexample, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
 
@@ -57,7 +58,7 @@ class _Asking(Struct):
     part: _Part
     inner: Ledger  #: of the slice
     doubts: Doubts
-    engines: Iterator[tuple[int, Works]]
+    engines: Iterator[tuple[int, AnyTurn]]
     steps: Steps
     alone: bool  #: one engine is asked, which has all the time
     followed: bool  #: claims about whole runs are asked behind all of these
@@ -77,7 +78,7 @@ class _Asking(Struct):
         try:
             with ledger.waiting():
                 others = any(claim not in self.part.claims.values() for claim in ledger.open())
-                last = isinstance(engine, ByRounds) and not others and not self.followed
+                last = isinstance(engine, EachClaimTurn) and not others and not self.followed
                 is_last = self.alone or last
                 self.steps.take(
                     self.part.name, turn, engine.name, engine.work, self.inner, is_last=is_last
@@ -124,18 +125,18 @@ class _Asking(Struct):
         )
 
 
-class BySlices(Struct, frozen=True):
+class SlicesTurn(Struct, frozen=True):
     """Engines on slices that are smaller than what a ledger is about, for the claims of these.
 
     Of all slices the first engine is asked before the next one, so that no claim waits long for
     what is quick. Claims that invariants about more than their slice may help to prove are asked
-    of the ``sparing`` engines only, and the rest is left to those who look at more. So is what
+    of the ``shared`` engines only, and the rest is left to those who look at more. So is what
     seems violated in a slice and does not replay.
     """
 
     slices: Slices
-    engines: Callable[[], Iterator[Works]]
-    sparing: Callable[[], Iterator[Works]]
+    engines: Callable[[], Iterator[AnyTurn]]
+    shared: Callable[[], Iterator[AnyTurn]]
     steps: Steps
     names: Collection[str] = ()
     alone: bool = False  #: these are all one engine, which has all the time
@@ -181,7 +182,7 @@ class BySlices(Struct, frozen=True):
         system, doubts = self.slices.system, Doubts()
         smaller = self.slices.slice_of(part.cone)
         inner = _inner(ledger, doubts.watching(subject_of(system, smaller)), part)
-        engines = self.engines() if part.is_alone else self.sparing()
+        engines = self.engines() if part.is_alone else self.shared()
         followed = bool(liveness_of(system))
         return _Asking(part, inner, doubts, enumerate(engines), self.steps, self.alone, followed)
 

@@ -3,43 +3,38 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from enum import Enum
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, assert_never
+from typing import assert_never
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.syntax.budget import Patience
 from koord.syntax.system import System
-from koord.verify.bounded_check import ByUnrolling
+from koord.verify.bounded_check import Unroller
 from koord.verify.claims import Claim, claims_of, liveness_of
-from koord.verify.effort import Deadline, Effort
+from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc.counterexample_enumeration import others
-from koord.verify.engines.every_n.engine import FEW, ByEveryN, ByInference
-from koord.verify.engines.every_n.proving import HASTY, SPARING
-from koord.verify.engines.explicit.limits import FEW_STATES, HANDFUL, Limits
-from koord.verify.engines.workers import (
-    FIRST_GLANCE_S,
-    FIRST_LOOK,
-    FIRST_ROUNDS,
-    SECOND_LOOK,
-    ByGlance,
-    ByInduction,
-    BySearch,
-    ByShallowSearch,
-    ByStep,
-)
+from koord.verify.engines.engine import Workers
 from koord.verify.failures import VACUITY, Failure, failure_of
-from koord.verify.ledger import Ledger, Subject, Works, reach_of
-from koord.verify.per_claim import ByRounds
+from koord.verify.ledger import Ledger, Subject, reach_of
 from koord.verify.processes import Job, Pool, Progress, was_interrupted
 from koord.verify.reduction.problems import identity, plain_subject, subject_of
-from koord.verify.reduction.sliced_problems import BySlices, Doubts, on_slice
 from koord.verify.reduction.slices import Slices
-from koord.verify.resumption import Past, Steps
+from koord.verify.strategy.each_claim_turn import EachClaimTurn
+from koord.verify.strategy.resumption import Past, Steps
+from koord.verify.strategy.slices_turn import Doubts, SlicesTurn, on_slice
+from koord.verify.strategy.table import (
+    LIVENESS,
+    SAFETY,
+    AskEachClaim,
+    AskEngine,
+    AskOnSlices,
+    Rows,
+)
+from koord.verify.strategy.turns import AnyTurn, EngineTurn
 from koord.verify.vacuity.analysis import Hollow, Looked, look, of_any_number, unlooked, vacuities
 from koord.verify.verdicts import (
     Bounds,
@@ -52,28 +47,11 @@ from koord.verify.verdicts import (
     Ways,
 )
 
-if TYPE_CHECKING:
-    from koord.verify.engines.horn.engine import BySpacer
-    from koord.verify.liveness_strategy import Settled
-
-
-class Choice(Enum):
-    """Which engines may answer."""
-
-    AUTO = "auto"
-    ABC = "abc"
-    BITS = "bits"
-    BMC = "bmc"
-    SEARCH = "search"
-    SPACER = "spacer"
-    INDUCTION = "induction"
-    EVERY_N = "every N"
-
 
 def verify(
     system: System,
     bounds: Bounds,
-    choice: Choice = Choice.AUTO,
+    choice: Engine | None = None,
     *,
     names: Sequence[str] = (),
     known: Sequence[Verdict] = (),
@@ -121,7 +99,7 @@ def verify(
         slices, doubts = Slices(system), Doubts()
         part = slices.common()
         subject = subject_of(system, part)
-        every_n = choice is Choice.EVERY_N
+        every_n = choice is Engine.EVERY_N
         seen = slices.happening() if not known else system
         happens = subject if seen is part else subject_of(system, seen)
         beside = _Beside(
@@ -151,10 +129,19 @@ def verify(
             hollow = beside.end(ledger, names)
             cut = cut or hollow.interrupted
         if of_runs:
-            asked = None if cut else choice
-            spent = {v.claim.name: v.seconds for v in known}
-            live = _of_whole_runs(
-                slices, bounds, asked, deadline, names, held, seed, pool, spent, steps
+            from koord.verify.strategy.liveness import settled
+
+            live = settled(
+                slices,
+                bounds,
+                () if cut else LIVENESS.get(choice, ()),
+                deadline,
+                names=names,
+                proved=held,
+                seed=seed,
+                pool=pool,
+                before={v.claim.name: v.seconds for v in known},
+                steps=steps,
             )
             failures += live.failures
             one = Ways(complete=False, reason="of runs without end one is looked for")
@@ -273,10 +260,6 @@ class _Beside(Struct):
         return own
 
 
-#: They are asked first, and seldom take longer than a process does to start.
-_QUICK = (ByShallowSearch, ByEveryN, ByStep)
-
-
 def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _Known:
     """What is known already, where nobody asks about claims that are not named."""
     verdicts = {verdict.claim: verdict for verdict in known}
@@ -292,10 +275,10 @@ def _ask(
     *,
     deadline: Deadline,
     bounds: Bounds,
-    choice: Choice,
+    choice: Engine | None,
     seed: int,
     pool: Pool,
-    names: Collection[str],
+    names: frozenset[str],
     steps: Steps,
     slices: Slices | None = None,
 ) -> tuple[_Known, Ledger]:
@@ -322,30 +305,31 @@ def _ask(
     steps.follow(ledger, lambda v: replace(v, claim=stated[identity(v.claim)]))
     stage = "plain" if slices is None else "slice"
     asked = ledger.open()
-    unrolling = ByUnrolling()
+    asking = _Asking(pool, names, steps, Workers(pool), slices)
+    unroller = asking.workers.tools.unroller
     with ledger.stopping():
         suspects = known is not None and known.suspected is not None
-        if suspects and steps.begin(stage, -1, unrolling.name):
+        if suspects and steps.begin(stage, -1, Engine.BMC.value):
             assert known is not None
             assert known.suspected is not None
             # What is proved narrows down what functions may answer, to answers that often do not
             # replay: without it others are found.
             suspected = min(known.suspected, bounds.rounds)
-            with ledger.enduring(unrolling.name):
-                ByUnrolling(relying=False).through(ledger, suspected)
-                unrolling.through(ledger, suspected)
-        in_turn = enumerate(engines(choice, unrolling, pool, names, slices, steps))
+            with ledger.enduring(Engine.BMC.value):
+                Unroller(relying=False).through(ledger, suspected)
+                unroller.through(ledger, suspected)
+        in_turn = enumerate(asking.turns(SAFETY[choice]))
         while _wanted(ledger, names) and (following := next(in_turn, None)) is not None:
-            turn, engine = following
-            if not isinstance(engine, _QUICK):
+            number, turn = following
+            if not (isinstance(turn, EngineTurn) and turn.quick):
                 beside.begin(ledger)
-            if isinstance(engine, BySlices):  # it asks others
-                with ledger.enduring(engine.name):
-                    engine.work(ledger)
+            if isinstance(turn, SlicesTurn):  # it asks others
+                with ledger.enduring(turn.name):
+                    turn.work(ledger)
             else:
-                alone = isinstance(engine, ByRounds) and not liveness_of(beside.system)
-                is_last = choice is not Choice.AUTO or alone
-                steps.take(stage, turn, engine.name, engine.work, ledger, is_last=is_last)
+                ends = isinstance(turn, EachClaimTurn) and not liveness_of(beside.system)
+                is_last = choice is not None or ends
+                steps.take(stage, number, turn.name, turn.work, ledger, is_last=is_last)
             if ledger.hurry():
                 break
     if ledger.hurried and not ledger.interrupted and not deadline.passed():
@@ -353,7 +337,7 @@ def _ask(
     with ledger.stopping():
         _find_others(ledger, asked, pool, slices)
     verdicts = tuple(ledger.verdict(claim) for claim in claims)
-    return _Known(verdicts, unrolling.suspected, left), ledger
+    return _Known(verdicts, unroller.suspected, left), ledger
 
 
 def _put_down(ledger: Ledger, known: _Known) -> None:
@@ -408,154 +392,41 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool, slices: Sli
         ledger.settle({claim: replace(ledger.verdicts[claim], others=found, ways=ways)})
 
 
-def engines(
-    choice: Choice,
-    unrolling: ByUnrolling,
-    pool: Pool,
-    names: Collection[str] = (),
-    slices: Slices | None = None,
-    steps: Steps | None = None,
-) -> Iterator[Works]:
-    """The engines that a choice asks, in turn, cheapest first; about all claims, or named ones.
+class _Asking(Struct, frozen=True):
+    """What the turns about one problem have in common; with ``slices`` they are asked of theirs."""
 
-    Each is loaded when its turn comes: most questions are answered before. With ``slices`` those of
-    single claims are asked first, but for what is quick with all claims together.
-    """
-    steps = steps or Steps()
-    induction = ByInduction(unrolling)
-    if choice is Choice.INDUCTION:
-        # What a quick step proves of all claims together is asked once, not of every slice.
-        yield ByStep(induction, hasty=True)
-    if slices is not None and choice not in (Choice.AUTO, Choice.EVERY_N):
-        yield BySlices(
-            slices, partial(_on_slices, choice, pool, names), _nobody, steps, names, alone=True
-        )
-    match choice:
-        case Choice.AUTO:
-            yield ByShallowSearch(FIRST_LOOK)
-            # A proof for every number of robots is one for this number.
-            yield ByEveryN(SPARING)
-            yield ByStep(induction)
-            # What is violated is told before invariants are looked for that cannot be found.
-            yield ByShallowSearch(SECOND_LOOK)
-            yield ByGlance(unrolling, Effort.of_seconds(FIRST_GLANCE_S), FIRST_ROUNDS)
-            yield ByInference(HASTY, FEW)
-            if slices is not None:
-                thorough = partial(_after_quick_ones, pool)
-                yield BySlices(slices, thorough, _sparing_ones, steps, names)
-            yield from _after_quick_ones(pool, induction)
-        case Choice.EVERY_N:
-            yield ByEveryN()
-            yield ByInference()
-        case Choice.INDUCTION:
-            yield induction
-        case Choice.SEARCH:
-            yield BySearch(Limits())
-        case Choice.BITS | Choice.ABC:
-            if names:
-                # Alone they often make a much smaller circuit, and need no lemmas.
-                yield _by_bits(sparing=True, abc=choice is Choice.ABC, names=names)
-            yield _by_bits(abc=choice is Choice.ABC)
-        case Choice.SPACER:
-            yield _by_spacer()
-        case Choice.BMC:
-            yield ByGlance(unrolling)
-            yield ByRounds(unrolling, pool)
-        case _:
-            assert_never(choice)
+    pool: Pool
+    names: frozenset[str]
+    steps: Steps
+    workers: Workers
+    slices: Slices | None
 
+    def turns(self, rows: Rows) -> Iterator[AnyTurn]:
+        """The turns that rows of the strategy stand for."""
+        for row in rows:
+            match row:
+                case AskEngine():
+                    task = row.task
+                    if row.named:
+                        task = replace(task, named=self.names)
+                    if self.names or not row.named:
+                        yield EngineTurn(row.engine, task, self.workers, row.quick)
+                case AskOnSlices():
+                    if self.slices is not None:
+                        yield SlicesTurn(
+                            self.slices,
+                            partial(self._anew, row.rows),
+                            partial(self._anew, row.shared),
+                            self.steps,
+                            self.names,
+                            row.alone,
+                        )
+                case AskEachClaim():
+                    beside = tuple(self.turns(row.beside))
+                    yield EachClaimTurn(self.workers.tools.unroller, self.pool, beside)
+                case _:
+                    assert_never(row)
 
-def _after_quick_ones(pool: Pool, induction: ByInduction | None = None) -> Iterator[Works]:
-    """What is asked about claims that are neither proved nor refuted in no time."""
-    induction = induction or ByInduction(ByUnrolling())
-    yield from _sparing_ones(induction)
-    hasty, patient = _spacers()
-    # Of what holds, invariants for every number of robots say more than Spacer's.
-    inference = (hasty, ByInference(SPARING), _kept_back(hasty))
-    yield ByRounds(induction.unrolling, pool, (*inference, patient, _kept_back(patient)))
-
-
-def _sparing_ones(induction: ByInduction | None = None) -> Iterator[Works]:
-    """Those of them that take some seconds at most."""
-    induction = induction or ByInduction(ByUnrolling())
-    # Finitely many configurations are most often few, and looked at in no time.
-    yield BySearch(Limits(states=HANDFUL))
-    yield induction
-    yield BySearch(Limits(states=FEW_STATES))
-    yield _by_bits(sparing=True)
-    yield ByGlance(induction.unrolling)
-
-
-def _on_slices(choice: Choice, pool: Pool, names: Collection[str]) -> Iterator[Works]:
-    """What one engine is asked about slices: first for a while, as others are waiting."""
-    if choice is Choice.SEARCH:
-        yield BySearch(Limits(states=FEW_STATES))
-    elif choice in (Choice.BITS, Choice.ABC):
-        yield _by_bits(sparing=True, abc=choice is Choice.ABC)
-    yield from engines(choice, ByUnrolling(), pool, names)
-
-
-def _nobody() -> Iterator[Works]:
-    return iter(())
-
-
-def _by_bits(*, sparing: bool = False, abc: bool = False, names: Collection[str] = ()) -> Works:
-    from koord.verify.engines.bits.engine import ByBits
-
-    return ByBits(sparing, abc, names)
-
-
-def _by_spacer() -> BySpacer:
-    from koord.verify.engines.horn.engine import BySpacer
-
-    return BySpacer()
-
-
-def _spacers() -> tuple[BySpacer, BySpacer]:
-    """One before others are asked, and one after."""
-    from koord.verify.engines.horn.engine import HASTY_S, SPARING_S, BySpacer
-
-    return BySpacer(HASTY_S, waits=True), BySpacer(SPARING_S, waits=True)
-
-
-def _kept_back(spacer: BySpacer) -> Works:
-    from koord.verify.engines.horn.engine import KeptBack
-
-    return KeptBack(spacer)
-
-
-def _of_whole_runs(
-    slices: Slices,
-    bounds: Bounds,
-    choice: Choice | None,
-    deadline: Deadline,
-    names: Sequence[str],
-    proved: Sequence[Claim],
-    seed: int,
-    pool: Pool,
-    spent: Mapping[str, float],
-    steps: Steps,
-) -> Settled:
-    """Verdicts on what is claimed of whole runs, by the engines that can tell."""
-    from koord.verify.liveness_strategy import Ways, settled
-
-    ways = {
-        Choice.AUTO: Ways.ALL,
-        Choice.SEARCH: Ways.SEARCH,
-        Choice.BITS: Ways.BITS,
-        Choice.ABC: Ways.BITS,
-    }
-    asked = ways.get(choice, Ways.NONE) if choice is not None else Ways.NONE
-    return settled(
-        slices.system,
-        bounds,
-        asked,
-        deadline,
-        names=names,
-        proved=proved,
-        seed=seed,
-        pool=pool,
-        before=spent,
-        steps=steps,
-        slices=slices,
-    )
+    def _anew(self, rows: Rows) -> Iterator[AnyTurn]:
+        """The turns about a slice, by engines that know nothing yet."""
+        return replace(self, workers=Workers(self.pool), slices=None).turns(rows)

@@ -12,7 +12,6 @@ from koord.sampling.values import Sampler
 from koord.semantics.recordings import Recording
 from koord.verify.engine_names import Engine
 from koord.verify.reduction import problems
-from koord.verify.strategy import Choice
 from koord.verify.verdicts import Outcome
 from tests.verify.asking import ask, of_text
 
@@ -40,7 +39,9 @@ invariant Small: forall i: x@i < 8
 """
 
 
-def told(text: str, choice: Choice, rounds: int = 8) -> dict[str, tuple[Outcome, int | None]]:
+def told(
+    text: str, choice: Engine | None, rounds: int = 8
+) -> dict[str, tuple[Outcome, int | None]]:
     """What is said of each claim, with the round in which it breaks."""
     return {
         v.claim.name: (v.outcome, v.rounds if v.counterexample is None else v.counterexample.round)
@@ -48,8 +49,8 @@ def told(text: str, choice: Choice, rounds: int = 8) -> dict[str, tuple[Outcome,
     }
 
 
-@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.SEARCH, Choice.BMC, Choice.BITS])
-def test_what_nobody_reads_changes_no_verdict(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [None, Engine.SEARCH, Engine.BMC, Engine.BITS])
+def test_what_nobody_reads_changes_no_verdict(choice: Engine | None) -> None:
     """A sensor that reads real numbers makes infinitely many configurations of few."""
     plain = told(COUNTS, choice)
     assert plain["Sum"] == (Outcome.VIOLATED, 5)
@@ -77,8 +78,8 @@ invariant Zero: forall i: x@i == 0
 """
 
 
-@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.SEARCH, Choice.BMC])
-def test_what_only_a_slice_breaks_is_not_broken(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [None, Engine.SEARCH, Engine.BMC])
+def test_what_only_a_slice_breaks_is_not_broken(choice: Engine | None) -> None:
     """Without the division x becomes 1; with it no run goes on."""
     said = told(FAULTS, choice)
     assert said["Zero"][0] is Outcome.HOLDS
@@ -105,7 +106,7 @@ invariant Once: forall i: x@i < 2
 
 def test_what_contracts_do_not_let_happen_is_not_violated() -> None:
     """The slice has no contract and breaks the claim; so the whole program is asked."""
-    assert told(BLOCKS, Choice.BMC, 3)["Once"] == (Outcome.HOLDS, 3)
+    assert told(BLOCKS, Engine.BMC, 3)["Once"] == (Outcome.HOLDS, 3)
 
 
 def test_readings_are_made_up_that_contracts_allow() -> None:
@@ -133,7 +134,7 @@ invariant Twice: forall i: x@i == 0 or x@i == 2 * before@i + 4
 def test_invariants_about_more_than_a_slice_help_with_its_claims() -> None:
     """A history variable that no event reads: without it nothing is known of x."""
     for name in ("Even", "Twice"):
-        verdict = ask(of_text(HISTORY), choice=Choice.INDUCTION)[name]
+        verdict = ask(of_text(HISTORY), choice=Engine.INDUCTION)[name]
         assert (verdict.outcome, verdict.rounds) == (Outcome.HOLDS, None)
 
 
@@ -151,15 +152,15 @@ eventually Done: forall i: x@i == 3
 """
 
 
-@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.SEARCH, Choice.BITS])
-def test_a_loop_need_not_come_back_to_what_nothing_depends_on(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [None, Engine.SEARCH, Engine.BITS])
+def test_a_loop_need_not_come_back_to_what_nothing_depends_on(choice: Engine | None) -> None:
     plain = told(LOOPS % "x = 0", choice, 4)
     assert plain["Done"] == (Outcome.VIOLATED, 1)
     assert told(JUNK + LOOPS % "n = n + 1", choice, 4) == plain
 
 
-@pytest.mark.parametrize("choice", [Choice.SEARCH, Choice.BITS])
-def test_a_lasso_of_a_slice_that_is_none_of_the_program_is_not_shown(choice: Choice) -> None:
+@pytest.mark.parametrize("choice", [Engine.SEARCH, Engine.BITS])
+def test_a_lasso_of_a_slice_that_is_none_of_the_program_is_not_shown(choice: Engine | None) -> None:
     """The branch makes the program remember n: the loop is one round later."""
     text = LOOPS % "if n == 0: log = [n]\n        n = 1"
     assert told(text, choice, 4)["Done"] == (Outcome.VIOLATED, 2)
@@ -167,9 +168,9 @@ def test_a_lasso_of_a_slice_that_is_none_of_the_program_is_not_shown(choice: Cho
     assert told(LOOPS % "n = 1 / n", choice, 4)["Done"][0] is Outcome.HOLDS
 
 
-@pytest.mark.parametrize("choice", [Choice.AUTO, Choice.BMC])
+@pytest.mark.parametrize("choice", [None, Engine.BMC])
 def test_starts_that_contradictory_assumptions_want_are_looked_for_once(
-    choice: Choice, monkeypatch: pytest.MonkeyPatch
+    choice: Engine | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[Sampler] = []
 

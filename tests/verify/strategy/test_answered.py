@@ -7,7 +7,7 @@ import pytest
 from koord.verify import ledger
 from koord.verify.engine_names import Engine
 from koord.verify.obstacles import TimeUp
-from koord.verify.strategy import verify
+from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.verify.asking import of_text
 

@@ -1,0 +1,91 @@
+"""What every engine is: somebody who settles the open claims of a ledger, or says how far it came.
+
+An engine is a folder here with an ``engine.py`` in it, which has a function ``make``; its name is a
+member of :class:`Engine`, and the table of the strategy says when it is asked. What it claims of
+whole runs, if it can, is in its ``liveness_engine.py``.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from importlib import import_module
+from typing import Protocol
+
+from msgspec import Struct, field
+
+from koord.verify.bounded_check import Unroller
+from koord.verify.claims import Claim
+from koord.verify.engine_names import Engine
+from koord.verify.ledger import Ledger
+from koord.verify.processes import Pool
+from koord.verify.verdicts import Vacuity
+
+
+class Purpose(Enum):
+    """What an engine is asked for."""
+
+    SETTLE = "settle"  #: proofs and violations
+    REFUTE = "refute"  #: violations; it says nothing of what holds
+    INFER = "infer"  #: proofs with invariants that nobody gave
+    HOLD_BACK = "hold back"  #: as SETTLE, but its proofs wait, as others may say more
+    RELEASE = "release"  #: the proofs that it held back
+
+
+class Task(Struct, frozen=True):
+    """What an engine is asked to do, and how much it may do for it (None: all that there is to do).
+
+    Each engine counts some of these: the comments say which.
+    """
+
+    purpose: Purpose = Purpose.SETTLE
+    seconds: float | None = None  #: about so many of a solver's work: every_n, induction, horn, bmc
+    rounds: int | None = (
+        None  #: of an inductive step, unrolled, or of a lasso: induction, bmc, bits
+    )
+    states: int | None = None  #: explicit
+    edges: int | None = None  #: from one state to another: explicit, of whole runs
+    evaluations: int | None = None  #: in the units of a program's budget: explicit
+    questions: int | None = None  #: to a SAT solver; only what promises to be quick: bits
+    candidates: int | None = None  #: likely invariants; nothing is done if there are more: every_n
+    named: frozenset[str] = frozenset()  #: only these claims; none: all that are open
+    lemmas: tuple[Claim, ...] = ()  #: that hold in every round: bits, of whole runs
+
+
+class Tools(Struct):
+    """What engines work with that are asked about one problem."""
+
+    pool: Pool  #: where claims are asked each by itself
+    unroller: Unroller = field(default_factory=Unroller)  #: what is known of the first rounds
+    vacuities: list[Vacuity] = field(default_factory=list)  #: what is found out besides
+
+
+class Worker(Protocol):
+    """An engine at work on one problem: it goes on from where it stopped."""
+
+    @property
+    def name(self) -> str:
+        """What it is called where it fails."""
+
+    def suits(self, ledger: Ledger, task: Task) -> bool:
+        """Whether what the engine needs for a task is there."""
+
+    def work(self, ledger: Ledger, task: Task) -> None:
+        """Settle open claims, or write down how far it came with them."""
+
+
+class Workers:
+    """The engines that are asked about one problem, each loaded when it is asked for first."""
+
+    def __init__(self, pool: Pool, *, of_runs: bool = False) -> None:
+        self.tools = Tools(pool)
+        self.of_runs = of_runs  #: whether they are asked about whole runs
+        self._loaded: dict[Engine, Worker] = {}
+
+    def of(self, engine: Engine) -> Worker:
+        """The engine of a name."""
+        if engine not in self._loaded:
+            file = "liveness_engine" if self.of_runs else "engine"
+            module = import_module(f"koord.verify.engines.{engine.folder}.{file}")
+            worker: Worker = module.make(engine, self.tools)
+            self._loaded[engine] = worker
+        return self._loaded[engine]

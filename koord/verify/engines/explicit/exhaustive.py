@@ -1,0 +1,156 @@
+"""Verdicts from all reachable configurations: for all rounds, or for a run of few rounds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from koord.semantics.recordings import Recording
+from koord.syntax.system import System
+from koord.verify.claims import Claim, ClaimKind, Phase
+from koord.verify.effort import Deadline
+from koord.verify.engine_names import Engine
+from koord.verify.engines.explicit.findings import Claim as Searched
+from koord.verify.engines.explicit.findings import Exhausted, OutOfBounds, Subject, Violated
+from koord.verify.engines.explicit.finiteness import NotFinite
+from koord.verify.engines.explicit.limits import Limits
+from koord.verify.engines.explicit.search import begun
+from koord.verify.ledger import Judge
+from koord.verify.obstacles import Beyond, Obstacle, Values
+from koord.verify.verdicts import Counterexample, Outcome, Verdict
+from koord.verify.witness import NotReplayedError
+
+_SUBJECTS = {
+    ClaimKind.PROPERTY: Subject.PROPERTY,
+    ClaimKind.FAULT: Subject.FAULT,
+    ClaimKind.LOST_UPDATE: Subject.LOST_UPDATE,
+    ClaimKind.CONTRACT: Subject.CONTRACT,
+}
+
+
+class Searching(Struct):
+    """What the search said by now. ``states`` counts what it saw, ``reason`` is why it did not end.
+
+    ``unreplayed`` are claims with a violation that did not replay, each with the reason.
+    """
+
+    verdicts: dict[Claim, Verdict] = field(default_factory=dict)
+    unreplayed: dict[Claim, str] = field(default_factory=dict)
+    states: int = 0
+    depth: int | None = None
+    reason: str = ""
+    obstacle: Obstacle | None = None
+
+
+def exhaust(
+    system: System,
+    claims: Sequence[Claim],
+    limits: Limits,
+    deadline: Deadline,
+    judge: Judge,
+    progress: Callable[[str], None],
+    said: Searching | None = None,
+) -> Searching:
+    """Verdicts on the claims from all reachable configurations, if they are few enough.
+
+    They are written into ``said`` as they come: what was found counts, however the search ends.
+    """
+    said = said if said is not None else Searching()
+    started = time.monotonic()
+    properties = [claim.stated for claim in claims if claim.stated is not None]
+    subjects = frozenset(_SUBJECTS[claim.kind] for claim in claims) - {Subject.PROPERTY}
+    search = begun(
+        system,
+        properties,
+        Limits(limits.states, limits.memory_mb, limits.rounds, deadline.at),
+        subjects=subjects,
+        progress=lambda states, rounds, _: progress(f"search, round {rounds}, {states} states"),
+    )
+    if isinstance(search, NotFinite):
+        said.reason = f"search: {search.reason} ({search.span})"
+        said.obstacle = in_the_way(search)
+        return said
+    asked = {_searched(claim): claim for claim in claims}
+    try:
+        for shown in search.violations():
+            claim = asked.get(shown.claim)
+            if claim is None:
+                continue
+            try:
+                said.verdicts[claim] = _violation(claim, shown, judge, time.monotonic() - started)
+            except NotReplayedError as error:
+                said.unreplayed[claim] = f"search: a candidate violation did not replay: {error}"
+    finally:
+        _conclude(said, search.end, claims, time.monotonic() - started)
+    return said
+
+
+def _conclude(
+    said: Searching,
+    end: Exhausted | OutOfBounds | NotFinite,
+    claims: Sequence[Claim],
+    seconds: float,
+) -> None:
+    """What the end of a search says of the claims that it found no violation of."""
+    match end:
+        case Exhausted(states=states, depth=depth):
+            said.states, said.depth = states, depth
+            for claim in claims:
+                if claim not in said.verdicts and claim not in said.unreplayed:
+                    said.verdicts[claim] = Verdict(claim, Outcome.HOLDS, Engine.SEARCH, seconds)
+        case OutOfBounds(reason=reason, states=states, depth=depth):
+            said.states, said.depth = states, depth
+            where = "at the start" if depth is None else f"through round {depth}"
+            said.reason = f"search: {reason} {where}"
+        case NotFinite(reason=reason, span=span):
+            said.reason = f"search: {reason} ({span})"
+            said.obstacle = in_the_way(end)
+
+
+def in_the_way(found: NotFinite) -> Obstacle:
+    """What a search could not follow."""
+    if found.name:
+        return Values(Engine.SEARCH, (found.name,))
+    return Beyond(Engine.SEARCH, found.reason)
+
+
+def _searched(claim: Claim) -> Searched:
+    """A claim in the words of the search."""
+    if claim.kind is ClaimKind.FAULT:
+        return Searched(Subject.FAULT)
+    return Searched(_SUBJECTS[claim.kind], claim.subject or claim.name)
+
+
+def _violation(claim: Claim, shown: Violated, judge: Judge, seconds: float) -> Verdict:
+    """The verdict on a claim that a run breaks, once it was replayed; or NotReplayedError."""
+    recording = shown.recording
+    phase = Phase.INIT
+    if recording.rounds:
+        phase = Phase.INSIDE if recording.rounds[-1].cut else Phase.END
+    counterexample = None
+    if phase is Phase.END and claim.looked_at(Phase.MIDDLE):
+        counterexample = _without_the_environment(recording, claim, judge)
+    if counterexample is None:
+        counterexample = judge(recording, claim, phase)
+    # It goes round by round.
+    return Verdict(
+        claim, Outcome.VIOLATED, Engine.SEARCH, seconds, counterexample=counterexample, fewest=True
+    )
+
+
+def _without_the_environment(
+    recording: Recording, claim: Claim, judge: Judge
+) -> Counterexample | None:
+    """The same run up to its last program turn, if that breaks the claim already.
+
+    The search looks at the ends of rounds; whoever reads a run wants to know whose turn broke it.
+    """
+    last = replace(recording.rounds[-1], readings=(), cut=True)
+    try:
+        cut = replace(recording, rounds=(*recording.rounds[:-1], last))
+        return judge(cut, claim, Phase.MIDDLE)
+    except NotReplayedError:
+        return None

@@ -1,0 +1,207 @@
+"""Inductive proofs for a fixed number of robots: one arbitrary step, for all rounds.
+
+All claims about configurations are assumed at the start of a step that begins anywhere, and each is
+asked for at its middle and its end. Claims that fail are dropped and the rest asked again, until
+what is left proves itself (Houdini). With ``depth`` k, k steps follow each other and the claims are
+asked of the last.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+
+from msgspec import Struct
+
+from koord.semantics.domain import disjunction
+from koord.syntax.core import UnaryOp
+from koord.syntax.system import System
+from koord.verify.claims import Claim, Findings, Phase
+from koord.verify.effort import Deadline, Effort
+from koord.verify.encoding.moments import Moment
+from koord.verify.encoding.solver import Answer, Model, cases
+from koord.verify.encoding.symbols import SymbolicInputs
+from koord.verify.encoding.terms import Term
+from koord.verify.encoding.unrolling import Unrolling, violations
+from koord.verify.engine_names import Engine
+from koord.verify.engines.induction.broken_steps import broken_step
+from koord.verify.engines.induction.representatives import representatives
+from koord.verify.verdicts import BrokenStep, Outcome, Verdict
+from koord.verify.witness import Reader
+
+#: What a claim may cost as one question (about half a second) before it is asked case by case.
+FIRST_TRY = 5_000_000
+
+
+class Inductive(Struct, frozen=True):
+    """The claims that hold in all rounds, and why the others are still open."""
+
+    proved: dict[Claim, Verdict]
+    reasons: dict[Claim, str]
+    steps: dict[Claim, BrokenStep]  #: of those that are not inductive
+
+
+def prove(
+    system: System,
+    claims: Sequence[Claim],
+    given: Sequence[Claim],
+    deadline: Deadline,
+    effort: Effort | None = None,
+    *,
+    depth: int = 1,
+    seed: int = 0,
+    within_limits: bool = False,
+) -> Inductive:
+    """The largest set of the claims that is inductive; ``given`` are proved already.
+
+    The claims must be known to hold after INIT and in the first ``depth - 1`` rounds. With
+    ``within_limits`` it need not cover lists and maps of any length: then it is no proof.
+    """
+    started = time.monotonic()
+    candidates = list(claims)
+    reasons: dict[Claim, str] = {}
+    step = _Step(system, depth, seed, effort)
+    while candidates:
+        failed = step.failing([*given, *candidates], candidates, deadline)
+        if not failed:
+            break
+        reasons |= failed
+        candidates = [claim for claim in candidates if claim not in failed]
+    if step.limits and not within_limits:
+        reasons |= dict.fromkeys(candidates, f"not covered: {'; '.join(step.limits)}")
+        candidates = []
+    seconds = time.monotonic() - started
+    proved = {
+        claim: Verdict(claim, Outcome.HOLDS, Engine.INDUCTION, seconds, depth=depth)
+        for claim in candidates
+    }
+    return Inductive(proved, reasons, {c: s for c, s in step.broken.items() if c in reasons})
+
+
+def step_scripts(
+    system: System, assumed: Sequence[Claim], asked: Sequence[Claim], depth: int
+) -> Iterator[tuple[Phase, str]]:
+    """What ``prove`` asks of a step, as scripts of SMT-LIB 2, which are to be unsatisfiable."""
+    step = _Step(system, depth, 0, None)
+    yield from step.scripts(assumed, asked)
+
+
+class _Step:
+    """``depth`` rounds from an arbitrary configuration, with everything asked of the last."""
+
+    def __init__(self, system: System, depth: int, seed: int, effort: Effort | None) -> None:
+        self._system = system
+        self._effort = effort
+        self._represented = representatives(system)
+        # INIT stays part of the question: what never changes is as it was then.
+        self._unrolling = Unrolling(system, seed)
+        encoder, solver = self._unrolling.encoder, self._unrolling.solver
+        self._d = encoder.d
+        solver.add([self._d.unary(UnaryOp.NOT, self._unrolling.opening.moment.findings.fault)])
+        start = encoder.arbitrary(self._unrolling.opening.moment.configuration, "#")
+        checks = SymbolicInputs(self._unrolling.unknowns, "start")
+        # As after INIT, all claims about configurations are about this one.
+        self.broken: dict[Claim, BrokenStep] = {}
+        self._assumed = [Moment(Phase.INIT, start, [], Findings(False), checks)]
+        self._asked: list[Moment] = []
+        for number in range(depth):
+            taken = encoder.round(self._assumed[-1].configuration, f"step{number}")
+            solver.add(taken.middle.constraints)
+            if number + 1 < depth:
+                self._go_on(taken.middle)
+                solver.add(taken.urgency)
+                solver.add(taken.end.constraints)
+                self._go_on(taken.end)
+            else:
+                self._last = taken
+                self._asked = taken.moments
+
+    @property
+    def limits(self) -> list[str]:
+        """What the step and the questions asked of it so far do not cover."""
+        return sorted(set(self._unrolling.unknowns.limits))
+
+    def _go_on(self, moment: Moment) -> None:
+        self._unrolling.solver.add([self._d.unary(UnaryOp.NOT, moment.findings.fault)])
+        self._assumed.append(moment)
+
+    def scripts(
+        self, assumed: Sequence[Claim], asked: Sequence[Claim]
+    ) -> Iterator[tuple[Phase, str]]:
+        """Moment by moment: that one of the asked claims is broken at it."""
+        hypotheses = self._hypotheses(assumed)
+        for moment in self._asked:
+            broken = disjunction(self._d, list(self._violations(moment, asked).values()))
+            question = [*hypotheses, *self._last.until(self._d, moment), broken]
+            yield moment.phase, self._unrolling.solver.script(question)
+
+    def failing(
+        self, assumed: Sequence[Claim], asked: Sequence[Claim], deadline: Deadline
+    ) -> dict[Claim, str]:
+        """The asked claims that one step can break, from where all assumed ones hold."""
+        hypotheses = self._hypotheses(assumed)
+        failed: dict[Claim, str] = {}
+        for moment in self._asked:
+            pending = self._violations_up_to_names(moment, asked)
+            extra = [*hypotheses, *self._last.until(self._d, moment)]
+            for claim in failed:
+                pending.pop(claim, None)
+            for claim, violated in list(pending.items()):
+                if claim in pending:
+                    hit = self._broken_by(claim, violated, pending, extra, moment, deadline)
+                    failed |= hit
+                    for other in hit:
+                        del pending[other]
+        return failed
+
+    def _broken_by(
+        self,
+        claim: Claim,
+        violated: Term,
+        pending: dict[Claim, Term],
+        extra: list[Term],
+        moment: Moment,
+        deadline: Deadline,
+    ) -> dict[Claim, str]:
+        """Why a claim fails, case by case; with the other claims that the same step breaks."""
+        solver = self._unrolling.solver
+        whole = [*extra, violated]
+        if solver.check(whole, deadline, self._effort, at_most=FIRST_TRY) is Answer.UNSAT:
+            return {}
+        for case in cases(self._d, violated):
+            answer = solver.check([*extra, case], deadline, self._effort)
+            if answer is Answer.UNKNOWN:
+                return {claim: "timeout" if deadline.is_near() else "too much for the solver"}
+            if answer is Answer.SAT:
+                model = self._unrolling.solver.model()
+                also = [other for other, term in pending.items() if model.truth(term)]
+                self._keep(model, moment, [claim, *also])
+                return dict.fromkeys([claim, *also], "not inductive")
+        return {}
+
+    def _keep(self, model: Model, moment: Moment, claims: Sequence[Claim]) -> None:
+        """Note the step that breaks claims. The assumed moments are middles and ends of rounds."""
+        ends = [m.configuration for m in self._assumed if m.phase is not Phase.MIDDLE]
+        reader = Reader(model, self._system)
+        step = broken_step(reader, ends, moment.configuration, moment.phase)
+        self.broken |= dict.fromkeys(claims, step)
+
+    def _hypotheses(self, claims: Sequence[Claim]) -> list[Term]:
+        state = [claim for claim in claims if claim.is_state_property]
+        return [
+            self._d.unary(UnaryOp.NOT, violated)
+            for moment in self._assumed
+            for violated in self._violations(moment, state).values()
+        ]
+
+    def _violations_up_to_names(self, moment: Moment, claims: Sequence[Claim]) -> dict[Claim, Term]:
+        originals = {self._represented(claim): claim for claim in claims}
+        found = self._violations(moment, list(originals))
+        return {originals[claim]: violated for claim, violated in found.items()}
+
+    def _violations(self, moment: Moment, claims: Sequence[Claim]) -> dict[Claim, Term]:
+        found = {}
+        for claim, (violated, needed) in violations(self._system, self._d, moment, claims).items():
+            self._unrolling.solver.add(needed)
+            found[claim] = violated
+        return found
