@@ -27,6 +27,7 @@ from koord.syntax.types import (
     MapType,
     RecordType,
     Robots,
+    SetType,
     Type,
     show,
     within,
@@ -116,6 +117,8 @@ class Quoting(Struct, frozen=True):
                 return _call(op.value, *map(self.expr, arguments))
             case core.MakeList(items=items):
                 return ast.ListLit(tuple(map(self.expr, items)))
+            case core.MakeMap(entries=entries, type=SetType()) if entries:
+                return ast.SetLit(tuple(self.expr(element) for element, _ in entries))
             case core.MakeMap(entries=entries):
                 return ast.MapLit(tuple((self.expr(k), self.expr(v)) for k, v in entries))
             case core.MakeRecord(fields=fields):
@@ -260,6 +263,8 @@ def _type(type_: Type) -> ast.TypeExpr:
             return ast.ArrayTypeExpr(_type(element), None)
         case GrowingType(element=element):
             return ast.NamedType("Queue", (_type(element),))
+        case SetType(key=element):
+            return ast.NamedType("Set", (_type(element),))
         case MapType(key=key, value=value):
             return ast.NamedType("Map", (_type(key), _type(value)))
         case _:
