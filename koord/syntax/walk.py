@@ -65,14 +65,19 @@ def last_site(program: core.Program) -> int:
     return max((site for site in sites if isinstance(site, int)), default=0)
 
 
-def reached(program: core.Program, part: object) -> Iterator[object]:
-    """The nodes of a part, and those of the functions that it calls, each function once."""
-    bodies = {function.name: function.body for function in program.functions}
+def reached(program: core.Program, part: object, *, duties: bool = False) -> Iterator[object]:
+    """The nodes of a part, and those of the functions that it calls, each function once.
+
+    With ``duties`` also what the external functions that it calls require of their callers.
+    """
+    bodies: dict[str, object] = {function.name: function.body for function in program.functions}
+    if duties:
+        bodies |= {external.name: external.requires for external in program.externals}
     pending = [part]
     while pending:
         for node in nodes(pending.pop()):
             yield node
-            if isinstance(node, core.Call) and node.function in bodies:
+            if isinstance(node, core.Call | core.ExternalCall) and node.function in bodies:
                 pending.append(bodies.pop(node.function))
 
 

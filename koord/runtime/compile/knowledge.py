@@ -7,7 +7,7 @@ from msgspec import Struct, field
 from koord.syntax import core
 from koord.syntax.core import Home, Start
 from koord.syntax.types import ArrayType, RecordType, Robots, Type
-from koord.syntax.walk import nodes, statements, written
+from koord.syntax.walk import nodes, reached, statements, written
 
 
 class Knowledge(Struct):
@@ -35,7 +35,6 @@ class Knowledge(Struct):
                 self.methods.add(function.name)
         self._find_sure()
         self._find_used()
-        self._find_init()
 
     def asks(self, part: object) -> bool:
         """Whether anything below asks an external function or for a choice."""
@@ -61,43 +60,26 @@ class Knowledge(Struct):
             for node in nodes(part)
         )
 
-    def _find_init(self) -> None:
-        program = self.program
-        entries = [*program.allread, *program.allwrite]
-        for agent in program.agents:
-            entries += [*agent.locals, *(port.declaration for port in agent.ports)]
-        parts: tuple[object, ...] = (
-            *(entry.initial for entry in entries if not isinstance(entry.initial, Start)),
-            *(agent.init for agent in program.agents),
-        )
-        self.in_init = self.called(parts)
-
     def _find_used(self) -> None:
         program = self.program
         entries = [*program.allread, *program.allwrite]
         for agent in program.agents:
             entries += [*agent.locals, *(port.declaration for port in agent.ports)]
-        self.used = self.called(
-            (
-                *(entry.initial for entry in entries if not isinstance(entry.initial, Start)),
-                *(agent.init for agent in program.agents),
-                *(agent.events for agent in program.agents),
-                *(m.environment or () for agent in program.agents for m in agent.modules),
-            )
+        starting: tuple[object, ...] = (
+            *(entry.initial for entry in entries if not isinstance(entry.initial, Start)),
+            *(agent.init for agent in program.agents),
         )
+        models = (m.environment or () for agent in program.agents for m in agent.modules)
+        self.in_init = self.called(starting)
+        self.used = self.called((starting, *(a.events for a in program.agents), *models))
 
-    def called(self, parts: tuple[object, ...]) -> set[str]:
-        """The functions that are called from some parts of the program, at once or in between."""
-        bodies: dict[str, object] = {f.name: f.body for f in self.program.functions}
-        bodies |= {f.name: f.requires for f in self.program.externals}
-        found: set[str] = set()
-        waiting = [parts]
-        while waiting:
-            for node in nodes(waiting.pop()):
-                if isinstance(node, core.Call | core.ExternalCall) and node.function not in found:
-                    found.add(node.function)
-                    waiting.append((bodies[node.function],))
-        return found
+    def called(self, part: object) -> set[str]:
+        """The functions that are called from a part of the program, at once or in between."""
+        return {
+            node.function
+            for node in reached(self.program, part, duties=True)
+            if isinstance(node, core.Call | core.ExternalCall)
+        }
 
     def _find_sure(self) -> None:
         """A variable is set if it starts so, or if every robot's INIT surely sets it. [ATOM]"""

@@ -14,7 +14,6 @@ from msgspec import Struct, field
 from koord.syntax import core
 from koord.syntax.analysis.always_met import always_met, primed, promises_of
 from koord.syntax.analysis.definedness import Sure
-from koord.syntax.analysis.possible_faults import Risks
 from koord.syntax.core import Home, slot_in
 from koord.syntax.system import System
 from koord.syntax.walk import operands, reached, statements, written
@@ -115,7 +114,7 @@ class _Reading(Struct, frozen=True):
         """Whether a statement may fault, or an answer may be wanted that there is not."""
         asked = (core.Choose, core.ExternalCall)
         below = reached(self.system.program, evaluated)
-        return Risks(Sure(self.system, kind)).statement(s) or any(
+        return not Sure(self.system, kind).of_statement(s) or any(
             isinstance(node, asked) for node in below
         )
 

@@ -1,4 +1,4 @@
-"""Expressions that cannot fault, as far as the text shows. [SYMMETRY]"""
+"""What cannot fault, as far as the text shows: less than cannot, and never more. [SYMMETRY]"""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp, Start, slot_in
 from koord.syntax.system import System
 from koord.syntax.types import ArrayType, RecordType, Robots, Type
+from koord.syntax.walk import operands
 
 
 class Sure(Struct, frozen=True):
@@ -37,6 +38,28 @@ class Sure(Struct, frozen=True):
     def with_value(self, slot: int) -> Sure:
         """The same, where a bound variable holds some value."""
         return replace(self, filled=self.filled | {slot})
+
+    def in_range(self, slot: int, low: core.Expr, high: core.Expr) -> Sure:
+        """The same in a loop over a range."""
+        match low, high:
+            case core.Const(value=0), core.NumAgents():
+                return self.with_robot(slot, None)
+            case _:
+                return self.with_value(slot)
+
+    def of_statement(self, s: core.Stmt) -> bool:
+        """Whether a statement itself cannot fault, apart from those in it."""
+        match s:
+            case core.Assign(place=place, value=value):
+                return self.of(value) and self._may_write(place)
+            case core.Append(place=place, value=value) | core.Remove(place=place, value=value):
+                return self.of(value) and self._place(place)
+            case core.Pop():
+                return False
+            case core.Return():
+                raise AssertionError("only functions return")
+            case _:
+                return all(self.of(e) for e in operands(s) if not isinstance(e, core.Place))
 
     def of(self, e: core.Expr) -> bool:
         """Whether the expression cannot fault."""
@@ -84,6 +107,22 @@ class Sure(Struct, frozen=True):
                 return self.with_value(slot).of(e.body)
 
     # --- places ---------------------------------------------------------------------------------
+
+    def _may_write(self, place: core.Place) -> bool:
+        """Whether the place exists for writing. [S-ASSIGN]"""
+        own_entry = (
+            place.variable.home is Home.ALLREAD
+            and len(place.steps) == 1
+            and isinstance(place.steps[0], core.IndexStep)
+            and isinstance(place.steps[0].index, core.Pid)
+        )
+        if not place.steps or own_entry:
+            return True
+        match place.steps[-1]:
+            case core.KeyStep(key=key):  # an entry that is not there is made
+                return self.of(key) and self._place(replace(place, steps=place.steps[:-1]))
+            case _:
+                return self._place(place)
 
     def _place(self, place: core.Place) -> bool:
         return self._is_set(place) and self._is_there(place)

@@ -15,7 +15,6 @@ from msgspec import Struct, field
 from koord.syntax import core
 from koord.syntax.analysis.auxiliary import Var, variables_of
 from koord.syntax.analysis.definedness import Sure
-from koord.syntax.analysis.possible_faults import Risks
 from koord.syntax.core import Home
 from koord.syntax.system import System
 from koord.syntax.walk import children, nodes, operands, reached, statements, written
@@ -189,12 +188,8 @@ class Influence(Struct):
         reads = self.reads(declaration.initial, kind)
         for part in self.variable(declaration.variable, kind):
             self._add(part, reads)
-        if not self.risks(kind, in_init=True).expression(declaration.initial):
-            return
-        self._add(Matter.FAULT, (*reads, *self.variable(declaration.variable, kind)))
-
-    def risks(self, kind: int | None, *, in_init: bool = False) -> Risks:
-        return Risks(Sure(self.system, kind, in_init=in_init))
+        if not Sure(self.system, kind, in_init=True).of(declaration.initial):
+            self._add(Matter.FAULT, (*reads, *self.variable(declaration.variable, kind)))
 
     def _init(self, kind: int, agent: core.Agent) -> None:
         """INIT: whatever robots do later, ``stop`` keeps them from it."""
@@ -207,7 +202,7 @@ class Influence(Struct):
     def _event(self, happens: Happens, event: core.Event) -> None:
         reads = self.reads(event.guard, happens.kind, self._bodies + 1)
         self._add(happens, reads)
-        if self.risks(happens.kind).expression(event.guard):
+        if not Sure(self.system, happens.kind).of(event.guard):
             self._add(Matter.FAULT, (happens,))
         for entered in self._body(happens.kind, event.effect, (happens,)):
             self._add(happens, entered)
@@ -220,8 +215,7 @@ class Influence(Struct):
         """The influences in a body; yields what decides whether locks are taken, or robots stop."""
         self._bodies += 1
         body = self._bodies
-        risks = self.risks(kind, in_init=in_init)
-        for site in sites(block, (), risks.sure):
+        for site in sites(block, (), Sure(self.system, kind, in_init=in_init)):
             statement = site.statement
             reads = self.reads((*site.controls, *_operands(statement)), kind, body)
             targets = [
@@ -233,7 +227,7 @@ class Influence(Struct):
             for target in targets:
                 # What is written in part keeps the rest, and a list is read before it is longer.
                 self._add(target, (*reads, *targets, *by))
-            if Risks(site.sure).statement(statement):
+            if not site.sure.of_statement(statement):
                 self.risky.add(id(statement))
                 self._add(Matter.FAULT, (*reads, *targets, *by))
             if isinstance(statement, core.Atomic | core.Stop | core.TryStop):
@@ -307,7 +301,7 @@ def sites(block: core.Block, controls: tuple[core.Expr, ...], sure: Sure) -> Ite
                 yield from sites(otherwise, inner, sure)
             case core.ForRange(variable=variable, low=low, high=high, body=body):
                 inner = (*controls, low, high, *_leaving(body))
-                yield from sites(body, inner, Risks(sure).in_range(variable.slot, low, high))
+                yield from sites(body, inner, sure.in_range(variable.slot, low, high))
             case core.ForEach(key=key, value=value, sequence=sequence, body=body):
                 bound = sure.with_value(value.slot)
                 bound = bound if key is None else bound.with_value(key.slot)
