@@ -17,8 +17,8 @@ from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
 from koord.recheck.certificate import digest_of
 from koord.recheck.checking import Outcome, Part, Rechecked
+from koord.recheck.claim_texts import Premise, PremiseKind, Statement
 from koord.recheck.solving import Answer
-from koord.recheck.statements import Premise, PremiseKind, Statement
 from koord.syntax.problem import told
 from koord.syntax.source import NOWHERE
 

@@ -6,16 +6,13 @@ Statements about all robots are given to the solver as such: with quantifiers ov
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
+from koord.recheck.body import Body
+from koord.recheck.sorts import Family, Value
 from koord.recheck.storage import Storage
 from koord.recheck.terms import INT, Term
-from koord.recheck.values import Family, Value
 from koord.syntax import core
 from koord.syntax.core import Home, ListOp, QuantifierKind
-
-if TYPE_CHECKING:
-    from koord.recheck.body import Body
 
 
 def is_robot(body: Body, index: Term) -> Term:

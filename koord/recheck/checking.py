@@ -12,16 +12,17 @@ from msgspec.structs import replace
 
 from koord.recheck import instances
 from koord.recheck.certificate import REWRITE, Certificate
+from koord.recheck.claim_texts import Statement
 from koord.recheck.claims import NO_START, Obligation
-from koord.recheck.commands import Harmless, NotACommandError, harmless
 from koord.recheck.discharge import Settled, Settling
 from koord.recheck.every_number import EveryNumber
 from koord.recheck.initial_states import Argument, Meant, Opened, meant, opened
 from koord.recheck.obligations import Obligations
+from koord.recheck.script import Harmless, NotACommandError, harmless
 from koord.recheck.solving import Answer, Session, SolverEndedError, TextError, answer_of, read
-from koord.recheck.statements import Statement
+from koord.recheck.sorts import NotRecheckedError
 from koord.recheck.terms import Terms
-from koord.recheck.values import NotRecheckedError, Values
+from koord.recheck.values import Values
 from koord.recheck.world import World
 from koord.syntax.diagnostics import Diagnostic, KoordError, refusal
 from koord.syntax.source import NOWHERE, Span

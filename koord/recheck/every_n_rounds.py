@@ -11,9 +11,8 @@ from functools import partial
 from msgspec import Struct
 
 from koord.recheck.generic_turn import Anyone, Crowds
-from koord.recheck.memory import Write
-from koord.recheck.racing import made
-from koord.recheck.storage import Cell, Crowd, Many, Robot, Storage, Store
+from koord.recheck.races import made
+from koord.recheck.storage import Cell, Crowd, Many, Robot, Storage, Store, Write
 from koord.recheck.terms import INT, Term
 from koord.recheck.turns import Turn
 from koord.syntax import core

@@ -23,12 +23,11 @@ from koord.recheck.claims import (
 )
 from koord.recheck.every_n_rounds import Gathered, Gathering, Moves, may_run, off, stopped_together
 from koord.recheck.generic_turn import Anyone, Begun, Crowds
-from koord.recheck.memory import Fault
-from koord.recheck.racing import made
-from koord.recheck.storage import Crowd, Many, Robot, Storages
+from koord.recheck.lost_updates import overlap, updated
+from koord.recheck.races import made
+from koord.recheck.storage import Crowd, Fault, Many, Robot, Storages
 from koord.recheck.terms import BOOL, INT, Term, Terms
 from koord.recheck.turns import Turn, Turns
-from koord.recheck.updates import overlap, updated
 from koord.recheck.values import Values
 from koord.recheck.world import World
 from koord.syntax import core

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from koord.recheck import quantifiers
+from koord.recheck.body import Body
+from koord.recheck.sorts import NotRecheckedError, Value
 from koord.recheck.terms import Term
-from koord.recheck.values import NotRecheckedError, Value, Values
+from koord.recheck.values import Values
 from koord.recheck.world import opened
 from koord.syntax import core
 from koord.syntax.types import GrowingType, MapType, Type, atoms, contains
 from koord.syntax.walk import nodes
-
-if TYPE_CHECKING:
-    from koord.recheck.body import Body
 
 
 def answer(body: Body, e: core.ExternalCall) -> Value:

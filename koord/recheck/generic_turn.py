@@ -14,10 +14,10 @@ from typing import Generic, TypeVar
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.recheck.memory import Fault, Write
 from koord.recheck.storage import (
     AtKey,
     Crowd,
+    Fault,
     Field,
     Location,
     Many,
@@ -25,6 +25,7 @@ from koord.recheck.storage import (
     Storage,
     Storages,
     Store,
+    Write,
 )
 from koord.recheck.terms import BOOL, INT, Term
 from koord.recheck.turns import Evolved, Turn, Turns

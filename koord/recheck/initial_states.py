@@ -11,8 +11,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.recheck.certificate import Certificate, Conjunct
+from koord.recheck.claim_texts import INVARIANTS, Premise, Statement, premises, statements
 from koord.recheck.claims import Claim, Kind
-from koord.recheck.statements import INVARIANTS, Premise, Statement, premises, statements
 from koord.recheck.world import World
 from koord.syntax import ast, core
 from koord.syntax.diagnostics import Diagnostic, Severity, refusal

@@ -8,23 +8,20 @@ make of it. What is written in no such way is not rechecked.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from msgspec import Struct, field
 
-from koord.recheck import blocks, places
-from koord.recheck.storage import Cell, Many, Storage
+from koord.recheck import places
+from koord.recheck.body import Body
+from koord.recheck.sorts import Family, NotRecheckedError, Value
+from koord.recheck.storage import Cell, Frame, Many, Storage
 from koord.recheck.sums import total
 from koord.recheck.terms import BOOL, INT, Term
-from koord.recheck.values import Family, NotRecheckedError, Value
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.types import INT as INTEGER
 from koord.syntax.walk import statements, written
-
-if TYPE_CHECKING:
-    from koord.recheck.body import Body
 
 #: What the body of such a loop may consist of.
 _PLAIN = core.Assign | core.If | core.ForRange | core.ForEach | core.Break | core.Return
@@ -117,7 +114,7 @@ class Loop(Struct):
         body.bound[self.variable.slot] = body.s.stored(item, self.variable.type)
         for variable, blank in memory:
             places.set_storage(body, variable, blank)
-        left, broken, result = blocks.tried(body, self.block, inside)
+        left, broken, result = _tried(body, self.block, inside)
         return [places.storage_of(body, variable) for variable, _ in memory], left, broken, result
 
     def _keep(self, trip: Term, earlier: Term, faults: int, legal: int) -> None:
@@ -143,7 +140,7 @@ class Loop(Struct):
         first = body.v.symbol("first trip", INT)
         body.legal.append(t.implies(returns, t.put(t.both(here, earlier), trip, first)))
         value = None if result is None else body.s.of(result, trip, first)
-        blocks.returns(body, t.both(body.path, returns), value)
+        _returns(body, t.both(body.path, returns), value)
 
     def _summed_up(self, old: Storage, was: Storage, new: Storage, trip: Term) -> Storage:
         if isinstance(old, Cell):
@@ -255,3 +252,34 @@ class Loop(Struct):
 
 def _is_plain(cell: Cell) -> bool:
     return cell.is_set.value is True and isinstance(cell.value, Term)
+
+
+def _tried(body: Body, block: core.Block, condition: Term) -> tuple[Term, Term, Storage | None]:
+    """Run a block by itself, where a condition holds: when it returns, when it breaks out of
+    the loop that it is the body of, and what it returns.
+    """
+    outer = (body.path, body.outside, body.frame, body.broke)
+    body.outside = body.t.conjunction([body.outside, body.path, condition])
+    body.path, never = body.t.truth(True), body.t.truth(False)
+    frame = body.frame
+    if frame is not None:
+        assert frame.type is not None
+        body.frame = Frame(body.s.unset(frame.type), frame.type, never)
+    body.broke = [never]
+    body.run(block)
+    returned, result = never, None
+    if body.frame is not None:
+        returned, result = body.frame.returned, body.frame.result
+    broken = body.broke[-1]
+    body.path, body.outside, body.frame, body.broke = outer
+    return returned, broken, result
+
+
+def _returns(body: Body, when: Term, result: Storage | None) -> None:
+    """The running function has returned where a condition holds."""
+    frame = body.frame
+    assert frame is not None
+    if result is not None:
+        assert frame.type is not None
+        frame.result = body.s.merge(when, result, frame.result, frame.type)
+    frame.returned = body.t.either(frame.returned, when)

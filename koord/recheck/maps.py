@@ -6,97 +6,74 @@ to the solver than there are. The order of keys is no part of it, and nothing go
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from koord.recheck.terms import BOOL, INT, Term, quoted
-from koord.syntax.types import MapType, show
-
-if TYPE_CHECKING:
-    from koord.recheck.values import Value, Values
+from koord.recheck.sorts import Sorts, Value, entry_sort, part_name
+from koord.recheck.terms import BOOL, INT, Term
+from koord.syntax.types import MapType
 
 
-def sort(v: Values, type_: MapType) -> str:
-    """The sort of maps of a type."""
-    key, value = v.sort(type_.key), v.sort(type_.value)
-    entry, whole = _entry(type_), quoted(f"{show(type_)}!")
-    none, some, held = _name(type_, "none"), _name(type_, "some"), _name(type_, "value")
-    v.declare(entry, f"(declare-datatype {entry} (({none}) ({some} ({held} {value}))))")
-    fields = f"({_name(type_, 'entries')} (Array {key} {entry})) ({_name(type_, 'count')} {INT})"
-    v.declare(whole, f"(declare-datatype {whole} (({_name(type_, 'make')} {fields})))")
-    return whole
-
-
-def empty(v: Values, type_: MapType) -> Term:
+def empty(v: Sorts, type_: MapType) -> Term:
     """A map without entries."""
-    array = f"(Array {v.sort(type_.key)} {_entry(type_)})"
+    array = f"(Array {v.sort(type_.key)} {entry_sort(type_)})"
     nothing = v.t.op(f"(as const {array})", [_none(v, type_)], array)
     return _made(v, type_, nothing, v.t.integer(0))
 
 
-def count(v: Values, value: Term, type_: MapType) -> Term:
+def count(v: Sorts, value: Term, type_: MapType) -> Term:
     """How many keys there are."""
-    return v.t.op(_name(type_, "count"), [value], INT)
+    return v.t.op(part_name(type_, "count"), [value], INT)
 
 
-def has(v: Values, value: Term, key: Value, type_: MapType) -> Term:
+def has(v: Sorts, value: Term, key: Value, type_: MapType) -> Term:
     """Whether there is a key."""
     found = _found(v, value, key, type_)
-    return v.t.op(f"(_ is {_name(type_, 'some')})", [found], BOOL)
+    return v.t.op(f"(_ is {part_name(type_, 'some')})", [found], BOOL)
 
 
-def at(v: Values, value: Term, key: Value, type_: MapType) -> Value:
+def at(v: Sorts, value: Term, key: Value, type_: MapType) -> Value:
     """What a key has; some value if it is not there."""
     found = _found(v, value, key, type_)
-    held = v.t.op(_name(type_, "value"), [found], v.sort(type_.value))
+    held = v.t.op(part_name(type_, "value"), [found], v.sort(type_.value))
     return v.unpack(held, type_.value)
 
 
-def with_entry(v: Values, value: Term, key: Value, new: Value, type_: MapType) -> Term:
+def with_entry(v: Sorts, value: Term, key: Value, new: Value, type_: MapType) -> Term:
     """The map in which a key has a value."""
-    entry = v.t.op(_name(type_, "some"), [v.pack(new, type_.value)], _entry(type_))
+    entry = v.t.op(part_name(type_, "some"), [v.pack(new, type_.value)], entry_sort(type_))
     more = v.t.plus(count(v, value, type_), v.t.integer(1))
     number = v.t.ite(has(v, value, key, type_), count(v, value, type_), more)
     return _made(v, type_, _stored(v, value, key, entry, type_), number)
 
 
-def without(v: Values, value: Term, key: Value, type_: MapType) -> Term:
+def without(v: Sorts, value: Term, key: Value, type_: MapType) -> Term:
     """The map without a key, which there is."""
     fewer = v.t.minus(count(v, value, type_), v.t.integer(1))
     return _made(v, type_, _stored(v, value, key, _none(v, type_), type_), fewer)
 
 
-def bounds(v: Values, value: Term, type_: MapType) -> Term:
+def bounds(v: Sorts, value: Term, type_: MapType) -> Term:
     """What a map satisfies because it is one."""
     return v.t.at_most(v.t.integer(0), count(v, value, type_))
 
 
-def _made(v: Values, type_: MapType, entries: Term, number: Term) -> Term:
-    return v.t.op(_name(type_, "make"), [entries, number], v.sort(type_))
+def _made(v: Sorts, type_: MapType, entries: Term, number: Term) -> Term:
+    return v.t.op(part_name(type_, "make"), [entries, number], v.sort(type_))
 
 
-def _entries(v: Values, value: Term, type_: MapType) -> Term:
-    array = f"(Array {v.sort(type_.key)} {_entry(type_)})"
-    return v.t.op(_name(type_, "entries"), [value], array)
+def _entries(v: Sorts, value: Term, type_: MapType) -> Term:
+    array = f"(Array {v.sort(type_.key)} {entry_sort(type_)})"
+    return v.t.op(part_name(type_, "entries"), [value], array)
 
 
-def _found(v: Values, value: Term, key: Value, type_: MapType) -> Term:
+def _found(v: Sorts, value: Term, key: Value, type_: MapType) -> Term:
     packed = v.pack(key, type_.key)
-    return v.t.op("select", [_entries(v, value, type_), packed], _entry(type_))
+    return v.t.op("select", [_entries(v, value, type_), packed], entry_sort(type_))
 
 
-def _stored(v: Values, value: Term, key: Value, entry: Term, type_: MapType) -> Term:
+def _stored(v: Sorts, value: Term, key: Value, entry: Term, type_: MapType) -> Term:
     entries = _entries(v, value, type_)
     return v.t.op("store", [entries, v.pack(key, type_.key), entry], entries.sort)
 
 
-def _none(v: Values, type_: MapType) -> Term:
+def _none(v: Sorts, type_: MapType) -> Term:
     v.sort(type_)
-    return v.t.op(_name(type_, "none"), (), _entry(type_))
-
-
-def _entry(type_: MapType) -> str:
-    return quoted(f"{show(type_)} entry!")
-
-
-def _name(type_: MapType, part: str) -> str:
-    return quoted(f"{show(type_)}!{part}")
+    return v.t.op(part_name(type_, "none"), (), entry_sort(type_))

@@ -5,27 +5,23 @@ The argument that these are enough is T-PER-EVENT of ``specs/certificates/README
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 from koord.recheck.claims import (
     NO_START,
     Attempt,
     Claim,
-    Goal,
     Kind,
     Obligation,
     Past,
-    Shown,
     sound,
-    stated,
     taken,
 )
-from koord.recheck.rounds import Prefix, Rounds
-from koord.recheck.showing import parts
+from koord.recheck.rounds import Rounds
 from koord.recheck.steps import Round
-from koord.recheck.storage import Cell, Robot, State, Storage, Storages, Store
-from koord.recheck.terms import BOOL, INT, Term
+from koord.recheck.storage import Cell, State, Storage, Storages
+from koord.recheck.terms import Term
 from koord.recheck.turns import Opening, Turns
 from koord.recheck.values import Values
 from koord.recheck.world import Key, World
@@ -91,9 +87,9 @@ class Obligations:
         opening = self.turns.opening()
         past = self._anything(Past(opening.state, opening.facts))
         at_round = claim.at_round
-        facts = taken(self.goals(past.state, others, between_rounds=at_round))
-        goals = self.goals(past.state, [claim], between_rounds=at_round)
-        return Attempt((*past.facts, *facts), tuple(goals), tuple(self.parts(past.state)))
+        facts = taken(self.rounds.goals(past.state, others, between_rounds=at_round))
+        goals = self.rounds.goals(past.state, [claim], between_rounds=at_round)
+        return Attempt((*past.facts, *facts), tuple(goals), tuple(self.rounds.parts(past.state)))
 
     # --- where rounds start ---------------------------------------------------------------------
 
@@ -104,18 +100,18 @@ class Obligations:
 
     def _no_fault_at_start(self, opening: Opening) -> Attempt:
         goals = [sound(self.turns, fault) for fault in opening.faults]
-        return Attempt(opening.facts, tuple(goals), tuple(self.parts(opening.state)))
+        return Attempt(opening.facts, tuple(goals), tuple(self.rounds.parts(opening.state)))
 
     def _starts(self, opening: Opening) -> Attempt:
         sound = [self.v.t.negation(fault.when) for fault in opening.faults]
-        goals = self.goals(opening.state, self.claims, between_rounds=True)
-        shown = tuple(self.parts(opening.state))
+        goals = self.rounds.goals(opening.state, self.claims, between_rounds=True)
+        shown = tuple(self.rounds.parts(opening.state))
         return Attempt((*opening.facts, *sound), tuple(goals), shown)
 
     def _anything(self, first: Past) -> Past:
         """Any configuration, but for what nobody ever writes: that is as INIT left it."""
         t, facts = self.v.t, []
-        state = self.anything_like(first.state, self.world.written, "")
+        state = self.rounds.anything_like(first.state, self.world.written, "")
         for i, robot in enumerate(state.robots):
             if self.world.mentions(core.Ran):
                 events = t.integer(len(self.world.agent(i).events))
@@ -141,68 +137,19 @@ class Obligations:
                 for slot, storage in enumerate(kept):
                     yield (home, kind, slot), storage
 
-    def anything_like(self, state: State, changed: frozenset[Key], suffix: str) -> State:
-        """Any configuration that differs from one in some variables only."""
-        program, v = self.world.program, self.v
-
-        def of(d: core.Declaration, home: Home, kind: int, like: Storage, at: str) -> Storage:
-            key = (home, kind, d.variable.slot)
-            if key not in changed:
-                return like
-            if key in self.world.rewritten:
-                like = self.s.loosened(like, d.variable.type)
-            return self.s.anything(f"{d.variable.name}{at}{suffix}", d.variable.type, like)
-
-        def shared(
-            home: Home, declarations: tuple[core.Declaration, ...], kept: tuple[Storage, ...]
-        ) -> tuple[Storage, ...]:
-            pairs = zip(declarations, kept, strict=True)
-            return tuple(of(d, home, 0, like, "") for d, like in pairs)
-
-        robots = []
-        for i, own in enumerate(state.robots):
-            kind, agent, at = self.world.kinds[i], self.world.agent(i), f"@{i}"
-            ports = [port.declaration for port in agent.ports]
-            locals_ = zip(agent.locals, own.locals, strict=True)
-            both = zip(ports, own.ports, strict=True)
-            robots.append(
-                Robot(
-                    tuple(of(d, Home.LOCAL, kind, like, at) for d, like in locals_),
-                    tuple(of(d, Home.PORT, kind, like, at) for d, like in both),
-                    v.symbol(f"asked{at}{suffix}", BOOL) if self.world.asks() else own.asked,
-                    v.symbol(f"stopped{at}{suffix}", BOOL) if self.world.stops() else own.stopped,
-                    v.symbol(f"ran{at}{suffix}", INT) if self.world.mentions(core.Ran) else own.ran,
-                )
-            )
-        store = Store(
-            shared(Home.ALLREAD, program.allread, state.store.allread),
-            shared(Home.ALLWRITE, program.allwrite, state.store.allwrite),
-        )
-        return State(tuple(robots), store)
-
     def _followed(self, past: Past, assumed: Sequence[Claim]) -> Past:
         """The same, with what is assumed at the start of a round."""
-        goals = self.goals(past.state, assumed, between_rounds=True)
+        goals = self.rounds.goals(past.state, assumed, between_rounds=True)
         return Past(past.state, (*past.facts, *taken(goals)))
 
     def _extended(self, past: Past, assumed: Sequence[Claim], label: str) -> Past:
         """What a whole round leads to, in which everything that is assumed held."""
-        prefix, end, facts = self.ended(past, assumed, label)
+        prefix, end, facts = self.rounds.ended(past, assumed, label)
         evolution = self.turns.environment(end)
         t = self.v.t
         sound = [t.negation(fault.when) for fault in evolution.faults]
         known = (*past.facts, *prefix.facts, *facts, *evolution.facts, *sound)
         return self._followed(Past(evolution.state, known), assumed)
-
-    def ended(
-        self, past: Past, assumed: Sequence[Claim], label: str
-    ) -> tuple[Prefix, State, list[Term]]:
-        """The end of the program turns of a round, and what is known of it."""
-        prefix = self.rounds.prefix(past.state, label or "the round")
-        facts = self.rounds.skips_legally(prefix)
-        _, end = self.rounds.stopped_together(prefix.state)
-        facts += taken(self.goals(end, assumed))
-        return prefix, end, facts
 
     # --- one round ------------------------------------------------------------------------------
 
@@ -210,25 +157,13 @@ class Obligations:
         self, past: Past, assumed: Sequence[Claim], asked: Sequence[Claim], label: str
     ) -> Iterator[Obligation]:
         """Everything that one more step of a round may break."""
-        round_ = Round(self, past, assumed, asked, label)
+        round_ = Round(self.rounds, past, assumed, asked, label)
         for i in range(len(self.world.kinds)):
             for position in range(len(self.world.agent(i).events)):
                 yield from round_.event(i, position)
         yield from round_.quiet()
         yield from round_.updates()
         yield from round_.environment()
-
-    # --- claims ---------------------------------------------------------------------------------
-
-    def goals(
-        self, state: State, claims: Iterable[Claim], *, between_rounds: bool = False
-    ) -> list[Goal]:
-        """Statements that are to hold in a configuration."""
-        return stated(self.turns, state, claims, between_rounds=between_rounds)
-
-    def parts(self, state: State, suffix: str = "") -> Iterator[Shown]:
-        """The variables of a configuration, part by part."""
-        return parts(self.world, self.v, state, suffix)
 
 
 def _has_unknown(storage: Storage) -> bool:

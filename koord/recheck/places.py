@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, assert_never
+from typing import assert_never
 
 from koord.recheck import all_robots, maps
-from koord.recheck.memory import Write
-from koord.recheck.storage import AtKey, Cell, Field, Location, Many, Storage
+from koord.recheck.body import Body
+from koord.recheck.sorts import Family, Value
+from koord.recheck.storage import AtKey, Cell, Field, Location, Many, Storage, Write
 from koord.recheck.terms import Term
-from koord.recheck.values import Family, Value
 from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.types import MapType, QueueType, Type
-
-if TYPE_CHECKING:
-    from koord.recheck.body import Body
 
 
 def read(body: Body, place: core.Place) -> Value:

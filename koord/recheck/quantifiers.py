@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, assert_never
+from typing import assert_never
 
 from koord.recheck import all_robots
+from koord.recheck.body import Body
+from koord.recheck.sorts import NotRecheckedError, Value
 from koord.recheck.terms import Term
-from koord.recheck.values import NotRecheckedError, Value
 from koord.syntax import core
 from koord.syntax.core import QuantifierKind
 from koord.syntax.types import MapType, Type, contains
-
-if TYPE_CHECKING:
-    from koord.recheck.body import Body
 
 
 def quantified(body: Body, e: core.Quantified) -> Term:

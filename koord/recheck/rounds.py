@@ -6,14 +6,18 @@ others have not (or have skipped, which looks alike). Everything that a robot di
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from msgspec import Struct
 
-from koord.recheck.racing import Part, Racing
-from koord.recheck.storage import Robot, State
-from koord.recheck.terms import BOOL, Term, Terms
+from koord.recheck.claims import Claim, Goal, Past, Shown, parts, stated, taken
+from koord.recheck.races import Part, Racing
+from koord.recheck.storage import Robot, State, Storage, Store
+from koord.recheck.terms import BOOL, INT, Term, Terms
 from koord.recheck.turns import Turn, Turns
+from koord.recheck.world import Key
+from koord.syntax import core
+from koord.syntax.core import Home
 
 
 class Choice(Struct, frozen=True):
@@ -37,7 +41,7 @@ class Prefix(Struct, frozen=True):
 
 
 class Rounds(Struct, frozen=True):
-    """Builds the parts of rounds."""
+    """Builds the parts of rounds, and says what is claimed of their configurations."""
 
     turns: Turns
 
@@ -162,6 +166,67 @@ class Rounds(Struct, frozen=True):
                 mover.entered[lock] for lock in turn.event.lock_classes if lock in mover.entered
             ]
         return t.disjunction([off, *taken])
+
+    def ended(
+        self, past: Past, assumed: Sequence[Claim], label: str
+    ) -> tuple[Prefix, State, list[Term]]:
+        """The end of the program turns of a round, and what is known of it."""
+        prefix = self.prefix(past.state, label or "the round")
+        facts = self.skips_legally(prefix)
+        _, end = self.stopped_together(prefix.state)
+        facts += taken(self.goals(end, assumed))
+        return prefix, end, facts
+
+    # --- configurations --------------------------------------------------------------------------
+
+    def anything_like(self, state: State, changed: frozenset[Key], suffix: str) -> State:
+        """Any configuration that differs from one in some variables only."""
+        program, v, world = self.turns.world.program, self.turns.v, self.turns.world
+
+        def of(d: core.Declaration, home: Home, kind: int, like: Storage, at: str) -> Storage:
+            key = (home, kind, d.variable.slot)
+            if key not in changed:
+                return like
+            if key in world.rewritten:
+                like = self.turns.s.loosened(like, d.variable.type)
+            return self.turns.s.anything(f"{d.variable.name}{at}{suffix}", d.variable.type, like)
+
+        def shared(
+            home: Home, declarations: tuple[core.Declaration, ...], kept: tuple[Storage, ...]
+        ) -> tuple[Storage, ...]:
+            pairs = zip(declarations, kept, strict=True)
+            return tuple(of(d, home, 0, like, "") for d, like in pairs)
+
+        robots = []
+        for i, own in enumerate(state.robots):
+            kind, agent, at = world.kinds[i], world.agent(i), f"@{i}"
+            ports = [port.declaration for port in agent.ports]
+            locals_ = zip(agent.locals, own.locals, strict=True)
+            both = zip(ports, own.ports, strict=True)
+            robots.append(
+                Robot(
+                    tuple(of(d, Home.LOCAL, kind, like, at) for d, like in locals_),
+                    tuple(of(d, Home.PORT, kind, like, at) for d, like in both),
+                    v.symbol(f"asked{at}{suffix}", BOOL) if world.asks() else own.asked,
+                    v.symbol(f"stopped{at}{suffix}", BOOL) if world.stops() else own.stopped,
+                    v.symbol(f"ran{at}{suffix}", INT) if world.mentions(core.Ran) else own.ran,
+                )
+            )
+        store = Store(
+            shared(Home.ALLREAD, program.allread, state.store.allread),
+            shared(Home.ALLWRITE, program.allwrite, state.store.allwrite),
+        )
+        return State(tuple(robots), store)
+
+    def goals(
+        self, state: State, claims: Iterable[Claim], *, between_rounds: bool = False
+    ) -> list[Goal]:
+        """Statements that are to hold in a configuration."""
+        return stated(self.turns, state, claims, between_rounds=between_rounds)
+
+    def parts(self, state: State, suffix: str = "") -> Iterator[Shown]:
+        """The variables of a configuration, part by part."""
+        return parts(self.turns.world, self.turns.v, state, suffix)
 
 
 def _at_most_one(t: Terms, conditions: Sequence[Term]) -> list[Term]:

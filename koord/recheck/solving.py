@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
 
-from koord.recheck.commands import Harmless
+from koord.recheck.script import Harmless
 from koord.syntax.forking import FORKING
 
 if TYPE_CHECKING:

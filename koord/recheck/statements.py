@@ -1,203 +1,125 @@
-"""What is claimed of a program, said in full: nothing that is confirmed is a name alone.
-
-What is asked of every program is told by kind and subject; what the program states by its name in
-the program's text. A file cannot call a claim what it likes.
-"""
+"""Statements of a body, as guarded commands. Here a body gets its rules."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from enum import Enum
+from collections.abc import Sequence
 from typing import assert_never
 
-from msgspec import Struct
-from msgspec.structs import replace
-
-from koord.recheck.certificate import REWRITE, Certificate, Claimed
-from koord.recheck.claims import Kind
-from koord.syntax import ast, core
-from koord.syntax.core import PropertyKind
-from koord.syntax.diagnostics import refusal
-from koord.syntax.printing.program import print_program
-from koord.syntax.printing.stated import stated
-from koord.syntax.source import NOWHERE, Span
-
-#: Statements about configurations.
-INVARIANTS = (PropertyKind.INVARIANT, PropertyKind.AT_ROUND)
+from koord.recheck import expressions, places, quantifiers
+from koord.recheck.body import Body
+from koord.recheck.loops import Loop
+from koord.recheck.sorts import Family, Value
+from koord.recheck.storage import Memory
+from koord.recheck.terms import Term
+from koord.recheck.values import Values
+from koord.recheck.world import World
+from koord.syntax import core
+from koord.syntax.types import INT
 
 
-class Statement(Struct, frozen=True):
-    """A claim as it is meant: ``text`` is Koord, or what is asked of every program in words."""
-
-    claimed: Claimed
-    text: str
-    span: Span = NOWHERE
+def body(world: World, values: Values, robot: Term | None, memory: Memory) -> Body:
+    """A body that a robot runs; nobody in a property."""
+    return Body(world, values, robot, memory, (expressions.value, run))
 
 
-class PremiseKind(Enum):
-    """What a proof may use and does not show."""
-
-    ASSUMPTION = "assumption"
-    CONTRACT = "contract"
-    SUMMARY = "summary"
-
-
-class Premise(Struct, frozen=True):
-    """Something that is relied on; ``text`` is Koord, empty if it is the library's."""
-
-    kind: PremiseKind
-    name: str
-    text: str
-    span: Span = NOWHERE
+def run(body: Body, block: core.Block) -> None:
+    """The statements in order; what left the block does not go on."""
+    outer = body.path
+    for s in block:
+        execute(body, s)
+        left = [*body.broke[-1:], *([body.frame.returned] if body.frame else [])]
+        body.path = body.t.both(outer, body.t.negation(body.t.disjunction(left)))
+        if body.path.value is False:
+            break
+    body.path = outer
 
 
-#: What no program may do.
-NO_FAULT = (
-    "no fault: nobody divides by zero, reads what is unset or not there, breaks what a function "
-    "requires, or chooses from nothing"
-)
+def execute(body: Body, s: core.Stmt) -> None:
+    t = body.t
+    match s:
+        case core.Assign():
+            places.assign(body, s.place, body.value(s.value))
+        case core.If():
+            holds = body.condition(s.condition)
+            for condition, block in ((holds, s.then), (t.negation(holds), s.otherwise)):
+                if condition.value is not False:
+                    with body.where(condition):
+                        run(body, block)
+        case core.ForRange() if is_open(body, s.low) or is_open(body, s.high):
+            low, high = body.condition(s.low), body.condition(s.high)
+            Loop(body, low, high, s.variable, None, s.body, s.span).run()
+        case core.ForRange():
+            trips = [(None, t.integer(k)) for k in quantifiers.fixed_range(body, s.low, s.high)]
+            go_through(body, trips, None, s.variable, s.body)
+        case core.ForEach():
+            over = body.value(s.sequence)
+            if isinstance(over, Family):
+                zero = t.integer(0)
+                Loop(body, zero, body.v.count, s.value, (over, s.key), s.body, s.span).run()
+                return
+            items = body.items(over, s.span)
+            numbered = [(t.integer(k), item) for k, item in enumerate(items)]
+            go_through(body, numbered, s.key, s.value, s.body)
+        case core.Break():
+            body.broke[-1] = t.either(body.broke[-1], body.path)
+        case core.Return():
+            leave(body, s)
+        case core.Atomic():
+            entered = body.entered.get(s.lock_class, t.truth(False))
+            body.entered[s.lock_class] = t.either(entered, body.path)
+            run(body, s.body)
+        case core.Stop():
+            body.stopped = t.either(body.stopped, body.path)
+        case core.TryStop():
+            body.asked = t.either(body.asked, body.path)
+        case core.Output():
+            for shown in s.values:
+                body.value(shown)  # it may fault
+        case core.Append():
+            new = body.value(s.value)
+            whole = places.read(body, s.place)
+            places.assign(body, s.place, body.v.appended(whole, new, s.place.type))
+        case core.Remove():
+            places.removed(body, s)
+        case core.Pop():
+            places.popped(body, s)
+        case _:
+            assert_never(s)
 
 
-def name_of(kind: Kind, subject: str, name: str) -> str:
-    """What a claim is called: ``name`` counts for statements of the program alone."""
-    match kind:
-        case Kind.STATEMENT:
-            return name
-        case Kind.FAULT:
-            return "no fault"
-        case Kind.LOST_UPDATE:
-            return f"no lost update of {subject}"
-        case Kind.CONTRACT:
-            return f"contract {subject}"
-    assert_never(kind)
+def is_open(body: Body, bound: core.Expr) -> bool:
+    """Whether the bound of a loop is not a number, since that of robots is open."""
+    return body.v.robots is None and body.condition(bound).value is None
 
 
-def statements(
-    certificate: Certificate, program: core.Program, sections: Sequence[ast.Section]
-) -> tuple[Statement, ...]:
-    """What a certificate claims. Raises KoordError (K941) where it says what it cannot mean."""
-    if not certificate.claims:
-        raise _damage(certificate, "nothing is claimed")
-    found: dict[tuple[Kind, str], Statement] = {}
-    for claimed in certificate.claims:
-        subject = claimed.name if claimed.kind is Kind.STATEMENT else claimed.subject
-        if (claimed.kind, subject) in found:
-            raise _damage(certificate, f"{claimed.name!r} is claimed twice")
-        _check_name(certificate, claimed)
-        found[claimed.kind, subject] = _statement(certificate, claimed, program, sections)
-    _check_left_out(certificate, program)
-    return tuple(found.values())
+def go_through(
+    body: Body,
+    trips: Sequence[tuple[Term | None, Value]],
+    key: core.Variable | None,
+    variable: core.Variable,
+    block: core.Block,
+) -> None:
+    """One trip after the other, until one breaks out. [S-FOR] [S-FOREACH] [S-BREAK]"""
+    body.broke.append(body.t.truth(False))
+    outer = body.path
+    for number, value in trips:
+        left = [body.broke[-1], *([body.frame.returned] if body.frame else [])]
+        body.path = body.t.both(outer, body.t.negation(body.t.disjunction(left)))
+        if body.path.value is False:
+            break
+        if key is not None and number is not None:
+            body.bound[key.slot] = body.s.stored(number, INT)
+        body.bound[variable.slot] = body.s.stored(value, variable.type)
+        run(body, block)
+    body.broke.pop()
+    body.path = outer
 
 
-def _check_name(certificate: Certificate, claimed: Claimed) -> None:
-    """What a claim is called follows from what it is."""
-    kind, subject = claimed.kind, claimed.subject
-    if subject and kind in (Kind.STATEMENT, Kind.FAULT):
-        about = (
-            f"a claim of kind {kind.value!r} has no subject, and {claimed.name!r} has {subject!r}"
-        )
-        raise _damage(certificate, about)
-    right = name_of(kind, subject, claimed.name)
-    if claimed.name != right:
-        about = f" of {subject!r}" if subject else ""
-        story = f"a claim of kind {kind.value!r}{about} is {right!r}, and not {claimed.name!r}"
-        raise _damage(certificate, story)
-
-
-def _statement(
-    certificate: Certificate,
-    claimed: Claimed,
-    program: core.Program,
-    sections: Sequence[ast.Section],
-) -> Statement:
-    subject = claimed.subject
-    match claimed.kind:
-        case Kind.STATEMENT:
-            for property_, text in invariants(program, sections):
-                if property_.name == claimed.name:
-                    return Statement(claimed, text, property_.span)
-            story = f"the program states no invariant {claimed.name!r}"
-        case Kind.FAULT:
-            return Statement(claimed, NO_FAULT)
-        case Kind.LOST_UPDATE:
-            for d in program.allwrite:
-                if d.variable.name == subject:
-                    words = f"in no round somebody writes `{subject}` or a part of it that "
-                    words += "another robot updates in that round from what it was"
-                    return Statement(claimed, f"{claimed.name}: {words}", d.span)
-            story = f"the program has no shared variable {subject!r} to lose an update of"
-        case Kind.CONTRACT:
-            for module, contract in _contracts(program):
-                if contract.name == subject and module.environment is not None:
-                    text = _contract_text(sections, contract)
-                    words = f"the model of {module.name} keeps it in every round"
-                    told = f"{claimed.name}: {words}" + (f"\n{text}" if text else "")
-                    return Statement(claimed, told, contract.span)
-            story = f"the program has no contract {subject!r} of a module with a model"
-    raise _damage(certificate, story)
-
-
-def invariants(
-    program: core.Program, sections: Sequence[ast.Section]
-) -> Iterator[tuple[core.Property, str]]:
-    """The statements of a program about configurations, each with its text."""
-    made = [p for p in program.properties if p.kind in INVARIANTS]
-    for property_, section in zip(made, stated(sections, ast.Invariant), strict=True):
-        yield property_, section.text
-
-
-def _check_left_out(certificate: Certificate, program: core.Program) -> None:
-    """What is named as not covered is something that can be asked of the program."""
-    known = {p.name for p in program.properties} | {name_of(Kind.FAULT, "", "")}
-    known |= {name_of(Kind.LOST_UPDATE, d.variable.name, "") for d in program.allwrite}
-    known |= {name_of(Kind.CONTRACT, c.name, "") for _, c in _contracts(program)}
-    claimed = {one.name for one in certificate.claims}
-    for name, _ in certificate.not_covered:
-        if name not in known or name in claimed:
-            why = "and claimed" if name in claimed else "and it is no claim about the program"
-            raise _damage(certificate, f"{name!r} is said not to be covered, {why}")
-
-
-def premises(program: core.Program, sections: Sequence[ast.Section]) -> tuple[Premise, ...]:
-    """All that the program assumes and is promised."""
-    found = [
-        Premise(PremiseKind.ASSUMPTION, made.name, section.text, made.span)
-        for made, section in zip(program.assumptions, stated(sections, ast.Assume), strict=True)
-    ]
-    found += [
-        Premise(PremiseKind.CONTRACT, c.name, _contract_text(sections, c), c.span)
-        for module, c in _contracts(program)
-        if module.environment is None
-    ]
-    texts = {s.name.name: s for s in sections if isinstance(s, ast.FunDef)}
-    for external in program.externals:
-        if external.requires or external.ensures:
-            own = texts.get(external.name)
-            text = "" if own is None else _printed(own)
-            found.append(Premise(PremiseKind.SUMMARY, external.name, text, external.span))
-    return tuple(found)
-
-
-def _contracts(program: core.Program) -> Iterator[tuple[core.Module, core.Contract]]:
-    for agent in program.agents:
-        for module in agent.modules:
-            for contract in module.contracts:
-                yield module, contract
-
-
-def _contract_text(sections: Sequence[ast.Section], contract: core.Contract) -> str:
-    """A contract in Koord; empty if it is the library's."""
-    for used in stated(sections, ast.Using):
-        for written in used.section.contracts:
-            if written.span == contract.span:
-                bare = replace(used.section, sensors=(), actuators=(), environment=None)
-                return _printed(replace(bare, contracts=(written,)))
-    return ""
-
-
-def _printed(section: ast.Section) -> str:
-    return print_program(ast.Program((section,), (), span=section.span)).rstrip("\n")
-
-
-def _damage(certificate: Certificate, story: str) -> Exception:
-    return refusal("K941", certificate.name, story, REWRITE)
+def leave(body: Body, s: core.Return) -> None:
+    frame = body.frame
+    assert frame is not None
+    if s.value is not None:
+        assert frame.type is not None
+        result = body.s.stored(body.value(s.value), frame.type)
+        frame.result = body.s.merge(body.path, result, frame.result, frame.type)
+    frame.returned = body.t.either(frame.returned, body.path)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -21,23 +20,20 @@ from koord.recheck.claims import (
     sound,
     taken,
 )
-from koord.recheck.racing import made
-from koord.recheck.rounds import Prefix
+from koord.recheck.lost_updates import meeting
+from koord.recheck.races import made
+from koord.recheck.rounds import Prefix, Rounds
 from koord.recheck.storage import State, Store
 from koord.recheck.terms import BOOL, Term, Terms
 from koord.recheck.turns import Turn
-from koord.recheck.updates import meeting
 from koord.recheck.world import World
 from koord.syntax import core
-
-if TYPE_CHECKING:
-    from koord.recheck.obligations import Obligations
 
 
 class Round(Struct, dict=True):
     """The obligations of one round. ``within`` says which, where it is not any round."""
 
-    of: Obligations
+    of: Rounds
     past: Past
     assumed: Sequence[Claim]
     asked: Sequence[Claim]
@@ -45,11 +41,11 @@ class Round(Struct, dict=True):
 
     @property
     def world(self) -> World:
-        return self.of.world
+        return self.of.turns.world
 
     @property
     def t(self) -> Terms:
-        return self.of.v.t
+        return self.of.turns.v.t
 
     @property
     def within(self) -> str:
@@ -61,7 +57,7 @@ class Round(Struct, dict=True):
 
     @cached_property
     def prefix(self) -> Prefix:
-        return self.of.rounds.prefix(self.past.state, self.label or "the round")
+        return self.of.prefix(self.past.state, self.label or "the round")
 
     @cached_property
     def chosen(self) -> tuple[Shown, ...]:
@@ -102,7 +98,7 @@ class Round(Struct, dict=True):
         prefix, t = self.prefix, self.t
         facts = [*prefix.facts, *self.inside, prefix.ran_none(turn.robot, self.of.turns)]
         for lock, entered in turn.entered.items():
-            free = t.negation(self.of.rounds.taken(prefix, lock))
+            free = t.negation(self.of.taken(prefix, lock))
             facts.append(t.implies(entered, free))
         others = [
             prefix.ran_none(j, self.of.turns)
@@ -112,9 +108,9 @@ class Round(Struct, dict=True):
         last, after = self._moved(prefix.state, turn)
         if last is not None:
             facts.append(t.either(last, t.disjunction(others)))
-            legal = t.conjunction(self.of.rounds.skips_legally(prefix, mover=turn))
+            legal = t.conjunction(self.of.skips_legally(prefix, mover=turn))
             facts.append(t.implies(last, legal))
-        facts.append(self.of.rounds.may_run(prefix.start, turn))
+        facts.append(self.of.may_run(prefix.start, turn))
         goals = self.of.goals(after, self.asked)
         return self._attempt(facts, goals, (*self.shown, *self.chosen))
 
@@ -138,11 +134,11 @@ class Round(Struct, dict=True):
             # What only blocks of a class write is as it was, for whoever enters the class.
             lock = self.world.guarding(d.variable.slot)
             alone = turn.entered.get(lock, t.truth(False)) if lock is not None else t.truth(False)
-            allwrite.append(self.of.s.merge(alone, old, x, d.variable.type))
+            allwrite.append(self.of.turns.s.merge(alone, old, x, d.variable.type))
         inside = State(robots, Store(allread, tuple(allwrite)))
         _, after = self._moved(inside, turn)
         facts = taken(self.of.goals(inside, self.assumed))
-        facts.append(self.of.rounds.may_run(before, turn))
+        facts.append(self.of.may_run(before, turn))
         return self._attempt(facts, self.of.goals(after, self.asked), ())
 
     def _moved(self, state: State, turn: Turn) -> tuple[Term | None, State]:
@@ -152,15 +148,15 @@ class Round(Struct, dict=True):
         """
         i, t = turn.robot, self.t
         robots = (*state.robots[:i], turn.after, *state.robots[i + 1 :])
-        store = made(self.of.s, state.store, turn.writes, t.truth(True))
+        store = made(self.of.turns.s, state.store, turn.writes, t.truth(True))
         after = State(robots, store)
         if not self.world.asks():
             return None, after
         # END-PROG comes with the last turn of a round.
         last = t.truth(True)
         if len(self.world.kinds) > 1:
-            last = self.of.v.symbol(f"{i} is the last to move", BOOL)
-        _, ended = self.of.rounds.stopped_together(after)
+            last = self.of.turns.v.symbol(f"{i} is the last to move", BOOL)
+        _, ended = self.of.stopped_together(after)
         robots = tuple(
             replace(r, stopped=t.ite(last, x.stopped, r.stopped))
             for r, x in zip(after.robots, ended.robots, strict=True)
@@ -201,13 +197,13 @@ class Round(Struct, dict=True):
         never = self.t.integer(-1)
         state = self.past.state
         robots = tuple(replace(robot, ran=never) for robot in state.robots)
-        may = self.of.rounds.skips_legally(self.prefix, nobody_moved=True)
+        may = self.of.skips_legally(self.prefix, nobody_moved=True)
         goals = self.of.goals(State(robots, state.store), self.asked)
         return self._attempt([self.t.disjunction(may)], goals, self.shown)
 
     def _last_skip(self) -> Attempt:
-        idle, ended = self.of.rounds.stopped_together(self.prefix.state)
-        legal = self.of.rounds.skips_legally(self.prefix)
+        idle, ended = self.of.stopped_together(self.prefix.state)
+        legal = self.of.skips_legally(self.prefix)
         facts = (*self.prefix.facts, *self.inside, idle, *legal)
         return self._attempt(facts, self.of.goals(ended, self.asked), (*self.shown, *self.chosen))
 
@@ -239,7 +235,7 @@ class Round(Struct, dict=True):
         if self._faults_asked():
             faults = tuple(partial(self._no_fault_after, end) for end in ways)
             yield Obligation(f"{name}: no fault", faults)
-        hollow = NO_END if self.of.world.promised else ""
+        hollow = NO_END if self.of.turns.world.promised else ""
         yield Obligation(name, tuple(partial(self._evolved, end) for end in ways), hollow)
 
     def _end_loosely(self) -> tuple[State, list[Term]]:

@@ -8,11 +8,20 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from koord.recheck import blocks, places
+from koord.recheck import places, statements
 from koord.recheck.body import Body
-from koord.recheck.memory import Fault, Memory, Write
-from koord.recheck.racing import Part, Racing
-from koord.recheck.storage import Crowd, Robot, State, Storage, Storages, Store
+from koord.recheck.races import Part, Racing
+from koord.recheck.storage import (
+    Crowd,
+    Fault,
+    Memory,
+    Robot,
+    State,
+    Storage,
+    Storages,
+    Store,
+    Write,
+)
 from koord.recheck.terms import Term
 from koord.recheck.values import Values
 from koord.recheck.world import World
@@ -110,7 +119,7 @@ class Turns(Struct, frozen=True):
         program = self.world.program
         allread = [self.s.unset(d.variable.type) for d in program.allread]
         allwrite = [self.s.unset(d.variable.type) for d in program.allwrite]
-        shared = Body(self.world, self.v, None, Memory([], [], [*allread], allwrite))
+        shared = statements.body(self.world, self.v, None, Memory([], [], [*allread], allwrite))
         for d in program.allwrite:
             self._start(shared, d, shared.memory.allwrite, "")
         return shared, Store(tuple(allread), tuple(shared.memory.allwrite))
@@ -123,7 +132,7 @@ class Turns(Struct, frozen=True):
             [*base.allread],
             [*base.allwrite],
         )
-        body = Body(self.world, self.v, robot, memory)
+        body = statements.body(self.world, self.v, robot, memory)
         body.bound = [None] * agent.init_bound
         for port in agent.ports:
             entry = port.declaration
@@ -132,7 +141,7 @@ class Turns(Struct, frozen=True):
             self._start(body, entry, memory.locals, f"@{name}")
         for entry in self.world.program.allread:
             self._start_own(body, entry, name)
-        blocks.run(body, agent.init)
+        statements.run(body, agent.init)
         return body
 
     def _start(
@@ -179,12 +188,12 @@ class Turns(Struct, frozen=True):
         """One event of a robot of a kind, whose number is ``pid``. [ATOMIC]"""
         event, t = agent.events[position], self.v.t
         memory = Memory([*own.locals], [*own.ports], [*store.allread], [*store.allwrite])
-        body = Body(self.world, self.v, pid, memory)
+        body = statements.body(self.world, self.v, pid, memory)
         body.bound = [None] * event.bound
         enabled = body.condition(event.guard)
         guard_faults, guard_legal = tuple(body.faults), t.conjunction(body.legal)
         body.outside = enabled
-        blocks.run(body, event.effect)
+        statements.run(body, event.effect)
         after = Robot(
             tuple(memory.locals),
             tuple(memory.ports),
@@ -228,11 +237,11 @@ class Turns(Struct, frozen=True):
         facts: list[Term] = []
         promises: list[tuple[str, Term]] = []
         memory = Memory(ports=[*own.ports], after=[*own.ports])
-        body = Body(self.world, self.v, robot, memory)
+        body = statements.body(self.world, self.v, robot, memory)
         for module in agent.modules:
             if module.environment is not None:
                 body.bound = [None] * module.environment_bound
-                blocks.run(body, module.environment)
+                statements.run(body, module.environment)
             else:
                 self._sense(agent, module, name, memory)
         faults = tuple(body.faults)
@@ -270,7 +279,7 @@ class Turns(Struct, frozen=True):
     def holds(self, state: State | Crowd, condition: core.Expr, bound: int) -> tuple[Term, Term]:
         """Whether a statement holds in a configuration; and what the answers in it satisfy."""
         memory = Memory([], [], [*state.store.allread], [*state.store.allwrite], None, state)
-        body = Body(self.world, self.v, None, memory)
+        body = statements.body(self.world, self.v, None, memory)
         body.bound = [None] * bound
         holds = body.statement(condition)
         return holds, self.v.t.conjunction(body.legal)

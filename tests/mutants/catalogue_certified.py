@@ -83,7 +83,7 @@ CERTIFIED = (
     Mutant(
         "every key is in a map",
         "recheck.maps.has",
-        "v.t.op(f\"(_ is {_name(type_, 'some')})\", [found], BOOL)",
+        "v.t.op(f\"(_ is {part_name(type_, 'some')})\", [found], BOOL)",
         "v.t.equal(found, found)",
         (MAPS,),
     ),
@@ -96,7 +96,7 @@ CERTIFIED = (
     ),
     Mutant(
         "maps that race are as the last robot leaves them",
-        "recheck.racing.Racing.joined",
+        "recheck.races.Racing.joined",
         "is_flat(type_)",
         "is_flat(type_) or hasattr(type_, 'key')",
         (MAPS,),
@@ -112,7 +112,7 @@ CERTIFIED = (
     # what is claimed, and what is said to be shown
     Mutant(
         "a file calls claims what it likes",
-        "recheck.statements._check_name",
+        "recheck.claim_texts._check_name",
         "claimed.name != right",
         "not right",
         (EXAMPLES,),

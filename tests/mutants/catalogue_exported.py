@@ -35,7 +35,7 @@ EXPORTED = (
     ),
     Mutant(
         "a script may ask before it says anything",
-        "recheck.commands.harmless",
+        "recheck.script.harmless",
         '"check-sat" in heads and head != "exit"',
         'head == "get-model"',
         (DAMAGE,),

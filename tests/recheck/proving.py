@@ -11,8 +11,9 @@ from koord.recheck.discharge import Settled, Settling
 from koord.recheck.every_number import EveryNumber
 from koord.recheck.obligations import Obligations
 from koord.recheck.solving import Answer, Session
+from koord.recheck.sorts import NotRecheckedError
 from koord.recheck.terms import Terms
-from koord.recheck.values import NotRecheckedError, Values
+from koord.recheck.values import Values
 from koord.recheck.world import World
 from koord.syntax.system import System
 from koord.verify.claims import claims_of

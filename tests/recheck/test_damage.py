@@ -12,7 +12,7 @@ import pytest
 from koord.recheck import checking
 from koord.recheck.certificate import read
 from koord.recheck.checking import Outcome, recheck
-from koord.recheck.commands import Harmless, NotACommandError, harmless
+from koord.recheck.script import Harmless, NotACommandError, harmless
 from koord.recheck.solving import Answer
 from koord.syntax.diagnostics import KoordError
 from koord.verify.certificates import digest

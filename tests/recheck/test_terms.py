@@ -10,8 +10,9 @@ import pytest
 from koord.recheck.discharge import conjuncts
 from koord.recheck.script import Script
 from koord.recheck.solving import Answer, Session, plain
+from koord.recheck.sorts import Value
 from koord.recheck.terms import INT, Term, Terms
-from koord.recheck.values import Value, Values
+from koord.recheck.values import Values
 from koord.syntax.types import INT as INTEGER
 from koord.syntax.types import ListType, RecordType
 

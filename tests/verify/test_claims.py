@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from koord.recheck.updates import updated as updated_again
+from koord.recheck.lost_updates import updated as updated_again
 from koord.syntax import core
 from koord.syntax.analysis.lost_updates import rewritten
 from koord.syntax.elaboration.settings import Settings

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from koord.recheck.memory import Write
 from koord.recheck.rounds import Prefix
-from koord.recheck.storage import AtKey, Field
+from koord.recheck.storage import AtKey, Field, Write
 from koord.recheck.terms import Term
 from koord.recheck.turns import Turns
 from koord.recheck.values import Values

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from msgspec import Struct, field
 
-from koord.recheck.memory import Write
-from koord.recheck.storage import Cell, Storage, Storages, Store
+from koord.recheck.storage import Cell, Storage, Storages, Store, Write
 from koord.recheck.terms import INT, Term
 from koord.syntax.core import Home
 from koord.syntax.types import Type, is_flat
