@@ -238,12 +238,12 @@ def test_the_command_of_each_row_shows_its_verdict(path: str, flags: str, said: 
     "name",
     [
         "README.md",
-        "ARCHITECTURE.md",
         "CHANGELOG.md",
         "CONTRIBUTING.md",
         "SECURITY.md",
         "tests/README.md",
         "specs/semantics/README.md",
+        "specs/decisions/README.md",
     ],
 )
 def test_the_files_that_are_linked_exist(name: str) -> None:
@@ -253,7 +253,7 @@ def test_the_files_that_are_linked_exist(name: str) -> None:
     assert missing == []
 
 
-@pytest.mark.parametrize("name", ["ARCHITECTURE.md", "CONTRIBUTING.md", "tests/README.md"])
+@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "tests/README.md"])
 def test_the_files_that_are_named_exist(name: str) -> None:
     text = (ROOT / name).read_text(encoding="utf-8")
     named = set(re.findall(r"`((?:\w+/)*\w+\.(?:py|krd|lark|md|yaml))`", text))

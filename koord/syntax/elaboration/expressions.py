@@ -7,7 +7,7 @@ from typing import assert_never
 from koord.syntax import ast, core
 from koord.syntax.elaboration.body import Body
 from koord.syntax.elaboration.calls import function_call, method_call
-from koord.syntax.elaboration.literals import list_of, map_of, set_of
+from koord.syntax.elaboration.literals import collection
 from koord.syntax.elaboration.operators import binary, unary
 from koord.syntax.elaboration.places import meaning, read
 from koord.syntax.elaboration.quantifiers import quantified
@@ -20,6 +20,8 @@ def expression(body: Body, e: ast.Expr, expected: Type | None) -> core.Expr | No
     Where the type of the result differs from ``expected``, the caller finds out. None means that
     something is wrong, and told.
     """
+    if isinstance(e, ast.Collection):
+        return collection(body, e, expected)
     match e:
         case ast.Name() | ast.Attribute() | ast.Index() | ast.AtRobot() | ast.Prime():
             return read(meaning(body, e, expected), e)
@@ -37,12 +39,6 @@ def expression(body: Body, e: ast.Expr, expected: Type | None) -> core.Expr | No
             return core.Const(fraction, FLOAT, span=e.span)
         case ast.StringLit(value=text):
             return core.Const(text, STRING, span=e.span)
-        case ast.ListLit(items=items):
-            return list_of(body, items, expected, e.span)
-        case ast.MapLit():
-            return map_of(body, e, expected)
-        case ast.SetLit():
-            return set_of(body, e, expected)
         case ast.MethodCall():
             return method_call(body, e, expected)
         case ast.Quantified():

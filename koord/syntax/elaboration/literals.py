@@ -22,6 +22,17 @@ from koord.syntax.types import (
 )
 
 
+def collection(body: Body, e: ast.Collection, expected: Type | None) -> core.Expr | None:
+    """A list, map or set that is written out."""
+    match e:
+        case ast.ListLit(items=items):
+            return list_of(body, items, expected, e.span)
+        case ast.MapLit():
+            return map_of(body, e, expected)
+        case ast.SetLit():
+            return set_of(body, e, expected)
+
+
 def list_of(
     body: Body, items: tuple[ast.Expr, ...], expected: Type | None, span: Span
 ) -> core.Expr | None:
