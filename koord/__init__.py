@@ -42,8 +42,14 @@ if TYPE_CHECKING:
     from koord.api.progress import Cancellation as Cancellation
     from koord.api.progress import CancelledError as CancelledError
     from koord.api.progress import Progress as Progress
+    from koord.api.protocol_check import ProtocolCheck as ProtocolCheck
+    from koord.api.protocol_check import check_protocol as check_protocol
     from koord.api.recheck import RecheckReport as RecheckReport
     from koord.api.recheck import recheck as recheck
+    from koord.api.refine_simulated import SimulatedRuns as SimulatedRuns
+    from koord.api.refine_simulated import refine_simulated as refine_simulated
+    from koord.api.refinement import Refinement as Refinement
+    from koord.api.refinement import refine as refine
     from koord.api.replay import ReplayReport as ReplayReport
     from koord.api.replay import load_trace as load_trace
     from koord.api.replay import replay as replay
@@ -81,7 +87,10 @@ _HOMES = {
     "koord.api.layout": ("format",),
     "koord.api.programs": ("CheckReport", "Program", "check", "load"),
     "koord.api.progress": ("Cancellation", "CancelledError", "Progress"),
+    "koord.api.protocol_check": ("ProtocolCheck", "check_protocol"),
     "koord.api.recheck": ("RecheckReport", "recheck"),
+    "koord.api.refine_simulated": ("SimulatedRuns", "refine_simulated"),
+    "koord.api.refinement": ("Refinement", "refine"),
     "koord.api.replay": ("ReplayReport", "load_trace", "replay"),
     "koord.api.results": ("ArgumentError",),
     "koord.api.run": ("Policy", "RunReport", "run"),

@@ -69,7 +69,6 @@ PLAIN = (
 #: gets shorter.
 WORKING = {
     "arguments",
-    "check_refinement",
     "counterexamples",
     "departures",
     "explain",
@@ -77,9 +76,7 @@ WORKING = {
     "inputs",
     "interactive",
     "premises",
-    "protocol_check",
     "recheck",
-    "refused_runs",
     "replay",
     "requests",
     "run",

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from msgspec import Struct
+from collections.abc import Mapping
+from os import PathLike, fspath
+
 from msgspec.structs import replace
 
-from koord.api.fitting import FitRequest, fit
+from koord.api.fitting import Configurable, FitRequest, fit, fit_request
+from koord.api.programs import Loadable, Value
 from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
+from koord.api.results import Result
 from koord.api.sim_setup import check_begun, limit_s, simulation
 from koord.api.sim_trace import Tracing
+from koord.api.simulation import check_libraries
 from koord.api.traces import write_trace
 from koord.refinement.judging import Judged
 from koord.sim.running import Simulation, run
@@ -17,8 +22,8 @@ from koord.sim.running import Simulation, run
 _SHARE = 50
 
 
-class SimulatedRuns(Struct, frozen=True):
-    """What the simulated runs of a program came to."""
+class SimulatedRuns(Result, frozen=True):
+    """What the simulated runs of a program came to, judged by the rules."""
 
     program: str
     values: str = ""  #: δ, and each value that is not the text's
@@ -28,8 +33,49 @@ class SimulatedRuns(Struct, frozen=True):
     refused: str | None = None  #: the first step that the rules do not allow
     saved: str | None = None  #: the file of its trace
 
+    @property
+    def ok(self) -> bool:
+        """Whether no run was refused."""
+        return self.refused is None
+
+    def to_dict(self) -> dict[str, object]:
+        """As ``koord check-refinement --target simulator --json`` prints it for each program."""
+        return {name: getattr(self, name) for name in self.__struct_fields__}
+
+    def __repr__(self) -> str:
+        said = "no violation" if self.refused is None else f"refused: {self.refused}"
+        counted = f"{self.runs} runs, {self.rounds} rounds, {self.steps} steps"
+        return f"<SimulatedRuns {self.program}: {counted}: {said}>"
+
 
 def refine_simulated(
+    program: Loadable,
+    config: Configurable = None,
+    *,
+    runs: int = 100,
+    rounds: int = 8,
+    seed: int = 0,
+    params: Mapping[str, Value] | None = None,
+    save: str | PathLike[str] | None = None,
+    progress: Listener | None = None,
+    cancellation: Cancellation | None = None,
+) -> SimulatedRuns:
+    """Simulate a program with seeds that follow ``seed``, and judge each run by the rules.
+
+    Of so many ``runs`` every fiftieth is made, with up to so many ``rounds``: a round in a world
+    takes longer than without. It ends with the first run that is refused, whose trace goes to the
+    folder ``save``. Raises :class:`koord.KoordError` for what is wrong with the input.
+
+    >>> koord.refine_simulated("task.krd").ok
+    True
+    """
+    check_libraries()
+    wanted = fit_request(program, config, params, None, seed, None)
+    folder = None if save is None else fspath(save)
+    return judge_simulated(wanted, runs, rounds, folder, progress, cancellation)
+
+
+def judge_simulated(
     wanted: FitRequest,
     runs: int,
     rounds: int,
@@ -37,11 +83,7 @@ def refine_simulated(
     progress: Listener | None = None,
     cancellation: Cancellation | None = None,
 ) -> SimulatedRuns:
-    """Simulate a program with seeds that follow its own, and judge each run by the rules.
-
-    It ends with the first run that is refused, whose trace goes to the folder ``save``. Raises
-    KoordError.
-    """
+    """As :func:`refine_simulated`, of a request that has a seed. Raises KoordError."""
     tell, is_cancelled = heard_by(progress), asker(cancellation)
     assert wanted.seed is not None
     found = SimulatedRuns(wanted.source.name)

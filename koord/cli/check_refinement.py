@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-from collections.abc import Iterator
-from fractions import Fraction
-from itertools import cycle, islice
-from pathlib import Path
-from random import Random
 
-from msgspec import Struct
-
-from koord.api.files import check_writable
 from koord.api.programs import Program
-from koord.api.robots import AS_STATED, Fleet, system_of
-from koord.api.traces import sources_of
+from koord.api.progress import Progress
+from koord.api.refinement import (
+    NETWORKS,
+    Refinement,
+    RefineRequest,
+    RunRefused,
+    Target,
+    TargetRuns,
+    about_of,
+    refine_loaded,
+)
 from koord.cli.arguments import (
     add_json,
     add_settings,
@@ -30,59 +30,13 @@ from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.inputs import Reading, load_programs
 from koord.cli.progress import Interruption, LiveLine
-from koord.cli.protocol_check import NETWORKS
-from koord.cli.refused_runs import RefusedRun, again, problem_of, told
 from koord.cli.terminal import Paint, style_of, visible
-from koord.refinement.cases import Case, Target, Tried, all_generated, generated, of_program, tried
-from koord.refinement.running import Compiled, ready
-from koord.refinement.shrinking import TRIES, ever_smaller
-from koord.syntax import core
-from koord.syntax.system import System
-
-#: So many robots, in turn.
-_ROBOTS = (1, 2, 3, 4)
 
 #: What may be checked besides all of it.
 _PROTOCOL = "protocol"
 
 #: Where programs may run besides: in a world, with the configuration that lies beside them.
 _SIMULATOR = "simulator"
-
-#: Of so many runs on the engine, one more on each of the others: they take longer.
-_SHARES = {Target.ENGINE: 1, Target.NETWORK: 10, Target.UDP: 50}
-
-#: Processes do not do the same thing twice, so that making a run smaller is soon a matter of luck.
-_TRIES_OVER_UDP = 10
-
-
-class Totals(Struct):
-    """What runs did on a target. Runs that gave up found no values that the program allows."""
-
-    target: Target
-    runs: int = 0
-    rounds: int = 0
-    steps: int = 0
-    faults: int = 0
-    skips: int = 0
-    gave_up: int = 0
-
-    def add(self, one: Tried) -> None:
-        self.runs += 1
-        if one.judged is not None and one.ran is not None:
-            rounds_ = one.ran.trace.recording.rounds
-            self.rounds += len(rounds_)
-            self.skips += sum(event is None for round_ in rounds_ for event in round_.events)
-            self.steps += one.judged.steps
-            self.faults += one.ran.fault_place is not None
-            self.gave_up += one.ran.gave_up is not None
-
-
-class _Run(Struct, frozen=True):
-    """What became of a run, its place among those of its program, and what that was compiled to."""
-
-    outcome: Tried
-    number: int
-    made: Compiled | None = None
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -113,7 +67,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--faults",
-        choices=["none", "loss", "chaos"],
+        choices=list(NETWORKS),
         default="none",
         help="what happens to messages; chaos: robots crash and come back besides (none)",
     )
@@ -155,43 +109,41 @@ def main(arguments: argparse.Namespace) -> int:
         report.print(sys.stderr, as_json=False)
     if report.errors:
         return Exit.BAD_INPUT
-    check_writable(str(Path(arguments.save) / "refinement"))
-    everything = {target: Totals(target) for target in _targets(arguments)}
-    failure: RefusedRun | None = None
-    if not arguments.json:
-        for loaded in programs:
-            print(visible(_about(loaded, arguments)))
-    with Interruption() as interruption, LiveLine(sys.stderr) as line:
-        for one in _all(arguments, programs):
-            totals = everything[one.outcome.case.target]
-            totals.add(one.outcome)
-            line.show(f"{totals.target.value}: {totals.runs} {_many('run', totals.runs)}")
-            if one.outcome.failed:
-                command = again(arguments, one.outcome.case, one.number)
-                failure = RefusedRun(one.outcome, command, arguments.save)
-                failure.keep()
-                line.clear()
-                said = visible(f"refused and kept: {failure.path}; smaller runs are looked for")
-                print(said, file=sys.stderr, flush=True)
-                line.show("looking for smaller runs that are refused")
-                _make_smaller(failure, one.made, interruption)
-            if failure is not None or interruption.requested:
-                break
+    request = RefineRequest(
+        runs=arguments.runs,
+        target=None if arguments.target is None else Target(arguments.target),
+        rounds=arguments.rounds,
+        delta_s=arguments.delta,
+        faults=arguments.faults,
+        seed=arguments.seed,
+        case=arguments.case,
+        save=arguments.save,
+    )
+    found = _refined(programs, request, as_json=arguments.json)
     if arguments.json:
-        about = [_about(loaded, arguments) for loaded in programs]
-        document = _document(list(everything.values()), failure) | {"programs": about}
-        sys.stdout.write(json.dumps(document, indent=2) + "\n")
+        sys.stdout.write(found.to_json() + "\n")
     else:
-        _show(list(everything.values()), failure)
-    if interruption.requested:
+        _show(found)
+    if found.interrupted:
         return Exit.INTERRUPTED
-    return Exit.OK if failure is None else Exit.VIOLATED
+    return Exit.OK if found.failure is None else Exit.VIOLATED
 
 
-def _about(loaded: Program, arguments: argparse.Namespace) -> str:
-    """A program that is run, with δ and each value that is not the text's."""
-    problem = loaded.problem(None, arguments.delta)
-    return f"{problem.name}: {', '.join(problem.values)}"
+def _refined(programs: tuple[Program, ...], request: RefineRequest, *, as_json: bool) -> Refinement:
+    request.check()
+    if not as_json:
+        for program in programs:
+            print(visible(about_of(program, request)))
+    with Interruption() as interruption, LiveLine(sys.stderr) as line:
+
+        def show(told: Progress) -> None:
+            if isinstance(told, RunRefused):
+                line.clear()
+                said = f"refused and kept: {told.refused.path}; smaller runs are looked for"
+                print(visible(said), file=sys.stderr, flush=True)
+            line.show(told.message)
+
+        return refine_loaded(programs, request, show, interruption)
 
 
 def _protocol(arguments: argparse.Namespace) -> int:
@@ -207,115 +159,33 @@ def _protocol(arguments: argparse.Namespace) -> int:
 def _simulator(arguments: argparse.Namespace) -> int:
     if not arguments.files or arguments.case is not None:
         raise argparse.ArgumentTypeError("--target simulator takes programs: name a file")
-    from koord.runtime.motion.libraries import SIM, require
+    from koord.api.simulation import check_libraries
 
-    require(SIM, "sim")
+    check_libraries()
     from koord.cli.check_simulated import main as check
 
     return check(arguments)
 
 
-# --- runs ---------------------------------------------------------------------------------------
-
-
-def _targets(arguments: argparse.Namespace) -> tuple[Target, ...]:
-    """Where programs are to run. A generated one that was kept did so on the engine, or is told."""
-    if arguments.target is not None:
-        return (Target(arguments.target),)
-    return (Target.ENGINE,) if arguments.case is not None else tuple(Target)
-
-
-def _all(arguments: argparse.Namespace, programs: tuple[Program, ...]) -> Iterator[_Run]:
-    """Every run, as it is made."""
-    faults, most, seed = NETWORKS[arguments.faults], arguments.rounds, arguments.seed
-    targets = _targets(arguments)
-    if arguments.case is not None:
-        yield _Run(tried(generated(arguments.case, most, targets[0], faults)), 1)
-        return
-    for target in targets:
-        runs = arguments.runs if len(targets) == 1 else -(-arguments.runs // _SHARES[target])
-        if not programs:
-            for case in islice(all_generated(Random(seed), most, target, faults), runs):
-                yield _Run(tried(case), 1)
-        for loaded in programs:
-            made = ready(loaded.core)
-            systems = _systems(loaded.core, arguments.delta)
-            of = sources_of(loaded)
-            cases = of_program(of, systems, most, Random(seed), target, faults)
-            for number, case in enumerate(islice(cases, runs), start=1):
-                yield _Run(tried(case, made), number, made)
-
-
-def _systems(program: core.Program, delta_s: Fraction | None) -> Iterator[System]:
-    """The program with the robots that it states; else with one number of them after the other."""
-    stated = program.instance
-    fleets = [AS_STATED] if stated.kinds else [Fleet(total) for total in _ROBOTS]
-    return (system_of(program, fleet, delta_s) for fleet in cycle(fleets))
-
-
-def _make_smaller(found: RefusedRun, made: Compiled | None, interruption: Interruption) -> None:
-    """Look for smaller runs that fail as well; Ctrl-C is enough of it.
-
-    Of a program that was compiled once for all runs, the program stays as it is.
-    """
-
-    def attempt(case: Case) -> Tried:
-        if interruption.requested:
-            raise KeyboardInterrupt
-        return tried(case, made)
-
-    tries = _TRIES_OVER_UDP if found.outcome.case.target is Target.UDP else TRIES
-    try:
-        for smaller in ever_smaller(found.outcome, attempt, programs=made is None, tries=tries):
-            found.replace(smaller)
-    except KeyboardInterrupt:
-        interruption.cancel()
-
-
 # --- what is told -------------------------------------------------------------------------------
 
 
-def _document(everything: list[Totals], failure: RefusedRun | None) -> dict[str, object]:
-    targets = [
-        {
-            "target": totals.target.value,
-            "runs": totals.runs,
-            "rounds": totals.rounds,
-            "steps": totals.steps,
-            "skips": totals.skips,
-            "faults": totals.faults,
-            "gaveUp": totals.gave_up,
-        }
-        for totals in everything
-    ]
-    return {
-        "format": "koord-refinement",
-        "version": 1,
-        "targets": targets,
-        "failure": None if failure is None else failure.document(),
-    }
-
-
-def _show(everything: list[Totals], failure: RefusedRun | None) -> None:
-    style = style_of(sys.stdout)
+def _show(found: Refinement) -> None:
+    style, failure = style_of(sys.stdout), found.failure
     if failure is not None:
-        said, case = style.paint("refused", Paint.ERROR), failure.outcome.case
-        print(f"{said}: {visible(str(problem_of(case)))}, {case.target.value}, seed {case.seed}")
-        for line in told(failure.outcome):
+        said, case = style.paint("refused", Paint.ERROR), failure.case
+        print(f"{said}: {visible(str(failure.problem))}, {case.target.value}, seed {case.seed}")
+        for line in failure.lines():
             print(f"  {visible(line)}")
         print(f"  saved as {visible(failure.path or '')}")
         print(f"  again, as it was found: {visible(failure.again)}")
-    for totals in everything:
-        if totals.runs:
-            print(
-                _line(
-                    totals,
-                    failed=failure is not None and failure.outcome.case.target is totals.target,
-                )
-            )
+    for one in found.targets:
+        if one.runs:
+            failed = failure is not None and failure.case.target is one.target
+            print(_line(one, failed=failed))
 
 
-def _line(totals: Totals, *, failed: bool) -> str:
+def _line(totals: TargetRuns, *, failed: bool) -> str:
     """What runs on a target did."""
     counted = f"{totals.target.value}: {totals.runs} {_many('run', totals.runs)}, {totals.rounds} "
     counted += f"{_many('round', totals.rounds)}, {totals.steps} {_many('step', totals.steps)}"

@@ -6,9 +6,7 @@ import argparse
 import json
 import sys
 
-from msgspec import to_builtins
-
-from koord.api.refine_simulated import SimulatedRuns, refine_simulated
+from koord.api.refine_simulated import SimulatedRuns, judge_simulated
 from koord.cli.diagnostics import Report
 from koord.cli.exits import Exit
 from koord.cli.fitting import fit_request
@@ -30,7 +28,7 @@ def main(arguments: argparse.Namespace) -> int:
             wanted = fit_request(argparse.Namespace(**own), report, seed=arguments.seed)
             if wanted is None:
                 raise KoordError(tuple(report.diagnostics))
-            made = refine_simulated(
+            made = judge_simulated(
                 wanted,
                 arguments.runs,
                 arguments.rounds,
@@ -40,7 +38,7 @@ def main(arguments: argparse.Namespace) -> int:
             )
             totals.append(made)
     if arguments.json:
-        sys.stdout.write(json.dumps([to_builtins(total) for total in totals], indent=2) + "\n")
+        sys.stdout.write(json.dumps([total.to_dict() for total in totals], indent=2) + "\n")
     else:
         for total in totals:
             print(_told(total))

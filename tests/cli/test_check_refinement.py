@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from koord.cli import check_refinement
+from koord.api import refinement
 from koord.cli import main as frame
 from koord.cli.exits import Exit
 from koord.refinement import running
@@ -106,7 +106,7 @@ def test_a_run_that_is_refused_is_shown_and_kept(
 def test_a_generated_program_that_is_refused_is_kept_whole(
     file: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(check_refinement, "TRIES", 20)
+    monkeypatch.setattr(refinement, "TRIES", 20)
     assert koord("--runs", "200", "--rounds", "3", "--json") == Exit.VIOLATED
     failure = json.loads(capsys.readouterr().out)["failure"]
     kept = Path(failure["saved"]).read_text("utf-8")
@@ -118,7 +118,7 @@ def test_a_generated_program_that_is_refused_is_kept_whole(
 KILLED = """
 import os, signal, sys
 from koord.refinement import running
-from koord.cli import check_refinement
+from koord.api import refinement
 from koord.cli.main import main
 from koord.runtime.compile import compiled
 
@@ -128,7 +128,7 @@ def killed(*given, **named):
 
 if __name__ == "__main__":
     running.compiled = lambda program: compiled(program).replace("+ 2", "+ 1")
-    check_refinement.ever_smaller = killed
+    refinement.ever_smaller = killed
     sys.exit(main(sys.argv[1:]))
 """
 
@@ -164,7 +164,7 @@ def test_who_ends_it_while_it_is_made_smaller_has_what_was_found(
         os.kill(os.getpid(), number)
         yield from ever_smaller(one, *given, **named)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(check_refinement, "ever_smaller", ended)
+    monkeypatch.setattr(refinement, "ever_smaller", ended)
     assert koord(file, "--runs", "6", "--target", "engine", "--json") == code
     told = capsys.readouterr()
     failure = json.loads(told.out)["failure"]
@@ -181,7 +181,7 @@ def test_the_command_that_is_shown_runs_it_again(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(check_refinement, "TRIES", 0)
+    monkeypatch.setattr(refinement, "TRIES", 0)
     Path(file).write_text(
         "param int step = 1\n" + TEXT.replace("sum + 2", "sum + step + 2"), "utf-8"
     )

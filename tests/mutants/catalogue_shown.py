@@ -205,9 +205,9 @@ SHOWN = (
     ),
     Mutant(
         "a refused run is kept when it has been made smaller",
-        "cli.check_refinement.main",
-        "failure.keep()",
-        "pass",
+        "api.refinement.refine_loaded",
+        "RefusedRun(one.outcome, _again(request, one)).kept(request.save)",
+        "RefusedRun(one.outcome, _again(request, one))",
         ("tests/cli/test_check_refinement.py",),
     ),
     Mutant(
