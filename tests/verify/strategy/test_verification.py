@@ -17,9 +17,11 @@ from koord.verify.effort import Deadline
 from koord.verify.encoding.unknowns import LIST_CAPACITY
 from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc import counterexample_enumeration
+from koord.verify.engines.engine import Purpose, Task
+from koord.verify.engines.explicit import engine as explicit
+from koord.verify.engines.explicit.limits import FEW_STATES, HANDFUL, Limits
 from koord.verify.ledger import Ledger, Reach, Subject, reach_of
 from koord.verify.obstacles import GaveUp, WholeRuns
-from koord.verify.strategy import verification
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import (
     Bounds,
@@ -55,15 +57,27 @@ from tests.verify.asking import ask, of_text
 @pytest.fixture(autouse=True)
 def _small_searches(monkeypatch: pytest.MonkeyPatch) -> None:
     """Programs here are small, or infinite: a short search tells them apart as well."""
-    monkeypatch.setattr(verification, "HANDFUL", 5)
-    monkeypatch.setattr(verification, "FEW_STATES", 300)
+    search_through(monkeypatch, handful=5)
+
+
+def search_through(monkeypatch: pytest.MonkeyPatch, *, handful: int) -> None:
+    """Let searches for proofs end after so few states, where others are asked behind them."""
+    few = {HANDFUL: handful, FEW_STATES: 300}
+    of = explicit.limits_of
+
+    def limits(task: Task) -> Limits:
+        if task.purpose is not Purpose.SETTLE or task.states is None:
+            return of(task)
+        return Limits(states=few[task.states])
+
+    monkeypatch.setattr(explicit, "limits_of", limits)
 
 
 def test_a_handful_of_states_is_looked_at_before_long_steps(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Three spots in a map: solvers take half a minute over steps of three rounds."""
-    monkeypatch.setattr(verification, "HANDFUL", 500)
+    search_through(monkeypatch, handful=500)
     told: list[str] = []
     system = of_text(
         """allwrite:

@@ -19,7 +19,7 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, claims_of
 from koord.verify.effort import Deadline
-from koord.verify.engines.induction import engine
+from koord.verify.engines.induction import proving
 from koord.verify.engines.induction.proving import Inductive, prove
 from koord.verify.engines.induction.representatives import representatives
 from koord.verify.reduction.abstraction import abstracted
@@ -82,7 +82,7 @@ def test_what_two_robots_break_is_broken_up_to_names(
 ) -> None:
     found = example(name, 3)
     some = proofs(found, 1)
-    monkeypatch.setattr(engine, "representatives", everybody)
+    monkeypatch.setattr(proving, "representatives", everybody)
     every = proofs(found, 1)
     assert set(some.proved) == set(every.proved)
     assert some.reasons == every.reasons
@@ -101,7 +101,7 @@ def test_proofs_of_generated_programs_are_the_same(
         try:
             some = proofs(found, 1)
             with monkeypatch.context() as patch:
-                patch.setattr(engine, "representatives", everybody)
+                patch.setattr(proving, "representatives", everybody)
                 every = proofs(found, 1)
         except NotFiniteError:
             continue
