@@ -20,6 +20,7 @@ from koord.semantics.domain import Constant
 from koord.semantics.recordings import Concrete
 from koord.semantics.values import Rec, Seq
 from koord.syntax import core
+from koord.syntax.analysis.bounds import Bounds
 from koord.syntax.core import BinaryOp, ListOp, QuantifierKind, UnaryOp
 from koord.syntax.types import (
     ArrayType,
@@ -32,59 +33,6 @@ from koord.syntax.types import (
     Type,
 )
 from koord.syntax.walk import nodes
-
-Number = int | Fraction
-
-
-class Bounds(Struct, frozen=True):
-    """The values from ``low`` to ``high``, both included; of those, the ``only`` ones if given."""
-
-    low: Number | None = None
-    high: Number | None = None
-    only: frozenset[Constant] | None = None
-
-    def meet(self, other: Bounds) -> Bounds:
-        """The values that both allow."""
-        return Bounds(
-            _choose(max, self.low, other.low),
-            _choose(min, self.high, other.high),
-            self.only if other.only is None else other.only & (self.only or other.only),
-        )
-
-    def join(self, other: Bounds) -> Bounds:
-        """The values that one of them allows, and maybe more."""
-        if self.only is not None and other.only is not None:
-            return Bounds(only=frozenset({*self.constants(), *other.constants()}))
-        lows, highs = (self._low(), other._low()), (self._high(), other._high())
-        return Bounds(
-            None if None in lows else min(x for x in lows if x is not None),
-            None if None in highs else max(x for x in highs if x is not None),
-        )
-
-    def constants(self) -> list[Constant]:
-        """The ``only`` values, as far as they lie in the range."""
-        return [x for x in self.only or () if isinstance(x, str) or self._has(x)]
-
-    def _has(self, x: Constant) -> bool:
-        assert not isinstance(x, str)
-        return (self.low is None or self.low <= x) and (self.high is None or x <= self.high)
-
-    def _low(self) -> Number | None:
-        numbers = [x for x in self.only or () if not isinstance(x, str | float)]
-        return min(numbers) if numbers else self.low
-
-    def _high(self) -> Number | None:
-        numbers = [x for x in self.only or () if not isinstance(x, str | float)]
-        return max(numbers) if numbers else self.high
-
-
-def _choose(
-    better: Callable[[Number, Number], Number], a: Number | None, b: Number | None
-) -> Number | None:
-    if a is None or b is None:
-        return b if a is None else a
-    return better(a, b)
-
 
 Location = tuple[Hashable, ...]
 
@@ -245,14 +193,12 @@ class Reader(Struct, frozen=True):
 
     def _at_most(self, left: core.Expr, right: core.Expr, *, strict: bool = False) -> Found | None:
         found: dict[Location, Bounds] = {}
-        location, limit = self._open(left), self.constant(right)
-        if location is not None and isinstance(limit, int | Fraction):
-            is_int = isinstance(left.type, IntType)
-            found[location] = Bounds(high=_below(limit) if strict and is_int else limit)
-        location, limit = self._open(right), self.constant(left)
-        if location is not None and isinstance(limit, int | Fraction):
-            is_int = isinstance(right.type, IntType)
-            found[location] = Bounds(low=_above(limit) if strict and is_int else limit)
+        op = BinaryOp.LT if strict else BinaryOp.LE
+        for one, other, turned in ((left, right, False), (right, left, True)):
+            location, limit = self._open(one), self.constant(other)
+            if location is not None and isinstance(limit, int | Fraction):
+                whole = isinstance(one.type, IntType)
+                found[location] = Bounds.compared(op, limit, turned=turned, whole=whole)
         return found
 
     def _open(self, e: core.Expr) -> Location | None:
@@ -271,14 +217,6 @@ def _parts(e: core.Expr) -> tuple[core.Expr, ...] | None:
 
 def _as_int(value: Constant | None) -> int | None:
     return value if isinstance(value, int) else None
-
-
-def _below(limit: Number) -> Number:
-    return ceil(limit) - 1
-
-
-def _above(limit: Number) -> Number:
-    return floor(limit) + 1
 
 
 def _meet(left: Found, right: Found) -> Found:
