@@ -68,11 +68,13 @@ def _growing(type_: Type) -> Type | None:
 
 
 def _no_list(body: Body, call: ast.Call, place: core.Place, what: str) -> core.Block:
-    body.error(
-        "K229",
-        call.arguments[0].span,
-        f"`{call.function.name}` changes {what}, not {a(place.type)}",
-    )
+    name, meant = call.function.name, None
+    if name == "add" and isinstance(place.type, GrowingType):
+        meant = "did you mean `append`?"
+    elif name == "append" and isinstance(place.type, SetType):
+        meant = "did you mean `add`?"
+    told = f"`{name}` changes {what}, not {a(place.type)}"
+    body.error("K229", call.arguments[0].span, told, meant)
     return ()
 
 
