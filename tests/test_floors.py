@@ -149,9 +149,7 @@ WITHIN = {
 UNCUT: frozenset[tuple[str, str]] = frozenset()
 
 #: Circles of imports between files that are still to be cut, each by its first file.
-CIRCLES = {
-    "koord.refinement.generating.expressions",
-}
+CIRCLES: set[str] = set()
 
 #: Libraries that stand behind few files: (library, prefixes of the files, at most so many).
 GUARDED = (

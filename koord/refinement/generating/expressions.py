@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 
-from koord.refinement.generating import places
 from koord.refinement.generating.drafts import Context
+from koord.refinement.generating.palette import Stage, Way, is_sure, typed_paths
 from koord.syntax import core
-from koord.syntax.core import BinaryOp, ListOp, UnaryOp
+from koord.syntax.core import BinaryOp, Home, ListOp, UnaryOp
 from koord.syntax.types import (
     BOOL,
     FLOAT,
@@ -101,7 +101,7 @@ def key(c: Context, above: Type, depth: int) -> core.Expr:
 
 
 def _read(c: Context, type_: Type, depth: int) -> core.Expr | None:
-    place = places.readable(c, type_, depth)
+    place = readable(c, type_, depth)
     return core.Read(place, span=c.draft.span()) if place is not None else None
 
 
@@ -109,6 +109,95 @@ def _array_as_list(c: Context, type_: ListType, depth: int) -> core.Expr | None:
     sizes: tuple[int | Robots, ...] = (2, 3, Robots.ALL)
     size = c.draft.pick(sizes)
     return _read(c, ArrayType(type_.element, size), depth)
+
+
+# --- places that are read ------------------------------------------------------------------------
+
+
+def readable(c: Context, type_: Type, depth: int) -> core.Place | None:
+    """A place of a type that may be read, if there is one."""
+    daring = c.draft.chance(c.draft.profile.faulty)
+    found = [
+        (variable, path, False)
+        for variable in [*c.variables, *c.bound]
+        if _is_in_reach(c, variable) and (daring or variable.name not in c.draft.unset)
+        for path, its_type in typed_paths(variable.type)
+        if its_type == type_ and (daring or is_sure(path))
+    ]
+    found += [
+        (variable, path, True)
+        for variable in c.primed
+        for path, its_type in typed_paths(variable.type)
+        if its_type == type_
+    ]
+    if not found:
+        return None
+    variable, path, primed = c.draft.pick(found)
+    steps = tuple(step(c, stage, depth) for stage in path)
+    robot = _robot(c, variable) if c.in_property else None
+    return core.Place(variable, steps, robot, primed, span=c.draft.span())
+
+
+def _is_in_reach(c: Context, variable: core.Variable) -> bool:
+    """In a property, locals and ports are those of some robot that is named."""
+    if not c.in_property or variable.home not in (Home.LOCAL, Home.PORT):
+        return True
+    return bool(c.robots)
+
+
+def _robot(c: Context, variable: core.Variable) -> core.Expr | None:
+    if variable.home not in (Home.LOCAL, Home.PORT):
+        return None
+    kind = c.kinds.get((variable.home, variable.name))
+    suitable = [bound for bound, agent in c.robots if agent == kind or kind is None]
+    if not suitable or c.draft.chance(c.draft.profile.faulty / 2):
+        suitable = [bound for bound, _ in c.robots]
+    place = core.Place(c.draft.pick(suitable), span=c.draft.span())
+    return core.Read(place, span=c.draft.span())
+
+
+def step(c: Context, stage: Stage, depth: int) -> core.Step:
+    span = c.draft.span()
+    match stage.way:
+        case Way.FIELD:
+            return core.FieldStep(stage.position, f"field{stage.position}", stage.type, span=span)
+        case Way.INDEX:
+            return core.IndexStep(index(c, stage.above, depth), stage.type, span=span)
+        case Way.KEY:
+            return core.KeyStep(key(c, stage.above, depth), stage.type, span=span)
+
+
+def index(c: Context, above: Type, depth: int) -> core.Expr:
+    """An index into an array or list: mostly one that may well exist."""
+    draft = c.draft
+    if draft.chance(draft.profile.faulty):
+        return expression(c, INT, depth - 1)
+    if isinstance(above, ArrayType) and above.size is Robots.ALL:
+        names: list[core.Expr] = [
+            core.Read(core.Place(bound, span=draft.span()), span=draft.span())
+            for bound, _ in c.robots
+        ]
+        if c.pid:
+            names += [core.Pid(INT, span=draft.span())] * 2
+        if names and not draft.profile.calculates:
+            return draft.pick(names)
+        return draft.pick([*names, core.Const(0, INT, span=draft.span())])
+    if isinstance(above, ArrayType):
+        assert isinstance(above.size, int)
+        if depth > 0 and draft.profile.calculates and draft.chance(0.3):
+            return _within(c, above.size, depth)
+        return core.Const(draft.random.randrange(above.size), INT, span=draft.span())
+    counters = [b for b in c.bound if b.type == INT and draft.profile.calculates]
+    if counters and draft.chance(0.4):
+        return core.Read(core.Place(draft.pick(counters), span=draft.span()), span=draft.span())
+    return core.Const(draft.weighted([(6, 0), (2, 1), (1, 2)]), INT, span=draft.span())
+
+
+def _within(c: Context, size: int, depth: int) -> core.Expr:
+    """Some computed index that an array of that size has."""
+    computed = expression(c, INT, depth - 1)
+    limit = core.Const(size, INT, span=c.draft.span())
+    return core.Binary(BinaryOp.MOD, computed, limit, INT, span=c.draft.span())
 
 
 # --- operators ----------------------------------------------------------------------------------
@@ -360,5 +449,5 @@ def _select(c: Context, type_: Type, depth: int) -> core.Expr | None:
     if not draft.chance(draft.profile.faulty * 4):
         return None
     whole = ListType(type_)
-    step = core.IndexStep(places.index(c, whole, depth), type_, span=draft.span())
+    step = core.IndexStep(index(c, whole, depth), type_, span=draft.span())
     return core.Select(expression(c, whole, depth), step, span=draft.span())

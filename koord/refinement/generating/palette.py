@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from enum import Enum
+from functools import lru_cache
 from random import Random
 
 from msgspec import Struct
@@ -113,3 +114,17 @@ def _stages(type_: Type) -> Iterator[Stage]:
             yield Stage(Way.KEY, type_, value)
         case _:
             return
+
+
+@lru_cache(maxsize=4096)
+def typed_paths(type_: Type) -> tuple[tuple[Path, Type], ...]:
+    """The paths into a value of a type, each with the type that it leads to."""
+    return tuple((path, end(type_, path)) for path in paths(type_))
+
+
+def is_sure(path: Path) -> bool:
+    """Whether the place is there whatever lists and maps hold."""
+    return all(
+        stage.way is Way.FIELD or (stage.way is Way.INDEX and isinstance(stage.above, ArrayType))
+        for stage in path
+    )

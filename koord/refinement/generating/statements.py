@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
-from koord.refinement.generating import places
 from koord.refinement.generating.drafts import Context
-from koord.refinement.generating.expressions import expression, key, literal
+from koord.refinement.generating.expressions import expression, key, literal, step
+from koord.refinement.generating.palette import Way, is_sure, typed_paths
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, ListOp
 from koord.syntax.types import (
@@ -76,9 +76,9 @@ def _guarded(c: Context, leaving: core.Stmt) -> core.Stmt:
 
 
 def _assign(c: Context, depth: int) -> list[core.Stmt]:
-    place = places.writable(c, None, depth)
+    place = writable(c, None, depth)
     if c.bound and (place is None or c.draft.chance(0.1)):
-        place = places.writable_part(c, c.draft.pick(c.bound), depth)
+        place = writable_part(c, c.draft.pick(c.bound), depth)
     if place is None:
         return []
     value = expression(c, place.type, depth)
@@ -98,7 +98,7 @@ def _on_list(c: Context, depth: int) -> list[core.Stmt]:
     """Append, remove or pop; a key of a map is put in or removed."""
     if c.draft.chance(0.3):
         return _on_map(c, depth)
-    place = places.growing(c, depth)
+    place = growing(c, depth)
     if place is None:
         return []
     type_ = place.type
@@ -112,7 +112,7 @@ def _on_list(c: Context, depth: int) -> list[core.Stmt]:
             value = expression(c, type_.element, depth)
             return [core.Remove(place, value, span=c.draft.span())]
         case _:
-            into = places.writable(c, type_.element, depth) if c.draft.chance(0.6) else None
+            into = writable(c, type_.element, depth) if c.draft.chance(0.6) else None
             popped = core.Pop(place, into, span=c.draft.span())
             careless = c.draft.chance(c.draft.profile.faulty * 2)
             return [popped if careless else _if_longer(c, place, popped)]
@@ -144,7 +144,7 @@ def _on_map(c: Context, depth: int) -> list[core.Stmt]:
         return []
     type_ = c.draft.pick(types)
     assert isinstance(type_, MapType)
-    place = places.writable(c, type_, depth)
+    place = writable(c, type_, depth)
     if place is None:
         return []
     if c.draft.chance(0.4):
@@ -290,3 +290,53 @@ def function(c: Context, name: str, signature: Signature) -> core.Function:
 
 
 __all__ = ["Signature", "block", "function", "literal", "statement"]
+
+
+# --- places that are written ---------------------------------------------------------------------
+
+
+def writable(c: Context, wanted: Type | None, depth: int) -> core.Place | None:
+    """A place that may be written here: of a type, or of any."""
+    daring = c.draft.chance(c.draft.profile.faulty * 3)
+    found = [
+        (variable, path)
+        for variable in c.writable
+        if _may_write(c, variable)
+        for path, its_type in typed_paths(variable.type)
+        if (wanted is None or its_type == wanted) and (path or variable.home is not Home.ALLREAD)
+        if daring or is_sure(path) or (len(path) == 1 and path[0].way is Way.KEY)
+    ]
+    if not found:
+        return None
+    variable, path = c.draft.pick(found)
+    steps = [step(c, stage, depth) for stage in path]
+    if variable.home is Home.ALLREAD:
+        steps[0] = core.IndexStep(core.Pid(INT), path[0].type, span=c.draft.span())
+    return core.Place(variable, tuple(steps), span=c.draft.span())
+
+
+def writable_part(c: Context, variable: core.Variable, depth: int) -> core.Place:
+    """A bound variable or a part of it."""
+    daring = c.draft.chance(c.draft.profile.faulty * 3)
+    path, _ = c.draft.pick([p for p in typed_paths(variable.type) if daring or is_sure(p[0])])
+    steps = tuple(step(c, stage, depth) for stage in path)
+    return core.Place(variable, steps, span=c.draft.span())
+
+
+def growing(c: Context, depth: int) -> core.Place | None:
+    """A place of a list or queue that may be written here."""
+    types = [
+        its_type
+        for variable in c.writable
+        if _may_write(c, variable)
+        for path, its_type in typed_paths(variable.type)
+        if isinstance(its_type, GrowingType) and (path or variable.home is not Home.ALLREAD)
+    ]
+    return writable(c, c.draft.pick(types), depth) if types else None
+
+
+def _may_write(c: Context, variable: core.Variable) -> bool:
+    """Inside an atomic block, the allwrite variables of its class only."""
+    if variable.home is not Home.ALLWRITE or c.atomic is None:
+        return True
+    return c.classes.get(variable.slot) == c.atomic
