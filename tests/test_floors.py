@@ -63,29 +63,47 @@ PLAIN = (
     "koord.syntax.source",
     "koord.syntax.problem",
     "koord.syntax.literals",
+    "koord.syntax.content",
+    "koord.syntax.catalogue.Entry",
+    "koord.syntax.analysis.premises.Premise",
+    "koord.syntax.analysis.premises.PremiseKind",
+    "koord.syntax.core.LEAST_DELTA_S",
+    "koord.syntax.core.MOST_DELTA_S",
+    "koord.syntax.core.MOST_ROBOTS",
+    "koord.syntax.core.USUAL_ROBOTS",
+    "koord.syntax.core.PropertyKind",
+    "koord.syntax.system.System",
+    "koord.semantics.configurations.Configuration",
+    "koord.semantics.configurations.NO_EVENT",
+    "koord.semantics.configurations.Written",
+    "koord.semantics.domain.Constant",
+    "koord.semantics.recordings.Recording",
+    "koord.semantics.recordings.Step",
+    "koord.semantics.rounds.IllegalStepError",
+    "koord.semantics.storage.Storage",
+    "koord.sampling.policies.Taken",
+    "koord.traces.changes.Change",
+    "koord.traces.names",
+    "koord.traces.replay.Refused",
+    "koord.traces.trace",
+    "koord.verify.claims.ClaimKind",
+    "koord.verify.engine_names",
+    "koord.verify.failures.Failure",
+    "koord.verify.proof_core.Resting",
+    "koord.verify.verdicts",
+    "koord.recheck.checking.Outcome",
+    "koord.recheck.checking.Part",
+    "koord.recheck.checking.Rechecked",
+    "koord.recheck.solving.Answer",
+    "koord.recheck.claim_texts",
+    "koord.refinement.compiled_replay.Rerun",
+    "koord.refinement.rounding.Unjudged",
+    # How such data is written.
+    "koord.traces.changes.changes",
+    "koord.traces.fairness.told",
+    "koord.traces.json_reader.shortened",
+    "koord.traces.rendering",
 )
-
-#: Commands, and what they share, that still do more than show what the API answers. The list only
-#: gets shorter.
-WORKING = {
-    "arguments",
-    "counterexamples",
-    "departures",
-    "explain",
-    "fairness",
-    "inputs",
-    "interactive",
-    "premises",
-    "recheck",
-    "replay",
-    "requests",
-    "run",
-    "steps",
-    "sweeps",
-    "tables",
-    "verdicts",
-    "verified",
-}
 
 #: What verification is about and what it answers, below all ways to find it out.
 _ANSWERS = tuple(
@@ -366,10 +384,9 @@ def test_no_files_import_each_other() -> None:
 
 
 def test_the_command_line_uses_the_api_alone() -> None:
-    files = {f.path.split("/")[-1]: f for f in package_files() if f.path.startswith("koord/cli/")}
-    found = {name.removesuffix(".py"): working(file) for name, file in files.items()}
-    assert [line for name, lines in found.items() if name not in WORKING for line in lines] == []
-    assert {name for name, lines in found.items() if lines} == WORKING, "the list gets shorter"
+    commands = [file for file in package_files() if file.path.startswith("koord/cli/")]
+    assert len(commands) > 10
+    assert [line for file in commands for line in working(file)] == []
 
 
 def test_libraries_stand_behind_their_files() -> None:

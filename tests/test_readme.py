@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import os
 import re
 import subprocess
@@ -261,3 +262,14 @@ def test_the_files_that_are_named_exist(name: str) -> None:
     folders = [path for top in ("koord", "tests", "specs") for path in (ROOT / top).rglob("*")]
     known = {path.relative_to(ROOT).as_posix() for path in folders}
     assert [path for path in named if not any(f"/{k}".endswith(f"/{path}") for k in known)] == []
+
+
+def test_what_is_shown_of_python_is_so(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    blocks = re.findall(r"^```python\n(.+?)^```", README, re.DOTALL | re.MULTILINE)
+    examples = [doctest.DocTestParser().get_doctest(b, {}, "README.md", None, 0) for b in blocks]
+    assert examples
+    for example in examples:
+        heard: list[str] = []
+        doctest.DocTestRunner().run(example, out=heard.append)
+        assert heard == []

@@ -45,6 +45,11 @@ class RecheckReport(Result, frozen=True):
         return tuple(self.found.hollow)
 
     @property
+    def sha256(self) -> str:
+        """The digest of the text in the certificate."""
+        return digest_of(self.certificate.program.text)
+
+    @property
     def reason(self) -> str:
         """Why it is refuted, or unknown."""
         return self.found.reason
@@ -59,7 +64,7 @@ class RecheckReport(Result, frozen=True):
             "place": _place(self.found.span),
             "solver": self.solver,
             "program": self.certificate.program.name,
-            "sha256": digest_of(self.certificate.program.text),
+            "sha256": self.sha256,
             "problem": self.found.about.problem.document(),
             "vacuous": list(self.found.hollow),
             "claims": [

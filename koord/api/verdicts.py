@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from msgspec import Struct, field
@@ -20,7 +21,7 @@ from koord.syntax.system import System
 from koord.traces.trace import Numbers, Sources, Violation, ViolationKind, traced
 from koord.traces.trace import Trace as Recorded
 from koord.verify import obstacles
-from koord.verify.claims import Claim, ClaimKind
+from koord.verify.claims import Claim, ClaimKind, rule_of
 from koord.verify.engine_names import Engine
 from koord.verify.failures import Failure, failure_of
 from koord.verify.verdicts import (
@@ -159,6 +160,24 @@ class Verdict(Result, frozen=True):
         from koord.refinement.compiled_replay import rerun
 
         return rerun(self.recorded(run))
+
+    @property
+    def rule(self) -> str:
+        """The rule that a violation of the claim breaks."""
+        return rule_of(self.found.claim)
+
+    @property
+    def obstacles(self) -> tuple[str, ...]:
+        """What stands in the way of an answer, and what would help, in words."""
+        return tuple(obstacles.lines(self.found.obstacles, self.name))
+
+    def instant(self, run: Counterexample) -> Fraction | None:
+        """When in the environment's turn a claim about the time between ends of rounds breaks, in
+        seconds from its start.
+        """
+        from koord.verify.instants import instant_of
+
+        return instant_of(run.recording)
 
     def fairness(self, run: Counterexample) -> Fair | None:
         """Why a counterexample without end is fair; None of one that ends."""
@@ -321,6 +340,13 @@ class VerifyReport(Result, frozen=True):
     def vacuities(self) -> tuple[Vacuity, ...]:
         """What makes verdicts say less than they seem to."""
         return self.report.vacuities
+
+    @property
+    def not_looked_at(self) -> tuple[str, ...]:
+        """Of what nobody knows whether it ever happens: looking for that was given up."""
+        from koord.verify.vacuity.analysis import words
+
+        return tuple(words(each.what, each.subject) for each in self.report.unlooked)
 
     @property
     def interrupted(self) -> bool:

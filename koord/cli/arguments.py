@@ -21,7 +21,7 @@ from koord.syntax.core import LEAST_DELTA_S, MOST_DELTA_S, MOST_ROBOTS, USUAL_RO
 from koord.syntax.literals import NumberOutOfRangeError, read_number, shown
 
 if TYPE_CHECKING:
-    from koord.syntax.elaboration.settings import ParamValue
+    from koord.syntax.literals import ParamValue
 
 MOST_ROUNDS = 1_000_000_000
 MOST_VIOLATIONS = 1_000

@@ -12,8 +12,6 @@ from koord.cli.terminal import Paint, Style
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant
 from koord.traces.names import Names
-from koord.verify.claims import rule_of
-from koord.verify.instants import instant_of
 from koord.verify.verdicts import Counterexample
 
 
@@ -31,22 +29,22 @@ def lines(verdict: Verdict, style: Style) -> Iterator[str]:
 
 
 def _lines(verdict: Verdict, found: Counterexample, count: str, style: Style) -> Iterator[str]:
-    yield style.paint(f"{verdict.name}: {_headline(found)}{count}", Paint.ERROR)
+    yield style.paint(f"{verdict.name}: {_headline(verdict, found)}{count}", Paint.ERROR)
     yield ""
     yield from _rounds(verdict, found, Table(Names(verdict.system), style))
     yield ""
-    yield f"  {found.detail} [{rule_of(verdict.found.claim)}]"
+    yield f"  {found.detail} [{verdict.rule}]"
     if found.span is not None:
         yield from place(verdict.program.sources, found.span, style)
     yield from departures.lines(verdict.rerun(found))
 
 
-def _headline(found: Counterexample) -> str:
+def _headline(verdict: Verdict, found: Counterexample) -> str:
     if found.recording.loop is not None:
         return f"broken by a run without end, in which {repeats(found.recording)}"
     if found.round == 0:
         return "broken by the initial configuration"
-    instant = instant_of(found.recording)
+    instant = verdict.instant(found)
     if instant is not None:
         return f"broken in round {found.round}, {float(instant):.6g} s into the environment's turn"
     return f"broken in round {found.round}, {found.phase.value}"

@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from msgspec import Struct
 
-from koord.api.programs import CheckReport, Program, checked, no_program
+from koord.api.programs import CheckReport, Program, check, no_program
 from koord.cli.arguments import settings
 from koord.cli.diagnostics import Report
 from koord.cli.files import name_of, read_program
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.elaboration.settings import Settings
+from koord.syntax.literals import ParamValue
 from koord.syntax.source import Source
 
 
 class Reading(Struct, frozen=True):
     """How programs are to be read: values of their params, and further properties."""
 
-    settings: Settings
+    params: Mapping[str, ParamValue]
     properties: tuple[Source, ...]
 
     @staticmethod
     def of(arguments: argparse.Namespace) -> Reading:
         """From ``--set`` and ``--with``. Raises KoordError and ArgumentTypeError."""
-        chosen = settings(arguments.settings)
-        return Reading(
-            Settings(chosen), tuple(read_program(path).source for path in arguments.properties)
-        )
+        properties = tuple(read_program(path).source for path in arguments.properties)
+        return Reading(settings(arguments.settings), properties)
 
 
 def load_programs(paths: Iterable[str], reading: Reading, report: Report) -> tuple[Program, ...]:
@@ -54,6 +52,6 @@ def check_file(path: str, reading: Reading, report: Report) -> CheckReport | Non
     except KoordError as error:
         report.add(error.diagnostics)
         return None
-    found = checked(source, reading.settings, reading.properties)
+    found = check(source, params=reading.params, properties=reading.properties)
     report.add(found.diagnostics, source, *reading.properties)
     return found

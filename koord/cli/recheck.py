@@ -15,7 +15,6 @@ from koord.cli.exits import Exit
 from koord.cli.files import name_of, read_program, read_written
 from koord.cli.progress import LiveLine
 from koord.cli.terminal import Paint, Style, style_of, visible
-from koord.recheck.certificate import digest_of
 from koord.recheck.checking import Outcome, Part, Rechecked
 from koord.recheck.claim_texts import Premise, PremiseKind, Statement
 from koord.recheck.solving import Answer
@@ -95,7 +94,7 @@ def _recheck(request: Request) -> Exit:
 
 def _lines(report: RecheckReport, request: Request, style: Style) -> list[str]:
     certificate, found, about = report.certificate, report.found, report.found.about
-    digest = digest_of(certificate.program.text)
+    digest = report.sha256
     of = "" if request.program is None else f", which is {request.program.source.name}"
     lines = [
         str(about.problem),

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, assert_never
 
 from msgspec.structs import replace
 
 from koord.cli.terminal import Paint, Style, visible
 from koord.syntax.problem import Problem
-from koord.verify import obstacles
 from koord.verify.claims import ClaimKind
 from koord.verify.engine_names import Engine, engine_named
 from koord.verify.failures import Failure
-from koord.verify.vacuity.analysis import words
 from koord.verify.verdicts import (
     Emptiness,
     Outcome,
@@ -54,7 +52,7 @@ def lines(found: VerifyReport, style: Style) -> Iterator[str]:
             yield f"      {_fairly(verdict.fairness)}"
         if verdict.ways is not None and (verdict.ways.complete or verdict.ways.reason):
             yield f"      {_ways(1 + len(verdict.others), verdict.ways)}"
-    yield from _in_the_way(report)
+    yield from _in_the_way(found)
     if report.found:
         yield ""
         yield "  invariants that were found for it:"
@@ -68,7 +66,7 @@ def lines(found: VerifyReport, style: Style) -> Iterator[str]:
         yield f"  {_empty(vacuity, style)}"
     if report.unlooked:
         yield ""
-        yield from _given_up(report, style)
+        yield from _given_up(found.not_looked_at, style)
     if report.failures:
         yield ""
     for failure in report.failures:
@@ -105,14 +103,12 @@ def _ways(count: int, ways: Ways) -> str:
     return f"{found}; there may be more: {ways.reason}"
 
 
-def _in_the_way(report: Report) -> Iterator[str]:
+def _in_the_way(found: VerifyReport) -> Iterator[str]:
     """What stands in the way of claims that are unknown, those together that have the same."""
     stopped: dict[tuple[bool, tuple[str, ...]], list[str]] = {}
-    for verdict in report.verdicts:
-        said = obstacles.lines(verdict.obstacles, verdict.claim.name)
-        if said:
-            key = verdict.outcome is Outcome.HOLDS, tuple(said)
-            stopped.setdefault(key, []).append(verdict.claim.name)
+    for verdict in found.verdicts:
+        if verdict.obstacles:
+            stopped.setdefault((verdict.holds, verdict.obstacles), []).append(verdict.name)
     for (is_answered, said_), claims in stopped.items():
         yield ""
         named = ", ".join(claims)
@@ -123,11 +119,11 @@ def _in_the_way(report: Report) -> Iterator[str]:
         yield from (f"    {line}" for line in said_)
 
 
-def _given_up(report: Report, style: Style) -> Iterator[str]:
+def _given_up(unlooked: Sequence[str], style: Style) -> Iterator[str]:
     """What may be empty and was not looked at to the end, in a line."""
     label = style.paint("note:", Paint.NOTE)
-    some = ", ".join(words(each.what, each.subject) for each in report.unlooked[:MOST_SHOWN])
-    more = len(report.unlooked) - MOST_SHOWN
+    some = ", ".join(unlooked[:MOST_SHOWN])
+    more = len(unlooked) - MOST_SHOWN
     rest = f" and {more} more" if more > 0 else ""
     yield f"  {label} not looked at to the end, whether it ever happens: {some}{rest}"
 
