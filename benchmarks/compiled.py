@@ -75,7 +75,7 @@ def seconds(work: Callable[[], object], times: int) -> float:
 def event(name: str, times: int) -> dict[str, Any]:
     """Microseconds of an event, compiled and by the reference."""
     from koord.refinement.running import ready
-    from koord.runtime.engine.fleet import Fleet
+    from koord.runtime.engine import RoundEngine
     from koord.sampling.sampled_inputs import SampledInputs
     from koord.sampling.values import Sampler
     from koord.semantics.domain import DOUBLES
@@ -88,7 +88,7 @@ def event(name: str, times: int) -> dict[str, Any]:
     program = load(Source("event.krd", EVENTS[name])).program
     assert program is not None
     system = dealt(program, ROBOTS)
-    fleet = Fleet(ready(program).classes, system.kinds, 0.1, Nothing())
+    fleet = RoundEngine(ready(program).classes, system.kinds, 0.1, Nothing())
     fleet.begin()
     robot = fleet.robots[0]
     buffers = robot._buffers
@@ -119,14 +119,13 @@ def event(name: str, times: int) -> dict[str, Any]:
 def rounds(robots: int, turns: int) -> dict[str, Any]:
     """Robot-rounds a second of the engine, and whether everyone counted right."""
     from koord.refinement.running import ready
-    from koord.runtime.engine.fleet import Fleet
-    from koord.runtime.engine.schedules import Deployed
+    from koord.runtime.engine import Deployed, RoundEngine
     from koord.syntax.load import load
     from koord.syntax.source import Source
 
     program = load(Source("counting.krd", COUNTING)).program
     assert program is not None
-    fleet = Fleet(ready(program).classes, (0,) * robots, 0.1, Nothing())
+    fleet = RoundEngine(ready(program).classes, (0,) * robots, 0.1, Nothing())
     fleet.begin()
     schedule = Deployed()
 

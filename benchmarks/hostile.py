@@ -20,13 +20,13 @@ from koord.runtime.protocol.entries import Entry
 from koord.runtime.protocol.messages import Acknowledge, Committed, Decide, Message, Propose
 from koord.runtime.protocol.setup import Setup, Timing, decided
 from koord.runtime.protocol.state import fresh
-from koord.runtime.transports.inprocess import Hub
-from koord.runtime.wire.codec import Run, Writer
-from koord.runtime.wire.drops import Drop
+from koord.runtime.transports.transport import Hub
+from koord.runtime.wire.codec import DatagramWriter, RunKey
+from koord.runtime.wire.frames import Drop
 
 ROBOTS = 16
 LIMIT_S = 5e-6
-RUN = Run("a run", b"the key of all robots", ROBOTS)
+RUN = RunKey("a run", b"the key of all robots", ROBOTS)
 
 #: Under which reasons a datagram of each kind may be counted.
 KINDS: dict[str, tuple[Drop, ...]] = {
@@ -40,9 +40,9 @@ KINDS: dict[str, tuple[Drop, ...]] = {
 }
 
 
-def real(run: Run, pid: int, many: int) -> list[bytes]:
+def real(run: RunKey, pid: int, many: int) -> list[bytes]:
     """Datagrams as robots send them."""
-    writer = Writer(run, pid)
+    writer = DatagramWriter(run, pid)
     decision: Decision = decided(3, [proposal_of(i, 3) for i in range(ROBOTS)])
     messages: list[Message] = [
         Propose(proposal_of(1, 3)),
@@ -80,11 +80,11 @@ def hostile(kind: str, many: int) -> Iterator[bytes]:
 def prepared(kind: str, many: int) -> list[bytes]:
     match kind:
         case "wrong key":
-            return real(Run(RUN.id, b"another key altogether", ROBOTS), 1, many)
+            return real(RunKey(RUN.id, b"another key altogether", ROBOTS), 1, many)
         case "of another run":
-            return real(Run("another run", RUN.key, ROBOTS), 1, many)
+            return real(RunKey("another run", RUN.key, ROBOTS), 1, many)
         case "from a stranger":
-            return real(Run(RUN.id, RUN.key, 10 * ROBOTS), 10 * ROBOTS - 1, many)
+            return real(RunKey(RUN.id, RUN.key, 10 * ROBOTS), 10 * ROBOTS - 1, many)
         case _:
             return list(hostile(kind, many))
 

@@ -19,12 +19,12 @@ from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
 from koord.runtime.chaos.ledger import Journal, Ledger
 from koord.runtime.chaos.storm import Course, weather
 from koord.runtime.exploration.exploring import explore
-from koord.runtime.exploration.world import Bounds
+from koord.runtime.exploration.world import ExplorationBounds
 from koord.runtime.peer import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
-from koord.runtime.transports.inprocess import Hub, InProcess
-from koord.runtime.wire.codec import Run
+from koord.runtime.transports.transport import Hub, InProcess
+from koord.runtime.wire.codec import RunKey
 
 ROUNDS = 40
 
@@ -50,7 +50,7 @@ class Counting(InProcess):
 def calm(robots: int) -> dict[str, float]:
     """Datagrams, pieces and bytes of a round."""
     setup = Setup(robots, Timing.of(0.1, robots))
-    hub, run, now = Hub(robots), Run("a run", b"a key", robots), [0.0]
+    hub, run, now = Hub(robots), RunKey("a run", b"a key", robots), [0.0]
     peers = [
         Peer(
             run,
@@ -185,11 +185,13 @@ def interleavings(report: Report) -> None:
     )
     most = 20_000 if report.quick else 1_000_000
     cases = {
-        "a round": Bounds(rounds=1, epoch=0, crashes=0, eager=False, states=most),
-        "two rounds": Bounds(rounds=2, epoch=0, crashes=0, states=most),
-        "a crash, two elections": Bounds(rounds=1, epoch=2, crashes=1, states=most),
-        "a crash and a restart": Bounds(rounds=1, epoch=2, crashes=1, restarts=1, states=most),
-        "switched on, sent again": Bounds(
+        "a round": ExplorationBounds(rounds=1, epoch=0, crashes=0, eager=False, states=most),
+        "two rounds": ExplorationBounds(rounds=2, epoch=0, crashes=0, states=most),
+        "a crash, two elections": ExplorationBounds(rounds=1, epoch=2, crashes=1, states=most),
+        "a crash and a restart": ExplorationBounds(
+            rounds=1, epoch=2, crashes=1, restarts=1, states=most
+        ),
+        "switched on, sent again": ExplorationBounds(
             rounds=0, epoch=1, settled=False, resends=True, states=most
         ),
     }

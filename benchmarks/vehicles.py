@@ -38,7 +38,7 @@ PLANNERS = ("STRAIGHT", "RRT_DRONE", "RRT_STAR_DRONE", "RRT_CAR", "RRT_STAR_CAR"
 
 def advanced(body: str, level: str, steering: str, count: int, seconds: float) -> dict[str, Any]:
     """CPU seconds that a fleet takes for some seconds, and whether all robots still moved."""
-    from koord.runtime.motion.automaton import State
+    from koord.runtime.motion.automaton import MotionState
     from koord.runtime.motion.bodies import (
         Body,
         Car,
@@ -73,7 +73,7 @@ def advanced(body: str, level: str, steering: str, count: int, seconds: float) -
     return {
         "setup_s": ready - begun,
         "cpu_s": time.process_time() - ready,
-        "moving": all(sensed.state is State.MOVING for sensed in fleet.sensed()),
+        "moving": all(sensed.state is MotionState.MOVING for sensed in fleet.sensed()),
     }
 
 

@@ -25,7 +25,7 @@ from koord.runtime.configuration.model import Configuration
 from koord.runtime.deploy.ideal import unanswered
 from koord.runtime.deploy.local import Launch, launched
 from koord.runtime.deploy.networks import local_plan, transport_of
-from koord.runtime.deploy.recording import Record
+from koord.runtime.deploy.recording import DeploymentRecord
 from koord.runtime.deploy.running import Job as Job
 from koord.runtime.deploy.running import Moment, Runner
 from koord.runtime.deploy.status import Status as Status
@@ -271,7 +271,7 @@ class _Recorder:
 
     def __init__(self, path: str, problem: Problem, stack: ExitStack) -> None:
         self._path, self._problem, self._stack = path, problem, stack
-        self._record: Record | None = None
+        self._record: DeploymentRecord | None = None
         self._early: list[tuple[Status, tuple[Moment, ...]]] = []
 
     def hear(self, news: Iterable[tuple[Status, tuple[Moment, ...]]], *, is_sure: bool) -> None:
@@ -281,7 +281,7 @@ class _Recorder:
             return
         if self._record is None:
             file = self._stack.enter_context(Path(self._path).open("wb"))  # noqa: SIM115
-            self._record = Record(file)
+            self._record = DeploymentRecord(file)
             self._stack.callback(self._record.close)
             self._record.describe(self._problem)
         for status, moments in self._early:

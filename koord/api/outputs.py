@@ -18,77 +18,77 @@ from koord.syntax.diagnostics import refusal
 
 if TYPE_CHECKING:
     from koord.api.sim_trace import Tracing
-    from koord.sim.recording import Recording
+    from koord.sim.run_log import RunLog
     from koord.sim.running import Simulation
 
 
 class Form(Struct, frozen=True):
     """A form of file, or of folder, to keep a run in: the libraries for it, and their extra."""
 
-    make: Callable[[Recording, str], bytes | Mapping[str, bytes]]
+    make: Callable[[RunLog, str], bytes | Mapping[str, bytes]]
     libraries: tuple[str, ...]
     extra: str
     #: Begins such a file while the run goes on, and gives what writes behind it.
-    part: Callable[[Recording, BinaryIO], Callable[[], None]] | None = None
+    part: Callable[[RunLog, BinaryIO], Callable[[], None]] | None = None
     #: Or one that sees to its file, or folder, itself.
-    own: Callable[[Recording, Path], Part] | None = None
+    own: Callable[[RunLog, Path], Part] | None = None
 
 
-def _mcap(recording: Recording, path: str) -> bytes:
+def _mcap(recording: RunLog, path: str) -> bytes:
     from koord.sim.files.mcap import mcap_of
 
     return mcap_of(recording)
 
 
-def _page(recording: Recording, path: str) -> bytes:
+def _page(recording: RunLog, path: str) -> bytes:
     from koord.sim.viewing import page_of
 
     return page_of(recording)
 
 
-def _plot(recording: Recording, path: str) -> bytes:
+def _plot(recording: RunLog, path: str) -> bytes:
     from koord.sim.files.plots import plot_of
 
     return plot_of(recording, Path(path).suffix.lower())
 
 
-def _rrd(recording: Recording, path: str) -> bytes:
+def _rrd(recording: RunLog, path: str) -> bytes:
     from koord.sim.files.rerun import rrd_of
 
     return rrd_of(recording)
 
 
-def _rosbag(recording: Recording, path: str) -> Mapping[str, bytes]:
+def _rosbag(recording: RunLog, path: str) -> Mapping[str, bytes]:
     from koord.sim.files.rosbag import rosbag_of
 
     return rosbag_of(recording, Path(path).name)
 
 
-def _space(recording: Recording, path: str) -> bytes:
+def _space(recording: RunLog, path: str) -> bytes:
     from koord.sim.files.space import space_of
 
     return space_of(recording)
 
 
-def _part_page(recording: Recording, file: BinaryIO) -> Callable[[], None]:
+def _part_page(recording: RunLog, file: BinaryIO) -> Callable[[], None]:
     from koord.sim.viewing import PartPage
 
     return PartPage(recording, file).grow
 
 
-def _part_mcap(recording: Recording, file: BinaryIO) -> Callable[[], None]:
+def _part_mcap(recording: RunLog, file: BinaryIO) -> Callable[[], None]:
     from koord.sim.files.mcap import PartRecord
 
     return PartRecord(recording, file).grow
 
 
-def _part_rrd(recording: Recording, path: Path) -> Part:
+def _part_rrd(recording: RunLog, path: Path) -> Part:
     from koord.sim.files.rerun import PartRrd
 
     return PartRrd(recording, path)
 
 
-def _part_bag(recording: Recording, path: Path) -> Part:
+def _part_bag(recording: RunLog, path: Path) -> Part:
     from koord.sim.files.rosbag import PartBag
 
     return PartBag(recording, path)
@@ -221,14 +221,14 @@ def _trace(tracing: Tracing, simulation: Simulation, file: BinaryIO) -> Callable
 
 @contextmanager
 def _served(
-    outputs: Outputs, recording: Recording, tell: Listener, *, paced: bool
+    outputs: Outputs, recording: RunLog, tell: Listener, *, paced: bool
 ) -> Iterator[Callable[[float], None]]:
     """Keeps the pace, and serves the page if that is asked for. Raises KoordError."""
     pace: Callable[[float], None] = _unhurried
     if outputs.speed is not None and paced:
-        from koord.sim.live import Pace
+        from koord.sim.live import Throttle
 
-        pace = Pace(outputs.speed).keep
+        pace = Throttle(outputs.speed).keep
     if not outputs.live:
         yield pace
         return
@@ -249,7 +249,7 @@ def _unhurried(time_s: float) -> None:
     """Without a pace time passes as it does."""
 
 
-def keep(outputs: Outputs, recording: Recording) -> tuple[str, ...]:
+def keep(outputs: Outputs, recording: RunLog) -> tuple[str, ...]:
     """Write all that is asked for, each file whole or not at all; the files' names.
 
     Raises KoordError.

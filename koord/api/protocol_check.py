@@ -12,15 +12,17 @@ from koord.api.results import ArgumentError, Result, html_table
 from koord.runtime.chaos.faults import Faults
 from koord.runtime.chaos.storm import Weathered, weather
 from koord.runtime.exploration.exploring import Explored, explore
-from koord.runtime.exploration.world import Bounds
+from koord.runtime.exploration.world import ExplorationBounds
 from koord.runtime.protocol.setup import Setup, Timing
 
 #: What is explored, and up to how many states each.
 _CASES = {
-    "one round": Bounds(rounds=1, epoch=0, crashes=0, eager=False),
-    "two rounds": Bounds(rounds=2, epoch=0, crashes=0),
-    "a crash and elections": Bounds(rounds=1, epoch=2, crashes=1, states=200_000),
-    "a crash and a restart": Bounds(rounds=1, epoch=2, crashes=1, restarts=1, states=200_000),
+    "one round": ExplorationBounds(rounds=1, epoch=0, crashes=0, eager=False),
+    "two rounds": ExplorationBounds(rounds=2, epoch=0, crashes=0),
+    "a crash and elections": ExplorationBounds(rounds=1, epoch=2, crashes=1, states=200_000),
+    "a crash and a restart": ExplorationBounds(
+        rounds=1, epoch=2, crashes=1, restarts=1, states=200_000
+    ),
 }
 
 #: How many robots are on the simulated networks, in turn.

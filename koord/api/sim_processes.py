@@ -18,7 +18,7 @@ from koord.api.sim_report import Processes, Simulated, SimulationBegun, report_o
 from koord.api.sim_run import SimulationRequest, conclude
 from koord.api.sim_setup import cast, fallback, limit_s, simulation
 from koord.api.sim_trace import Tracing
-from koord.runtime.deploy.local import Fleet, Launch, launched
+from koord.runtime.deploy.local import Launch, LocalProcesses, launched
 from koord.runtime.deploy.networks import local_plan
 from koord.runtime.deploy.running import Job as Deployment
 from koord.runtime.proposals import INIT_ROUND, Decision
@@ -102,7 +102,7 @@ class _Follower(Struct):
     ``late`` is how many proposals came too late for their rounds, of those that were told of.
     """
 
-    fleet: Fleet
+    fleet: LocalProcesses
     deployment: Deployment
     followed: Followed
     tell: Listener

@@ -12,12 +12,12 @@ from koord.api.fitting import NO_FILE, Fitted
 from koord.api.progress import Progress
 from koord.api.results import Result
 from koord.api.sim_setup import unanswered
-from koord.runtime.engine.fleet import Ended
+from koord.runtime.engine import Ended
 from koord.runtime.motion.planning import Hindrance as Hindrance
 from koord.runtime.motion.world import Point
 from koord.sim.bounds import moves
 from koord.sim.measuring import Figures
-from koord.sim.recording import Recording
+from koord.sim.run_log import RunLog
 from koord.sim.running import Broken as Broken
 from koord.sim.running import Ending as Ending
 from koord.sim.running import Simulation
@@ -93,7 +93,7 @@ class Simulated(Result, frozen=True, kw_only=True):
     processes: Processes | None = None  #: of a run with a process for each robot
     warnings: tuple[Diagnostic, ...] = ()
     kept: tuple[str, ...] = ()  #: the files that were written, but for the trace
-    recording: Recording
+    recording: RunLog
 
     @property
     def ok(self) -> bool:

@@ -17,7 +17,7 @@ from koord.refinement.generating.programs import system as generated_system
 from koord.refinement.judging import Judged, judge
 from koord.refinement.running import Compiled, Ran, ready, run
 from koord.runtime.chaos.faults import CALM, Faults
-from koord.runtime.engine.schedules import AtRandom, Deployed, Schedule, Unheard
+from koord.runtime.engine import AtRandom, Deployed, Schedule, Unheard
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.traces.replay import Refused

@@ -31,7 +31,7 @@ from koord.refinement.rounding import (
 from koord.refinement.running import Compiled, ready, schedule_of
 from koord.refinement.translation import to_fault
 from koord.runtime.compile import NumberTooLargeError
-from koord.runtime.engine.fleet import Fleet
+from koord.runtime.engine import RoundEngine
 from koord.runtime.operations import FaultError
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Key, Robot, Turn
@@ -147,7 +147,7 @@ class _Rerun:
         self.host = ReplayingHost(trace, made.names, nobody)
         self.translation = self.host.translation
         system = trace.system
-        self.fleet = Fleet(made.classes, system.kinds, float(system.delta_s), self.host)
+        self.fleet = RoundEngine(made.classes, system.kinds, float(system.delta_s), self.host)
         self.passed = Passed()
 
     def run(self) -> None:

@@ -33,9 +33,9 @@ from koord.runtime.chaos.faults import CALM, Faults
 from koord.runtime.chaos.network import Network, Newborn
 from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.configuration.checking import load as load_configuration
-from koord.runtime.deploy.ideal import Ideal, is_place, point_of, unanswered
-from koord.runtime.deploy.local import Fleet, Launch, launched
-from koord.runtime.deploy.member import Body
+from koord.runtime.deploy.ideal import IdealHost, is_place, point_of, unanswered
+from koord.runtime.deploy.local import Launch, LocalProcesses, launched
+from koord.runtime.deploy.member import Platform
 from koord.runtime.deploy.networks import local_plan
 from koord.runtime.deploy.running import Job
 from koord.runtime.protocol.messages import Message
@@ -111,7 +111,7 @@ class Expedition(Struct, frozen=True):
         """A robot that tells what it does. What is deployed has the host that it will have."""
         made = self.made
         program = job.classes[job.kinds[pid]]
-        body: Body
+        body: Platform
         if self.is_seeded:
             body = self.host(pid)
         else:
@@ -119,7 +119,7 @@ class Expedition(Struct, frozen=True):
                 (point_of(v) for (i, name), v in starts.items() if i == pid and is_place(name)),
                 None,
             )
-            body = Ideal(program, pid, job.robots, job.delta_s, self.seed, place)
+            body = IdealHost(program, pid, job.robots, job.delta_s, self.seed, place)
         host = Witness(body, made, self.system, starts, tell)
         robot = program(pid, job.kinds, job.delta_s, host)
         return Witnessed(robot, host, job.journal(pid), job.program, self.largest)
@@ -241,7 +241,7 @@ def over_udp(expedition: Expedition) -> Ran:
         return expedition.ran(told)
 
 
-def _watch(fleet: Fleet, faults: Faults, draw: Random) -> None:
+def _watch(fleet: LocalProcesses, faults: Faults, draw: Random) -> None:
     """Until the run is over; robots are killed now and then, and come back at once."""
     begun = looked_at = time.monotonic()
     over_at: float | None = None
@@ -271,7 +271,7 @@ def _watch(fleet: Fleet, faults: Faults, draw: Random) -> None:
             raise StuckError(f"after {_REAL_S:.0f} s robots are at rounds {rounds}")
 
 
-def spare(fleet: Fleet) -> int:
+def spare(fleet: LocalProcesses) -> int:
     """How many robots may die, so that a majority is left that knows everything."""
     robots = len(fleet.processes)
     voters = sum(status.is_voter and status.round >= 0 for status in fleet.statuses.values())

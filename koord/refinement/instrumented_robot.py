@@ -16,7 +16,7 @@ from koord.refinement.running import Compiled, size_of
 from koord.refinement.tracing_host import TracingHost
 from koord.refinement.translation import Translation, to_written
 from koord.runtime.deploy.journal import Journal
-from koord.runtime.deploy.member import Body, Member
+from koord.runtime.deploy.member import Member, Platform
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import INIT_ROUND, Decision, Fault, Faulted, Proposal, Taken
 from koord.runtime.protocol.entries import Entry
@@ -112,11 +112,11 @@ class Witness(TracingHost):
     ``starts`` are those that do not hang on the host, by robot and attribute.
     """
 
-    host: Body
+    host: Platform
 
     def __init__(
         self,
-        host: Body,
+        host: Platform,
         made: Compiled,
         system: System,
         starts: Mapping[tuple[int | None, str], Any],
@@ -185,7 +185,7 @@ class Witnessed(Member):
     def __init__(
         self,
         robot: Robot,
-        host: Body,
+        host: Platform,
         journal: Journal | None,
         program: str,
         largest: int | None = None,

@@ -13,8 +13,7 @@ from koord.refinement.translation import Translation, to_fault, to_written
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.naming import Names
-from koord.runtime.engine.fleet import Ended, Fleet, Shown
-from koord.runtime.engine.schedules import AtRandom, Deployed, Schedule
+from koord.runtime.engine import AtRandom, Deployed, Ended, RoundEngine, Schedule, Shown
 from koord.runtime.proposals import INIT_ROUND, Decision
 from koord.runtime.robot import Robot
 from koord.sampling.sampled_inputs import SampledInputs
@@ -107,7 +106,7 @@ class _Recorder(Struct):
     rounds: list[Round] = field(default_factory=list)
     configurations: list[Configuration[Constant]] = field(default_factory=list)
 
-    def see(self, fleet: Fleet) -> None:
+    def see(self, fleet: RoundEngine) -> None:
         seen = self.host.translation.configuration(fleet)
         self.configurations.append(seen)
         self.host.inputs.forget_round()
@@ -140,7 +139,7 @@ def run(
     inputs = SampledInputs(Sampler(system, Numbers.DOUBLE, rng))
     host = SampledHost(Translation(system, made.names), inputs)
     recorder = _Recorder(host)
-    fleet = Fleet(made.classes, system.kinds, float(system.delta_s), host)
+    fleet = RoundEngine(made.classes, system.kinds, float(system.delta_s), host)
     gave_up: KoordError | None = None
     try:
         _play(fleet, recorder, schedule, rounds, largest)
@@ -159,7 +158,7 @@ def run(
 
 
 def _play(
-    fleet: Fleet, recorder: _Recorder, schedule: Schedule, rounds: int, largest: int | None
+    fleet: RoundEngine, recorder: _Recorder, schedule: Schedule, rounds: int, largest: int | None
 ) -> None:
     host, inputs = recorder.host, recorder.host.inputs
     order = schedule.order(INIT_ROUND, host.system.robots)

@@ -8,8 +8,8 @@ from typing import Any
 
 from koord.refinement.translation import PHASES, Translation, started_type, to_plain
 from koord.runtime.compile.naming import Names
-from koord.runtime.deciding import rotating
 from koord.runtime.motion.world import Point
+from koord.runtime.proposals import rotating
 from koord.runtime.robot import Key, Robot, Turn
 from koord.sampling.initial_state_search import settle_readings, settle_robot, settled_start
 from koord.sampling.sampled_inputs import Question, SampledInputs

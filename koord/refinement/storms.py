@@ -16,7 +16,7 @@ from koord.refinement.instrumented_robot import Acted, Coordinated, Told, Witnes
 from koord.refinement.judging import Judged, judge
 from koord.runtime.chaos.ether import Hub, plan, plugged_in
 from koord.runtime.chaos.faults import Faults
-from koord.runtime.deploy.local import Fleet, Launch, launched
+from koord.runtime.deploy.local import Launch, LocalProcesses, launched
 from koord.runtime.deploy.running import Job
 
 #: The first coordinator is killed after so long.
@@ -84,7 +84,7 @@ def storm(
 
 
 def _watched(
-    fleet: Fleet, hub: BaseProcess, lasts_s: float, kill_every_s: float | None
+    fleet: LocalProcesses, hub: BaseProcess, lasts_s: float, kill_every_s: float | None
 ) -> list[tuple[int, float]]:
     """Who was killed, and when."""
     begun = time.monotonic()
@@ -114,7 +114,7 @@ def _watched(
     return killed
 
 
-def _coordinator(fleet: Fleet) -> int | None:
+def _coordinator(fleet: LocalProcesses) -> int | None:
     """Whom most robots follow."""
     followed = Counter(status.coordinator for status in fleet.statuses.values())
     return followed.most_common(1)[0][0] if followed else None

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from koord.refinement.completion import Completing, PutOffError, with_summaries
 from koord.refinement.running import Compiled, Ran, ended_in, opening_order, schedule_of
 from koord.refinement.translation import PHASES, Translation, to_plain, to_value
-from koord.runtime.engine.fleet import Fleet
+from koord.runtime.engine import RoundEngine
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.runtime.shapes import Shape, from_plain
@@ -113,13 +113,13 @@ class TracedFleet(TracingHost):
         """Whether INIT is over."""
         return bool(self._configurations)
 
-    def begun(self, decision: Decision, fleet: Fleet) -> None:
+    def begun(self, decision: Decision, fleet: RoundEngine) -> None:
         """INIT is over."""
         order = opening_order(decision, self.system.robots)
         self._opening = Opening(order, tuple(self._starts.values()), self._taken())
         self._configurations.append(self.translation.configuration(fleet))
 
-    def round(self, decision: Decision, fleet: Fleet) -> None:
+    def round(self, decision: Decision, fleet: RoundEngine) -> None:
         """A round is over, or cut by a fault."""
         order, events = schedule_of(decision, self.system.robots)
         cut = decision.fault is not None
@@ -130,7 +130,12 @@ class TracedFleet(TracingHost):
         self._configurations.append(last if cut else self.translation.configuration(fleet))
 
     def so_far(
-        self, fleet: Fleet, sources: Sources, shapes: Mapping[str, Shape], *, whole: bool = False
+        self,
+        fleet: RoundEngine,
+        sources: Sources,
+        shapes: Mapping[str, Shape],
+        *,
+        whole: bool = False,
     ) -> Trace:
         """The run up to the last round that is over; to its end, if that is the ``whole`` run.
 
@@ -151,7 +156,7 @@ class TracedFleet(TracingHost):
             tuple(one for one in self.made.emitted(fleet.shown) if one.round < len(known)),
         )
 
-    def ran(self, fleet: Fleet, sources: Sources, shapes: Mapping[str, Shape]) -> Ran:
+    def ran(self, fleet: RoundEngine, sources: Sources, shapes: Mapping[str, Shape]) -> Ran:
         """The run, with the answers that the rules ask for. Raises KoordError."""
         trace = self.so_far(fleet, sources, shapes, whole=True)
         if self._completing.put_off:

@@ -7,7 +7,7 @@ from typing import Any
 
 from koord.runtime import proposals
 from koord.runtime.compile.naming import Names
-from koord.runtime.engine.fleet import Fleet
+from koord.runtime.engine import RoundEngine
 from koord.runtime.robot import Robot as Running
 from koord.runtime.robot import Turn
 from koord.runtime.robot import Written as Output
@@ -131,7 +131,7 @@ class Translation:
 
     # --- what robots hold -----------------------------------------------------------------------
 
-    def configuration(self, fleet: Fleet) -> Configuration[Constant]:
+    def configuration(self, fleet: RoundEngine) -> Configuration[Constant]:
         """The configuration between two rounds, or between the turns of one."""
         store = self._store(fleet.store.values)
         robots = tuple(map(self.robot, fleet.robots))

@@ -39,7 +39,7 @@ from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import State
 
 
-class Robot(Protocol):
+class Participant(Protocol):
     """The program of a robot and its platform, as the node sees them."""
 
     def propose(self, round_: int) -> Proposal | None:
@@ -77,7 +77,7 @@ class Work(Enum):
 class Node:
     """Drives the machine of one robot. Not for several threads."""
 
-    def __init__(self, setup: Setup, state: State, robot: Robot, outbox: Outbox) -> None:
+    def __init__(self, setup: Setup, state: State, robot: Participant, outbox: Outbox) -> None:
         self.setup = setup
         self.state = state
         self.over = False

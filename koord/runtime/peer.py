@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
-from koord.runtime.node import Node, Robot
+from koord.runtime.node import Node, Participant
 from koord.runtime.protocol.messages import Message
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import State
 from koord.runtime.transports.transport import Transport
-from koord.runtime.wire.codec import Reader, Run, Writer
-from koord.runtime.wire.drops import Drops
+from koord.runtime.wire.codec import DatagramReader, DatagramWriter, RunKey
+from koord.runtime.wire.frames import Drops
 
 #: Seconds, from any beginning, never going back.
 Clock = Callable[[], float]
@@ -30,13 +30,19 @@ class Peer:
     """One robot of a run on a network."""
 
     def __init__(
-        self, run: Run, setup: Setup, state: State, robot: Robot, transport: Transport, clock: Clock
+        self,
+        run: RunKey,
+        setup: Setup,
+        state: State,
+        robot: Participant,
+        transport: Transport,
+        clock: Clock,
     ) -> None:
         self.counts = Counts()
         self.transport = transport
         self.node = Node(setup, state, robot, self)
-        self._writer = Writer(run, state.pid)
-        self._reader = Reader(run, state.pid)
+        self._writer = DatagramWriter(run, state.pid)
+        self._reader = DatagramReader(run, state.pid)
         self._clock = clock
 
     @property

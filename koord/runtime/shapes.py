@@ -26,7 +26,7 @@ class ShapeError(ValueError):
     """A plain value is none of the shape that its place has."""
 
 
-class Kind(Enum):
+class ScalarKind(Enum):
     """The scalars."""
 
     INT = "int"
@@ -36,13 +36,18 @@ class Kind(Enum):
 
 
 #: What a scalar is in Python. A ``bool`` is no ``int`` here.
-_PYTHON = {Kind.INT: int, Kind.FLOAT: float, Kind.BOOL: bool, Kind.STRING: str}
+_PYTHON = {
+    ScalarKind.INT: int,
+    ScalarKind.FLOAT: float,
+    ScalarKind.BOOL: bool,
+    ScalarKind.STRING: str,
+}
 
 
 class Scalar(Struct, frozen=True):
     """A number, a truth value, a text."""
 
-    kind: Kind
+    kind: ScalarKind
 
 
 class Enumeration(Struct, frozen=True):
@@ -95,10 +100,10 @@ class Mapping(Struct, frozen=True):
 
 Shape = Scalar | Enumeration | Record | Array | PerRobot | Sequence | Mapping
 
-INT = Scalar(Kind.INT)
-FLOAT = Scalar(Kind.FLOAT)
-BOOL = Scalar(Kind.BOOL)
-STRING = Scalar(Kind.STRING)
+INT = Scalar(ScalarKind.INT)
+FLOAT = Scalar(ScalarKind.FLOAT)
+BOOL = Scalar(ScalarKind.BOOL)
+STRING = Scalar(ScalarKind.STRING)
 
 
 def blank(shape: Shape, robots: int) -> Any:

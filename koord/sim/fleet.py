@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 
 from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
-from koord.runtime.motion.automaton import State
+from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import PlannerName
 from koord.runtime.motion.geometry import as_path
 from koord.runtime.motion.planning import Hindrance, Plight
@@ -29,7 +29,7 @@ TICK_S = STEP_S * STEPS
 _HINDRANCES = tuple(Hindrance)
 
 #: By number; to look one up here is quicker than to make it.
-_STATES = tuple(State)
+_STATES = tuple(MotionState)
 
 
 class Placed(Struct, frozen=True):
@@ -47,7 +47,7 @@ class Sensed(NamedTuple):
     heading_rad: float
     reached: bool
     planner: PlannerName
-    state: State
+    state: MotionState
     plight: Plight | None = None  #: why it cannot do what it was told last
     short_m: float = 0.0  #: how far it is from where it would count as there
 

@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from koord.runtime.deciding import rotating
 from koord.runtime.deploy.running import Moment
 from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.planning import Hindrance
-from koord.runtime.proposals import INIT_ROUND, Decision, Proposal
+from koord.runtime.proposals import INIT_ROUND, Decision, Proposal, rotating
 from koord.runtime.robot import Host, Key, Robot, Turn
 from koord.sim.fleet import Fleet
 from koord.sim.processes import Delta, Tick, Told

@@ -22,9 +22,9 @@ from koord.runtime.robot import Key, Robot, Turn
 from koord.runtime.shapes import (
     Array,
     Enumeration,
-    Kind,
     Record,
     Scalar,
+    ScalarKind,
     Shape,
     default,
     element_of,
@@ -204,7 +204,7 @@ class Hosted:
         values = list(default(shape, len(self.kinds)))
         tasks = self.fleet.world.tasks
         for k, part in enumerate(shape.fields):
-            if isinstance(part, Scalar) and part.kind is Kind.INT:
+            if isinstance(part, Scalar) and part.kind is ScalarKind.INT:
                 values[k] = -1  # nobody's
         if number < len(tasks):
             values[0] = _point(tasks[number])

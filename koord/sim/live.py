@@ -13,7 +13,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 from koord.sim.packing import Cursor, cursor_of, pack
-from koord.sim.recording import Recording
+from koord.sim.run_log import RunLog
 from koord.sim.viewing import live_page
 
 #: Nobody else is to see the run: only this machine.
@@ -40,7 +40,7 @@ class Live:
     Raises OSError if the port is taken.
     """
 
-    def __init__(self, recording: Recording, port: int = 0) -> None:
+    def __init__(self, recording: RunLog, port: int = 0) -> None:
         """``port`` 0 is any that is free."""
         self._recording = recording
         self._over = threading.Event()
@@ -130,7 +130,7 @@ class Live:
             self._over.wait(_PERIOD_S)
 
 
-class Pace:
+class Throttle:
     """Keeps simulated time from passing quicker than so many times that of the wall."""
 
     def __init__(self, factor: float) -> None:

@@ -8,16 +8,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from msgspec import Struct
 
-from koord.runtime.engine.fleet import Fleet as Engine
+from koord.runtime.engine import RoundEngine as Engine
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.automaton import State
+from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.world import Point
 from koord.runtime.proposals import Decision
 from koord.runtime.robot import Status
 from koord.runtime.shapes import Array, Record
 from koord.runtime.shapes import Sequence as ListOf
 from koord.sim.fleet import Fleet, Sensed
-from koord.sim.recording import Deeds, Idle, Recorder, TaskState
+from koord.sim.run_log import Deeds, Idle, RunLogger, TaskState
 from koord.sim.scene import Scene
 from koord.sim.separation import Nearby, Nearest
 
@@ -81,7 +81,7 @@ class Figures(Struct, frozen=True):
 class Gauge:
     """Measures a run while it goes on."""
 
-    def __init__(self, fleet: Fleet, engine: Engine, recorder: Recorder, scene: Scene) -> None:
+    def __init__(self, fleet: Fleet, engine: Engine, recorder: RunLogger, scene: Scene) -> None:
         self.fleet, self.engine, self.recorder, self.scene = fleet, engine, recorder, scene
         n = len(scene.robots)
         self._last = fleet.positions()
@@ -127,7 +127,7 @@ class Gauge:
     def round(self, sensed: Sequence[Sensed]) -> None:
         """A round is over, and its robots know this of themselves."""
         robots = zip(sensed, self.engine.robots, strict=True)
-        waits = [s.state is State.IDLE and r.status is not Status.STOPPED for s, r in robots]
+        waits = [s.state is MotionState.IDLE and r.status is not Status.STOPPED for s, r in robots]
         self._waited += np.array(waits, np.int64)
         if self._tasks is not None:
             self._note_visits(self._tasks)

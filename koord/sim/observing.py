@@ -13,28 +13,37 @@ from typing import Any
 
 import numpy as np
 
-from koord.runtime.engine.fleet import Fleet as Engine
-from koord.runtime.engine.fleet import Shown
+from koord.runtime.engine import RoundEngine as Engine
+from koord.runtime.engine import Shown
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.world import World
 from koord.runtime.proposals import INIT_ROUND, Decision, Plain
 from koord.runtime.robot import Robot, Status
-from koord.runtime.shapes import Array, Enumeration, Kind, PerRobot, Record, Scalar, Shape, to_plain
+from koord.runtime.shapes import (
+    Array,
+    Enumeration,
+    PerRobot,
+    Record,
+    Scalar,
+    ScalarKind,
+    Shape,
+    to_plain,
+)
 from koord.runtime.shapes import Sequence as ListOf
 from koord.sim.fleet import Fleet, Placed
-from koord.sim.recording import (
+from koord.sim.run_log import (
     SHARED,
     WHOLE,
-    Agent,
-    Change,
     Deeds,
     Header,
-    Home,
     Idle,
-    Recorded,
-    Recorder,
-    Said,
-    Variable,
+    LoggedAgent,
+    LoggedChange,
+    LoggedHome,
+    LoggedOutput,
+    LoggedRobot,
+    LoggedVariable,
+    RunLogger,
 )
 
 #: Paths are looked at so often; programs may give new ones in every round.
@@ -59,11 +68,11 @@ def header_of(
 ) -> Header:
     """The header of a run; ``kinds[i]`` is the position of robot i's class in ``classes``."""
     agents = tuple(
-        Agent(one.__name__, tuple(event.name for event in one.EVENTS), tuple(_own(one)))
+        LoggedAgent(one.__name__, tuple(event.name for event in one.EVENTS), tuple(_own(one)))
         for one in classes
     )
     shared = tuple(
-        Variable(v.name, Home.ALLREAD if v.is_allread else Home.ALLWRITE, v.shape)
+        LoggedVariable(v.name, LoggedHome.ALLREAD if v.is_allread else LoggedHome.ALLWRITE, v.shape)
         for v in classes[0].SHARED.variables
     )
     recorded = tuple(
@@ -89,7 +98,7 @@ def header_of(
 class Observer:
     """Feeds a recorder with what a run does: ticks of the fleet, and rounds of the engine."""
 
-    def __init__(self, recorder: Recorder, engine: Engine, fleet: Fleet) -> None:
+    def __init__(self, recorder: RunLogger, engine: Engine, fleet: Fleet) -> None:
         self.recorder, self.engine, self.fleet = recorder, engine, fleet
         header = recorder.recording.header
         self._shared = [(v, _plain_element(v.shape)) for v in header.shared]
@@ -128,7 +137,7 @@ class Observer:
         """A decision was acted on; the environment has not had its turn yet."""
         number = decision.round
         time_s = max(number, 0) * self.recorder.recording.header.delta_s
-        changes: list[Change] = []
+        changes: list[LoggedChange] = []
         if time_s >= self._values_due_s - 1e-9:
             self._values_due_s = time_s + self._values_s
             changes = [*self._shared_changes(), *self._own_changes()]
@@ -156,7 +165,7 @@ class Observer:
             self.recorder.violation(time_s, "fault", story, whose)
         self.recorder.end(words)
 
-    def _own_changes(self) -> list[Change]:
+    def _own_changes(self) -> list[LoggedChange]:
         """Asked for in every round, of every variable of every robot: it has to be quick."""
         changes = []
         for robot, own, were in zip(self.engine.robots, self._own, self._were, strict=True):
@@ -165,11 +174,11 @@ class Observer:
                 value = values[name]
                 if value is not were[number]:
                     if value != were[number]:
-                        changes.append(Change(robot.pid, number, WHOLE, plain(value)))
+                        changes.append(LoggedChange(robot.pid, number, WHOLE, plain(value)))
                     were[number] = value
         return changes
 
-    def _shared_changes(self) -> list[Change]:
+    def _shared_changes(self) -> list[LoggedChange]:
         changes = []
         values, were = self.engine.store.values, self._were_shared
         for number, (variable, plain) in enumerate(self._shared):
@@ -180,10 +189,10 @@ class Observer:
             if plain is not None and before is not None and len(before) == len(value or ()):
                 for part, (old, new) in enumerate(zip(before, value, strict=True)):
                     if old is not new and old != new:
-                        changes.append(Change(SHARED, number, part, plain(new)))
+                        changes.append(LoggedChange(SHARED, number, part, plain(new)))
             elif value != before:
                 whole = to_plain(variable.shape, value)
-                changes.append(Change(SHARED, number, WHOLE, whole))
+                changes.append(LoggedChange(SHARED, number, WHOLE, whole))
         return changes
 
 
@@ -226,24 +235,24 @@ def _plain_element(shape: Shape) -> Callable[[Any], Plain] | None:
     return None
 
 
-def _own(one: type[Robot]) -> Iterator[Variable]:
+def _own(one: type[Robot]) -> Iterator[LoggedVariable]:
     """What a robot has for itself, but for where it is and what it scans: poses say that."""
     for name, shape in one.LOCALS.items():
-        yield Variable(name, Home.LOCAL, shape)
+        yield LoggedVariable(name, LoggedHome.LOCAL, shape)
     for name, shape in one.PORTS.items():
         if name in one.MODELLED:
-            yield Variable(name, Home.SENSOR, shape)
+            yield LoggedVariable(name, LoggedHome.SENSOR, shape)
         elif name not in one.SENSORS:
-            yield Variable(name, Home.ACTUATOR, shape)
+            yield LoggedVariable(name, LoggedHome.ACTUATOR, shape)
         elif not _is_measured(shape):
-            yield Variable(name, Home.SENSOR, shape)
+            yield LoggedVariable(name, LoggedHome.SENSOR, shape)
 
 
 def _is_measured(shape: Shape) -> bool:
     """Whether values of a shape are made of lengths, which change with every measurement."""
     match shape:
         case Scalar(kind=kind):
-            return kind is Kind.FLOAT
+            return kind is ScalarKind.FLOAT
         case Record(fields=fields):
             return any(map(_is_measured, fields))
         case Array(element=element) | ListOf(element=element):
@@ -252,17 +261,17 @@ def _is_measured(shape: Shape) -> bool:
             return False
 
 
-def _recorded(pid: int, agent: int, device: str | None, body: Body) -> Recorded:
+def _recorded(pid: int, agent: int, device: str | None, body: Body) -> LoggedRobot:
     look = body.LOOK
-    return Recorded(
+    return LoggedRobot(
         f"robot {pid}", agent, device or look.name, look, body.radius_m, *body.outline_m
     )
 
 
-def _said(shown: Sequence[Shown]) -> Iterator[Said]:
+def _said(shown: Sequence[Shown]) -> Iterator[LoggedOutput]:
     for one in shown:
         for written in one.written:
-            yield Said(one.robot, written.stream, " ".join(map(str, written.values)))
+            yield LoggedOutput(one.robot, written.stream, " ".join(map(str, written.values)))
 
 
 __all__ = ["Observer", "deeds_of", "header_of"]

@@ -28,7 +28,14 @@ from koord.runtime.shapes import (
     Sequence,
     Shape,
 )
-from koord.sim.recording import Agent, Header, Recorded, Recording, Variable, map_variable
+from koord.sim.run_log import (
+    Header,
+    LoggedAgent,
+    LoggedRobot,
+    LoggedVariable,
+    RunLog,
+    map_variable,
+)
 
 #: Headings are kept in so many parts of a turn.
 TURN = 4096
@@ -61,7 +68,7 @@ class Cursor(Struct, frozen=True):
     ended: bool = False
 
 
-def cursor_of(recording: Recording) -> Cursor:
+def cursor_of(recording: RunLog) -> Cursor:
     """The end of what is recorded now."""
     ended = recording.ending is not None
     return Cursor(
@@ -75,7 +82,7 @@ def cursor_of(recording: Recording) -> Cursor:
     )
 
 
-def pack(recording: Recording, since: Cursor, until: Cursor) -> bytes:
+def pack(recording: RunLog, since: Cursor, until: Cursor) -> bytes:
     """What was recorded between two points; the header if it is from the beginning."""
     header = recording.header
     rounds = recording.rounds[since.rounds : until.rounds]
@@ -129,7 +136,7 @@ def middle(world: World) -> tuple[float, ...]:
 # --- planes ---------------------------------------------------------------------------------------
 
 
-def _poses(recording: Recording, first: int, last: int) -> dict[str, bytes]:
+def _poses(recording: RunLog, first: int, last: int) -> dict[str, bytes]:
     world, robots = recording.header.world, len(recording.header.robots)
     poses = recording.poses[first:last]
     stacked = np.stack(poses) if poses else np.zeros((0, robots, 6), np.float32)
@@ -154,7 +161,7 @@ def _tilts(tilts: NDArray[np.float32]) -> bytes:
     return _split(_differences(whole.transpose(2, 1, 0)))
 
 
-def _paths(recording: Recording, first: int, last: int) -> dict[str, bytes]:
+def _paths(recording: RunLog, first: int, last: int) -> dict[str, bytes]:
     paths = recording.paths[first:last]
     heads = [(_ms(path.time_s), path.robot, len(path.points)) for path in paths]
     points = [path.points for path in paths if len(path.points)]
@@ -165,7 +172,7 @@ def _paths(recording: Recording, first: int, last: int) -> dict[str, bytes]:
     }
 
 
-def _deeds(recording: Recording, first: int, last: int) -> bytes:
+def _deeds(recording: RunLog, first: int, last: int) -> bytes:
     rounds = recording.rounds[first:last]
     if not rounds:
         return b""
@@ -242,12 +249,12 @@ def _obstacle(obstacle: Obstacle, world: World) -> dict[str, Any]:
             assert_never(obstacle)
 
 
-def _agent(agent: Agent) -> dict[str, Any]:
+def _agent(agent: LoggedAgent) -> dict[str, Any]:
     own = [_variable(variable) for variable in agent.variables]
     return {"name": agent.name, "events": agent.events, "variables": own}
 
 
-def _robot(robot: Recorded) -> dict[str, Any]:
+def _robot(robot: LoggedRobot) -> dict[str, Any]:
     return {
         "name": robot.name,
         "agent": robot.agent,
@@ -261,7 +268,7 @@ def _robot(robot: Recorded) -> dict[str, Any]:
     }
 
 
-def _variable(variable: Variable) -> dict[str, Any]:
+def _variable(variable: LoggedVariable) -> dict[str, Any]:
     return {"name": variable.name, "home": variable.home.value, "shape": shape_of(variable.shape)}
 
 

@@ -12,10 +12,9 @@ from typing import Any, Protocol
 
 from msgspec import Struct
 
-from koord.runtime.engine.fleet import Ended
-from koord.runtime.engine.fleet import Fleet as Engine
-from koord.runtime.engine.schedules import Deployed, Schedule
-from koord.runtime.motion.automaton import State
+from koord.runtime.engine import Deployed, Ended, Schedule
+from koord.runtime.engine import RoundEngine as Engine
+from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import Pose
@@ -28,7 +27,7 @@ from koord.sim.hosting import Hosted
 from koord.sim.lidar import Scanner
 from koord.sim.measuring import Figures, Gauge
 from koord.sim.observing import Observer, deeds_of, header_of
-from koord.sim.recording import Recorder, Recording
+from koord.sim.run_log import RunLog, RunLogger
 from koord.sim.scene import Scene
 from koord.sim.standing import Standing, Watchman
 from koord.syntax.collector import uncollected
@@ -144,7 +143,7 @@ class Simulation:
             devices=scene.names,
             differing=cast.differing,
         )
-        self.recorder = Recorder(header)
+        self.recorder = RunLogger(header)
         self.observer = Observer(self.recorder, self.engine, self.fleet)
         self.gauge = Gauge(self.fleet, self.engine, self.recorder, scene)
         self.ending: Ending | None = None
@@ -162,7 +161,7 @@ class Simulation:
         return self.engine.round * self.scene.delta_s
 
     @property
-    def recording(self) -> Recording:
+    def recording(self) -> RunLog:
         return self.recorder.recording
 
     @uncollected()
@@ -291,7 +290,7 @@ class Simulation:
 
     def _is_still(self) -> bool:
         """Whether nobody moves, and no variable has changed for a while, but for measurements."""
-        if any(s.state in (State.MOVING, State.PLANNING) for s in self.host.sensed):
+        if any(s.state in (MotionState.MOVING, MotionState.PLANNING) for s in self.host.sensed):
             self._still, self._before = 0, None
             return False
         now = tuple((robot.status, _held(robot)) for robot in self.engine.robots)

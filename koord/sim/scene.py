@@ -17,10 +17,10 @@ from koord.runtime.configuration.model import Configuration, RobotPlace, Vehicle
 from koord.runtime.configuration.reading import problem
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import Body
-from koord.runtime.motion.checks import Part, start_complaints, world_complaints
+from koord.runtime.motion.checks import WorldPart, start_complaints, world_complaints
 from koord.runtime.motion.clearance import Clearance, clearance_of
 from koord.runtime.motion.field import field
-from koord.runtime.motion.planning import Effort
+from koord.runtime.motion.planning import PlanningEffort
 from koord.runtime.motion.world import Point, World
 from koord.sim.bounds import world_of
 from koord.sim.disturbances import Disturbances, Positioning, Wind
@@ -152,7 +152,7 @@ def _model(vehicle: Vehicle) -> DeviceModel:
             form.delay,
             Wind(wind.mean, wind.gust, wind.calm),
         ),
-        Effort(form.effort.steps, form.effort.star_steps),
+        PlanningEffort(form.effort.steps, form.effort.star_steps),
     )
 
 
@@ -281,15 +281,15 @@ def _refuse(configuration: Configuration, complaints: Any, places: Sequence[Robo
     problems = []
     for complaint in complaints:
         match complaint.part:
-            case Part.BOUNDS:
+            case WorldPart.BOUNDS:
                 span = configuration.place("world", "bounds")
-            case Part.OBSTACLE:
+            case WorldPart.OBSTACLE:
                 span = configuration.place("world", "obstacles", complaint.index)
-            case Part.TASK:
+            case WorldPart.TASK:
                 span = configuration.place("world", "tasks", complaint.index)
             case _:
                 span = configuration.place(*places[complaint.index].path)
-        who = f"robot {complaint.index}: " if complaint.part is Part.ROBOT else ""
+        who = f"robot {complaint.index}: " if complaint.part is WorldPart.ROBOT else ""
         problems.append(problem(span, f"{who}{complaint.message}"))
     if problems:
         raise KoordError(tuple(problems[:100]))

@@ -19,7 +19,7 @@ from koord.runtime.motion.bodies import Body, Level, PlannerName, Steering, type
 from koord.runtime.motion.driving import Measured
 from koord.runtime.motion.group import Group
 from koord.runtime.motion.planners import planner
-from koord.runtime.motion.planning import Effort, Touched
+from koord.runtime.motion.planning import PlanningEffort, Touched
 from koord.runtime.motion.world import World
 from koord.sim.disturbances import Delay, Disturbances, Fixes
 from koord.sim.vehicles.wheels import Hull, Rolling
@@ -49,7 +49,7 @@ class DeviceModel(Struct, frozen=True):
     steering: Steering = Steering.PREDICTIVE
     visit: Visit = field(default_factory=Visit)
     disturbances: Disturbances = field(default_factory=Disturbances)
-    effort: Effort = field(default_factory=Effort)
+    effort: PlanningEffort = field(default_factory=PlanningEffort)
 
 
 class Engines:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from koord.runtime.engine.schedules import Schedule
+from koord.runtime.engine import Schedule
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Ideal, PlannerName
 from koord.runtime.motion.clearance import Clearance

@@ -14,7 +14,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from koord.runtime.motion.automaton import State
+from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.planning import Hindrance, Plight, hindrance
 from koord.runtime.motion.world import Point, World
@@ -72,7 +72,7 @@ class Watchman:
         for pid, (known, robot) in enumerate(zip(sensed, robots, strict=True)):
             stands = None
             before = self._stuck.get(pid)
-            if known.state is State.MOVING:
+            if known.state is MotionState.MOVING:
                 self._wants[pid], self._unclear[pid] = {}, None
             if robot.status is Status.STOPPED:
                 self._lingers[pid] = None
@@ -82,7 +82,7 @@ class Watchman:
             elif (since := self._lingers_since(pid, known, places[pid], began_s)) is not None:
                 stands = before or _standing(pid, since, _no_headway(touched(pid)))
             else:
-                moves = moves or known.state in (State.MOVING, State.PLANNING)
+                moves = moves or known.state in (MotionState.MOVING, MotionState.PLANNING)
             if stands is None:
                 self._stuck.pop(pid, None)
             else:
@@ -116,7 +116,7 @@ class Watchman:
     ) -> float | None:
         """Since when a robot that is on its way gets no further; None: it does, or not for long."""
         known = self._lingers[pid]
-        if sensed.state is not State.MOVING or sensed.short_m < _BLOCKED_M:
+        if sensed.state is not MotionState.MOVING or sensed.short_m < _BLOCKED_M:
             self._lingers[pid] = None
         elif known is None or dist(known[0], place) > _BLOCKED_M:
             self._lingers[pid] = (place, began_s)

@@ -10,7 +10,7 @@ from importlib.resources import files
 from typing import BinaryIO
 
 from koord.sim.packing import Cursor, cursor_of, pack
-from koord.sim.recording import Recording
+from koord.sim.run_log import RunLog
 
 #: The parts of the script, in their order; each may use what stands in those before it.
 _SCRIPTS = (
@@ -28,7 +28,7 @@ _SCRIPTS = (
 )
 
 
-def page_of(recording: Recording) -> bytes:
+def page_of(recording: RunLog) -> bytes:
     """A run as one HTML file."""
     packed = zlib.compress(pack(recording, Cursor(), cursor_of(recording)))
     return _page(recording.header.program, base64.b64encode(packed).decode())
@@ -45,7 +45,7 @@ class PartPage:
     Browsers show such a file up to where it was cut off.
     """
 
-    def __init__(self, recording: Recording, file: BinaryIO) -> None:
+    def __init__(self, recording: RunLog, file: BinaryIO) -> None:
         self._recording, self._file, self._kept = recording, file, Cursor()
         file.write(_page(recording.header.program, "packs"))
 

@@ -13,7 +13,7 @@ from koord.api import protocol_check
 from koord.api.refinement import RunJudged, RunRefused, Target
 from koord.refinement import running
 from koord.runtime.compile import compiled
-from koord.runtime.exploration.world import Bounds
+from koord.runtime.exploration.world import ExplorationBounds
 
 COUNT = koord.Source(
     "count.krd",
@@ -89,7 +89,7 @@ TWO = koord.Source("two.yaml", "num_robots: 2\n")
 
 
 def test_the_protocol_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
-    bounds = {"one round": Bounds(rounds=1, epoch=0, crashes=0, eager=False)}
+    bounds = {"one round": ExplorationBounds(rounds=1, epoch=0, crashes=0, eager=False)}
     monkeypatch.setattr(protocol_check, "_CASES", bounds)
     found = koord.check_protocol(runs=2, seed=1, faults="loss")
     assert found.ok

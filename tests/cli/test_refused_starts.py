@@ -12,7 +12,7 @@ from koord.api import campaign_runs, deployment
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.runtime.configuration.model import Configuration
-from koord.runtime.deploy.local import Fleet
+from koord.runtime.deploy.local import LocalProcesses
 from koord.runtime.deploy.running import Moment
 from koord.runtime.deploy.status import Status
 from koord.runtime.transports.transport import TransportError
@@ -133,7 +133,7 @@ def test_robots_of_which_one_cannot_begin_leave_nothing(
 def test_nothing_is_recorded_before_all_robots_can_talk(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    class Halves(Fleet):
+    class Halves(LocalProcesses):
         """Robot 0 tells how it is doing, and then robot 1 that it cannot begin."""
 
         def news(self, timeout_s: float) -> Iterator[tuple[Status, tuple[Moment, ...]]]:

@@ -11,7 +11,7 @@ import pytest
 
 from koord.cli.exits import Exit
 from koord.cli.main import main
-from koord.runtime.motion.automaton import State
+from koord.runtime.motion.automaton import MotionState
 from koord.runtime.motion.bodies import Car, PlannerName
 from koord.runtime.motion.planning import Hindrance
 from koord.runtime.motion.world import World
@@ -169,7 +169,7 @@ def test_what_is_near_and_not_touched_is_not_named(
 
 def test_where_nothing_is_touched_nothing_is_named() -> None:
     watchman = Watchman(World(), [Car(), Car()])
-    known = Sensed((0.0, 0.0, 0.0), 0.0, False, PlannerName.STRAIGHT, State.MOVING, None, 1.0)
+    known = Sensed((0.0, 0.0, 0.0), 0.0, False, PlannerName.STRAIGHT, MotionState.MOVING, None, 1.0)
     robots = [cast(Robot, SimpleNamespace(status=Status.RUNNING))] * 2
     places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0)]
     told = [

@@ -278,14 +278,14 @@ ENGINE = (
     ),
     Mutant(
         "a lock class is never taken",
-        "runtime.deciding.decide",
+        "runtime.proposals.decide",
         "taken.update(attempt.locks)",
         "taken.discard(-1)",
         (DECIDING,),
     ),
     Mutant(
         "the first write to a location counts",
-        "runtime.deciding.decide",
+        "runtime.proposals.decide",
         "writes += attempt.writes",
         "writes[:0] = attempt.writes",
         (DECIDING,),
@@ -313,7 +313,7 @@ ENGINE = (
     ),
     Mutant(
         "asking to stop is enough for oneself",
-        "runtime.engine.fleet.Fleet.program_turns",
+        "runtime.engine.RoundEngine.program_turns",
         "all(r.status is not Status.RUNNING for r in self.robots)",
         "any(r.status is not Status.RUNNING for r in self.robots)",
         (ROUNDS,),

@@ -219,7 +219,7 @@ SHOWN = (
     ),
     Mutant(
         "where a model faults other robots have moved",
-        "runtime.engine.fleet.Fleet.environment_turn",
+        "runtime.engine.RoundEngine.environment_turn",
         "vars(robot).update(ports)",
         "pass",
         ("tests/refinement/test_faults.py",),

@@ -68,7 +68,7 @@ DEPLOYED = (
     ),
     Mutant(
         "a model faults in the round after",
-        "runtime.deciding.decide",
+        "runtime.proposals.decide",
         "stumbled is not None",
         "stumbled is not None and round_ < 0",
         (JUDGED,),

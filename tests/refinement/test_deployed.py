@@ -18,12 +18,11 @@ from koord.refinement.trace_merge import DisagreementError, gathered
 from koord.runtime.chaos.faults import CALM, CHAOS, LOSS, Faults
 from koord.runtime.chaos.unreliable import Unreliable
 from koord.runtime.compile import compiled
-from koord.runtime.deciding import decide
 from koord.runtime.deploy.member import Member
-from koord.runtime.engine.schedules import Deployed, Unheard
-from koord.runtime.proposals import INIT_ROUND, Attempt, Decision, Fault, Proposal, Taken
+from koord.runtime.engine import Deployed, Unheard
+from koord.runtime.proposals import INIT_ROUND, Attempt, Decision, Fault, Proposal, Taken, decide
 from koord.runtime.robot import Status
-from koord.runtime.transports.inprocess import Hub
+from koord.runtime.transports.transport import Hub
 from koord.syntax import core
 from koord.syntax.faults import FaultKind
 from koord.syntax.system import dealt

@@ -6,7 +6,7 @@ import pytest
 
 from koord.refinement.running import ready
 from koord.refinement.sampling_hosts import SeededHost
-from koord.runtime.engine.fleet import Fleet
+from koord.runtime.engine import RoundEngine
 from koord.syntax.faults import FaultKind
 from koord.syntax.system import dealt
 from tests.refinement.running import agrees, program, ran
@@ -147,7 +147,7 @@ def test_where_a_model_faults_no_robot_has_moved() -> None:
     )
     system = dealt(program(text), 3)
     made = ready(system.program)
-    fleet = Fleet(made.classes, system.kinds, 0.1, SeededHost(system, made.names, "0", 0))
+    fleet = RoundEngine(made.classes, system.kinds, 0.1, SeededHost(system, made.names, "0", 0))
     fleet.begin()
     held = []
     while fleet.ended is None:

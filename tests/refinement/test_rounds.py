@@ -7,8 +7,7 @@ import pytest
 
 from koord.refinement.cases import Policy
 from koord.refinement.running import ready
-from koord.runtime.engine.fleet import Fleet
-from koord.runtime.engine.schedules import Deployed
+from koord.runtime.engine import Deployed, RoundEngine
 from koord.runtime.robot import Robot, Status
 from koord.runtime.shapes import ShapeError
 from koord.syntax.system import dealt
@@ -31,11 +30,11 @@ class Nothing:
         raise AssertionError(question)
 
 
-def fleet(text: str, robots: int = 2) -> Fleet:
+def fleet(text: str, robots: int = 2) -> RoundEngine:
     """The robots of a program, after INIT."""
     made = ready(program(text))
     system = dealt(made.program, robots)
-    started = Fleet(made.classes, system.kinds, 0.1, Nothing())
+    started = RoundEngine(made.classes, system.kinds, 0.1, Nothing())
     started.begin()
     return started
 
@@ -75,7 +74,7 @@ def test_nothing_happens_before_the_decision() -> None:
 def test_robots_share_the_values_that_are_the_same() -> None:
     """Else what is one entry for each robot of an array would be a whole array for each of them."""
     made = ready(program(COUNTER))
-    robots = Fleet(made.classes, dealt(made.program, 3).kinds, 0.1, Nothing()).robots
+    robots = RoundEngine(made.classes, dealt(made.program, 3).kinds, 0.1, Nothing()).robots
     assert len({id(vars(robot)["seen"]) for robot in robots}) == 1
     it = fleet(COUNTER, 3)
     for robot in it.robots:
@@ -101,7 +100,7 @@ def test_what_is_read_again_stays_the_same_object() -> None:
     """[ENV-FREE]: so it is seen at once that nothing has changed."""
     text = "using Motion:\n  sensors:\n    pos psn\nSay:\n  eff:\n    stdout << 1\n"
     made = ready(program(text))
-    (robot,) = Fleet(made.classes, dealt(made.program, 1).kinds, 0.1, Nothing()).robots
+    (robot,) = RoundEngine(made.classes, dealt(made.program, 1).kinds, 0.1, Nothing()).robots
     (name,) = robot.SENSORS
     seen = []
     for x in (1.0, 1.0, 2.0):
@@ -123,7 +122,7 @@ def test_a_map_that_is_read_again_in_another_order_is_another() -> None:
         "Say:\n  eff:\n    stdout << length(by)\n"
     )
     made = ready(program(text))
-    (robot,) = Fleet(made.classes, dealt(made.program, 1).kinds, 0.1, Nothing()).robots
+    (robot,) = RoundEngine(made.classes, dealt(made.program, 1).kinds, 0.1, Nothing()).robots
     (name,) = robot.SENSORS
     pairs = (True, "a"), (False, "b")
     for read in (pairs, pairs[::-1]):
@@ -226,7 +225,7 @@ def test_one_evaluation_has_one_answer() -> None:
     )
     made = ready(program(text))
     host = Picky()
-    it = Fleet(made.classes, (0,), 0.1, host)
+    it = RoundEngine(made.classes, (0,), 0.1, host)
     it.begin()
     it.program_turns(Deployed())
     assert host.asked == 2

@@ -171,7 +171,7 @@ network: {transport: unicast, port: 5000, key: sixteen letters ok, run: monday}
         ("agents:\n  - pid: 1\n  - pid: 2", 3, "leaves a gap", "0 to 1"),
         ("agents:\n  - {pid: 0, on_device: cat}\ndevices:\n  car: {}", 2, "no device cat", "car"),
         ("agents: [{}]", 1, "`pid` is missing", None),
-        ("num_robots: 1\ndevice: {bot_type: CARR}", 2, "enum value", "CAR, QUAD, IDEAL"),
+        ("num_robots: 1\ndevice: {bot_type: CARR}", 2, "enum value", "CAR, QUAD, DIFF, IDEAL"),
         ("num_robots: 1\ndevice: {planer: X}", 2, "no field `planer`", "`planner`"),
         ("num_robots: 1\ndevice:\n  motion:\n    planer: X", 4, "`planer`", "`planner`"),
         ("num_robots: 1\ndevice: {ip: 1.2.3}", 2, "no IPv4 address", None),

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from koord.runtime.deciding import decide, rotating
-from koord.runtime.proposals import Asked, Attempt, Fault, Proposal, Taken, Write
+from koord.runtime.proposals import Asked, Attempt, Fault, Proposal, Taken, Write, decide, rotating
 from koord.syntax.faults import FaultKind
 
 

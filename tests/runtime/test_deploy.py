@@ -16,14 +16,13 @@ from koord.cli.deployed import story
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.configuration.checking import load as load_configuration
-from koord.runtime.deploy.ideal import Ideal, unanswered
+from koord.runtime.deploy.ideal import IdealHost, unanswered
 from koord.runtime.deploy.journal import Journal, Page
 from koord.runtime.deploy.member import DivergedError, Member
 from koord.runtime.deploy.networks import hears_itself, local_plan
 from koord.runtime.deploy.running import Job, Runner
 from koord.runtime.deploy.status import Tally, status_of
-from koord.runtime.engine.fleet import Fleet
-from koord.runtime.engine.schedules import Deployed
+from koord.runtime.engine import Deployed, RoundEngine
 from koord.runtime.peer import Peer
 from koord.runtime.proposals import Attempt, Decision, Proposal, Write
 from koord.runtime.protocol.entries import Entry
@@ -31,10 +30,10 @@ from koord.runtime.protocol.events import Reason
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import State, fresh, returning
 from koord.runtime.robot import Robot, Turn
-from koord.runtime.transports.inprocess import Hub
+from koord.runtime.transports.transport import Hub
 from koord.runtime.transports.udp import Reach
-from koord.runtime.wire.codec import Run
-from koord.runtime.wire.drops import Drop
+from koord.runtime.wire.codec import RunKey
+from koord.runtime.wire.frames import Drop
 from koord.syntax.load import load
 from koord.syntax.source import Source
 
@@ -50,9 +49,9 @@ def classes(name: str) -> tuple[type[Robot], ...]:
     return loaded(compiled(program))
 
 
-def host(name: str, pid: int, robots: int) -> Ideal:
+def host(name: str, pid: int, robots: int) -> IdealHost:
     program = classes(name)[pid % len(classes(name))]
-    return Ideal(program, pid, robots, DELTA_S, seed=1)
+    return IdealHost(program, pid, robots, DELTA_S, seed=1)
 
 
 def member(name: str, pid: int, robots: int, folder: Path | None = None) -> Member:
@@ -88,7 +87,7 @@ class Deployment:
         setup = Setup(self.robots, timing, rounds=self.rounds, decide=made.decided)
         self.hub.inboxes[pid].clear()
         transport = self.hub.transport(pid)
-        run = Run("a run", b"a key", self.robots)
+        run = RunKey("a run", b"a key", self.robots)
         peer = self.peers[pid] = Peer(run, setup, state(setup), made, transport, lambda: self.now)
         peer.start()
 
@@ -113,7 +112,7 @@ class Deployment:
         return dict(vars(self.members[pid].robot))
 
 
-def engine(name: str, robots: int, rounds: int) -> Fleet:
+def engine(name: str, robots: int, rounds: int) -> RoundEngine:
     """The same in one loop, without messages."""
 
     class Hosts:
@@ -135,7 +134,7 @@ def engine(name: str, robots: int, rounds: int) -> Fleet:
             return self.own[robot].choose(turn, robot, key, low, high)
 
     kinds = [i % len(classes(name)) for i in range(robots)]
-    fleet = Fleet(classes(name), kinds, DELTA_S, Hosts())
+    fleet = RoundEngine(classes(name), kinds, DELTA_S, Hosts())
     fleet.begin()
     for round_ in range(rounds):
         if round_:
@@ -270,7 +269,7 @@ def test_a_store_that_differs_is_noticed() -> None:
 
 def test_ideal_robots_go_where_they_are_told_at_their_speed() -> None:
     one = member("waypoints", 0, 1)
-    own = Ideal(type(one.robot), 0, 1, DELTA_S, seed=1, position=(0.0, 0.0, 0.0), speed_mps=2.0)
+    own = IdealHost(type(one.robot), 0, 1, DELTA_S, seed=1, position=(0.0, 0.0, 0.0), speed_mps=2.0)
     own._move(((1.0, 0.0, 0.0), (1.0, 1.0, 0.0)))
     assert own.position == pytest.approx((0.2, 0.0, 0.0))
     for _ in range(5):

@@ -19,7 +19,7 @@ from koord.runtime.exploration.claims import (
     valid,
 )
 from koord.runtime.exploration.exploring import explore, wander
-from koord.runtime.exploration.world import Bounds, proposal_of
+from koord.runtime.exploration.world import ExplorationBounds, proposal_of
 from koord.runtime.proposals import Decision, Taken
 from koord.runtime.protocol.entries import Entry, Held, digest
 from koord.runtime.protocol.setup import Setup, Timing
@@ -32,20 +32,26 @@ SETUP = Setup(3, Timing.zero())
     ("bounds", "least_states"),
     [
         pytest.param(
-            Bounds(rounds=1, epoch=0, crashes=0, eager=False), 1_500, id="one round, whole"
-        ),
-        pytest.param(Bounds(rounds=1, epoch=1, crashes=1, depth=11), 8_000, id="an election"),
-        pytest.param(
-            Bounds(rounds=1, epoch=2, crashes=1, restarts=1, depth=9), 8_000, id="a restart"
+            ExplorationBounds(rounds=1, epoch=0, crashes=0, eager=False),
+            1_500,
+            id="one round, whole",
         ),
         pytest.param(
-            Bounds(rounds=0, epoch=1, crashes=0, settled=False, resends=True, depth=10),
+            ExplorationBounds(rounds=1, epoch=1, crashes=1, depth=11), 8_000, id="an election"
+        ),
+        pytest.param(
+            ExplorationBounds(rounds=1, epoch=2, crashes=1, restarts=1, depth=9),
+            8_000,
+            id="a restart",
+        ),
+        pytest.param(
+            ExplorationBounds(rounds=0, epoch=1, crashes=0, settled=False, resends=True, depth=10),
             3_000,
             id="from switching on",
         ),
     ],
 )
-def test_the_invariants_hold_however_it_comes(bounds: Bounds, least_states: int) -> None:
+def test_the_invariants_hold_however_it_comes(bounds: ExplorationBounds, least_states: int) -> None:
     explored = explore(bounds)
     assert explored.violation is None
     assert explored.states > least_states
@@ -56,15 +62,18 @@ def test_the_invariants_hold_however_it_comes(bounds: Bounds, least_states: int)
 @pytest.mark.parametrize(
     "bounds",
     [
-        pytest.param(Bounds(rounds=2, epoch=0, crashes=0), id="two rounds, whole"),
-        pytest.param(Bounds(rounds=1, epoch=1, crashes=0), id="an election, whole"),
-        pytest.param(Bounds(rounds=1, epoch=2, crashes=1, states=2_500_000), id="elections"),
+        pytest.param(ExplorationBounds(rounds=2, epoch=0, crashes=0), id="two rounds, whole"),
+        pytest.param(ExplorationBounds(rounds=1, epoch=1, crashes=0), id="an election, whole"),
         pytest.param(
-            Bounds(rounds=1, epoch=2, crashes=1, restarts=1, states=2_500_000), id="restarts"
+            ExplorationBounds(rounds=1, epoch=2, crashes=1, states=2_500_000), id="elections"
+        ),
+        pytest.param(
+            ExplorationBounds(rounds=1, epoch=2, crashes=1, restarts=1, states=2_500_000),
+            id="restarts",
         ),
     ],
 )
-def test_the_invariants_hold_further_on(bounds: Bounds) -> None:
+def test_the_invariants_hold_further_on(bounds: ExplorationBounds) -> None:
     explored = explore(bounds)
     assert explored.violation is None
     assert explored.committed > 2
@@ -74,7 +83,7 @@ def test_the_invariants_hold_further_on(bounds: Bounds) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_unlucky_walks_keep_the_invariants(seed: int) -> None:
     """Crashes and returns, and everything that was ever sent may still arrive."""
-    explored = wander(Bounds(rounds=4, epoch=8, crashes=4, restarts=4), seed, 40, 150)
+    explored = wander(ExplorationBounds(rounds=4, epoch=8, crashes=4, restarts=4), seed, 40, 150)
     assert explored.violation is None
     assert explored.epochs >= 3
 
@@ -82,20 +91,20 @@ def test_unlucky_walks_keep_the_invariants(seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("robots", [3, 4, 5])
 def test_many_unlucky_walks_keep_the_invariants(robots: int) -> None:
-    bounds = Bounds(robots=robots, rounds=5, epoch=12, crashes=5, restarts=5)
+    bounds = ExplorationBounds(robots=robots, rounds=5, epoch=12, crashes=5, restarts=5)
     explored = wander(bounds, robots, 2_000, 250)
     assert explored.violation is None
 
 
 def test_entries_are_committed_in_several_ways() -> None:
     """The exploration reaches rounds with late robots, and elections."""
-    explored = explore(Bounds(rounds=1, epoch=1, crashes=1, depth=13, states=30_000))
+    explored = explore(ExplorationBounds(rounds=1, epoch=1, crashes=1, depth=13, states=30_000))
     assert explored.committed >= 2
     assert explored.epochs == 2
 
 
 def test_a_bound_on_states_is_kept() -> None:
-    explored = explore(Bounds(rounds=1, states=500))
+    explored = explore(ExplorationBounds(rounds=1, states=500))
     assert 500 < explored.states < 1_500
     assert not explored.complete
 
@@ -103,7 +112,7 @@ def test_a_bound_on_states_is_kept() -> None:
 def test_a_violation_comes_with_its_story() -> None:
     """[ATOMIC]: a coordinator that excludes nobody is found out."""
     wrong = replace(SETUP, decide=_let_all_through)
-    explored = explore(Bounds(rounds=1, epoch=1, crashes=0, depth=6), wrong)
+    explored = explore(ExplorationBounds(rounds=1, epoch=1, crashes=0, depth=6), wrong)
     assert explored.violation is not None
     assert explored.violation.broken.claim == "I-ONE-WINNER"
     assert explored.violation.story

@@ -18,12 +18,10 @@ from koord.runtime.chaos.ledger import Journal, Ledger
 from koord.runtime.peer import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
-from koord.runtime.transports.inprocess import Hub
-from koord.runtime.transports.transport import Transport, TransportError
+from koord.runtime.transports.transport import Hub, Transport, TransportError
 from koord.runtime.transports.udp import Plan, Reach, Udp, is_group, on_this_machine
-from koord.runtime.wire.codec import Run
-from koord.runtime.wire.drops import Drop
-from koord.runtime.wire.frames import LONGEST
+from koord.runtime.wire.codec import RunKey
+from koord.runtime.wire.frames import LONGEST, Drop
 from tests.runtime.together import KEY, together
 
 Make = Callable[[int], list[Transport]]
@@ -180,7 +178,7 @@ def test_sending_to_a_robot_that_is_gone_is_loss(make: Make) -> None:
 def test_robots_agree_over_it(make: Make) -> None:
     """Three robots on one thread, as fast as it goes."""
     setup = Setup(3, Timing.of(0.0, 3))
-    run = Run("a run", KEY, 3)
+    run = RunKey("a run", KEY, 3)
     peers = [
         Peer(run, setup, fresh(setup, pid, 99), Ledger(pid, Journal()), transport, time.monotonic)
         for pid, transport in enumerate(make(3))

@@ -40,17 +40,15 @@ from koord.runtime.protocol.messages import (
     Support,
     Vote,
 )
-from koord.runtime.wire.bodies import Kind, message_of
-from koord.runtime.wire.codec import LONG_PAST, Reader, Run, Writer
-from koord.runtime.wire.drops import Drop
-from koord.runtime.wire.frames import HEADER_BYTES, LONGEST, ROOM, Frame, Seal, session_key
-from koord.runtime.wire.pieces import MOST_PIECES, Assembly, cut
-from koord.runtime.wire.replays import WIDTH, Window
+from koord.runtime.wire.bodies import MessageKind, message_of
+from koord.runtime.wire.codec import LONG_PAST, DatagramReader, DatagramWriter, RunKey
+from koord.runtime.wire.frames import HEADER_BYTES, LONGEST, ROOM, Drop, Frame, Seal, session_key
+from koord.runtime.wire.pieces import MOST_PIECES, WIDTH, Assembly, Window, cut
 from koord.syntax.faults import FaultKind
 from tests.sampling import examples
 
 ROBOTS = 5
-RUN = Run("monday", b"a key of enough bytes", ROBOTS)
+RUN = RunKey("monday", b"a key of enough bytes", ROBOTS)
 
 # --- strategies -----------------------------------------------------------------------------------
 
@@ -124,8 +122,8 @@ messages: st.SearchStrategy[Message] = st.one_of(
 )
 
 
-def sent(message: Message, pid: int = 1, run: Run = RUN) -> list[bytes]:
-    return Writer(run, pid).datagrams(3, 7, message)
+def sent(message: Message, pid: int = 1, run: RunKey = RUN) -> list[bytes]:
+    return DatagramWriter(run, pid).datagrams(3, 7, message)
 
 
 def big(size: int) -> Snapshot:
@@ -139,7 +137,7 @@ def big(size: int) -> Snapshot:
 @given(messages)
 @examples(300)
 def test_what_is_written_is_read(message: Message) -> None:
-    reader = Reader(RUN, 0)
+    reader = DatagramReader(RUN, 0)
     letters = [reader.read(datagram) for datagram in sent(message)]
     assert letters[:-1] == [None] * (len(letters) - 1)
     last = letters[-1]
@@ -153,14 +151,14 @@ def test_what_is_written_is_read(message: Message) -> None:
 def test_every_kind_of_message_has_a_number() -> None:
     import typing
 
-    assert len(Kind) == len(typing.get_args(Message))
+    assert len(MessageKind) == len(typing.get_args(Message))
 
 
 @pytest.mark.parametrize("value", [2**64, -(2**63) - 1, 10**300, -(10**300)])
 def test_whole_numbers_of_any_size_survive(value: int) -> None:
     message = Propose(Proposal(1, 0, (Attempt(0, (Write(0, (value,), (value, (value,))),)),)))
     (datagram,) = sent(message)
-    letter = Reader(RUN, 0).read(datagram)
+    letter = DatagramReader(RUN, 0).read(datagram)
     assert letter is not None
     assert letter.message == message
 
@@ -168,7 +166,7 @@ def test_whole_numbers_of_any_size_survive(value: int) -> None:
 def test_floats_survive_to_the_last_bit() -> None:
     for value in (-0.0, 5e-324, float("inf"), 0.1 + 0.2):
         message = Propose(Proposal(1, 0, (Attempt(0, (Write(0, (), value),)),)))
-        letter = Reader(RUN, 0).read(sent(message)[0])
+        letter = DatagramReader(RUN, 0).read(sent(message)[0])
         assert letter is not None
         assert repr(letter.message) == repr(message)
 
@@ -180,7 +178,7 @@ def test_long_messages_travel_in_pieces_in_any_order(size: int) -> None:
     assert all(len(datagram) <= LONGEST for datagram in datagrams)
     assert len(datagrams) <= size // ROOM + 2
     Random(size).shuffle(datagrams)
-    reader = Reader(RUN, 0)
+    reader = DatagramReader(RUN, 0)
     letters = [letter for datagram in datagrams if (letter := reader.read(datagram)) is not None]
     assert [letter.message for letter in letters] == [message]
     assert not reader.drops
@@ -194,7 +192,7 @@ def test_a_message_that_is_too_long_is_refused_when_it_is_sent() -> None:
 # --- hostile datagrams ----------------------------------------------------------------------------
 
 
-def dropped(reader: Reader, datagram: bytes) -> Drop:
+def dropped(reader: DatagramReader, datagram: bytes) -> Drop:
     """Why a datagram was dropped; it must be, and for one reason."""
     before = dict(reader.drops)
     assert reader.read(datagram) is None
@@ -204,17 +202,17 @@ def dropped(reader: Reader, datagram: bytes) -> Drop:
 
 def test_each_kind_of_bad_datagram_is_counted_as_what_it_is() -> None:
     (good,) = sent(Ask(3))
-    reader = Reader(RUN, 0)
+    reader = DatagramReader(RUN, 0)
     assert dropped(reader, b"") is Drop.SIZE
     assert dropped(reader, good[:20]) is Drop.SIZE
     assert dropped(reader, good + bytes(LONGEST)) is Drop.SIZE
     assert dropped(reader, b"X" + good[1:]) is Drop.NOT_KOORD
     assert dropped(reader, good[:1] + b"\x09" + good[2:]) is Drop.VERSION
     assert dropped(reader, sent(Ask(3), pid=0)[0]) is Drop.STRANGER
-    stranger = sent(Ask(3), pid=9, run=Run(RUN.id, RUN.key, 20))
+    stranger = sent(Ask(3), pid=9, run=RunKey(RUN.id, RUN.key, 20))
     assert dropped(reader, stranger[0]) is Drop.STRANGER
-    assert dropped(reader, sent(Ask(3), run=Run(RUN.id, b"another key", 5))[0]) is Drop.FORGED
-    assert dropped(reader, sent(Ask(3), run=Run("tuesday", RUN.key, 5))[0]) is Drop.FORGED
+    assert dropped(reader, sent(Ask(3), run=RunKey(RUN.id, b"another key", 5))[0]) is Drop.FORGED
+    assert dropped(reader, sent(Ask(3), run=RunKey("tuesday", RUN.key, 5))[0]) is Drop.FORGED
     assert reader.read(good) is not None
     assert dropped(reader, good) is Drop.REPLAYED
     assert reader.drops.total() == 10
@@ -225,7 +223,7 @@ def test_no_bit_can_be_flipped(at: int) -> None:
     (good,) = sent(Ask(3))
     flipped = bytearray(good)
     flipped[at // 8] ^= 1 << at % 8
-    reader = Reader(RUN, 0)
+    reader = DatagramReader(RUN, 0)
     assert dropped(reader, bytes(flipped)) in (
         Drop.FORGED,
         Drop.STRANGER,
@@ -238,15 +236,15 @@ def test_no_bit_can_be_flipped(at: int) -> None:
 @given(st.binary(max_size=LONGEST + 10))
 @examples(300)
 def test_random_bytes_are_dropped(datagram: bytes) -> None:
-    dropped(Reader(RUN, 0), datagram)
+    dropped(DatagramReader(RUN, 0), datagram)
 
 
-@given(st.sampled_from(Kind), st.binary(max_size=60))
+@given(st.sampled_from(MessageKind), st.binary(max_size=60))
 @examples(500)
-def test_authentic_nonsense_does_not_raise(kind: Kind, body: bytes) -> None:
+def test_authentic_nonsense_does_not_raise(kind: MessageKind, body: bytes) -> None:
     """A robot that has gone mad, with the right key."""
     seal = Seal(session_key(RUN.key, RUN.id))
-    reader = Reader(RUN, 0)
+    reader = DatagramReader(RUN, 0)
     letter = reader.read(seal.put_on(Frame(kind, 1, 0, 0, 0, 0, 1, body)))
     assert (letter is None) == (reader.drops[Drop.MALFORMED] == 1)
 
@@ -266,7 +264,7 @@ def test_authentic_nonsense_does_not_raise(kind: Kind, body: bytes) -> None:
     ],
 )
 def test_bodies_of_the_wrong_form_are_no_messages(body: bytes) -> None:
-    assert message_of(Kind.DECIDE, body, ROBOTS) is None
+    assert message_of(MessageKind.DECIDE, body, ROBOTS) is None
 
 
 def test_extensions_other_than_whole_numbers_are_no_messages() -> None:
@@ -276,25 +274,28 @@ def test_extensions_other_than_whole_numbers_are_no_messages() -> None:
         msgspec.msgpack.Ext(1, bytes(1 << 17)),
     ):
         flat = (0, ((0, (), (), ((0, (), ext),), b"", None), b"", (), ()))
-        assert message_of(Kind.DECIDE, msgspec.msgpack.encode(flat), ROBOTS) is None
+        assert message_of(MessageKind.DECIDE, msgspec.msgpack.encode(flat), ROBOTS) is None
 
 
 def test_snapshots_of_another_fleet_are_no_messages() -> None:
     datagrams = sent(Snapshot(0, 0, b"", (0,) * 4, (None,) * 4, b""))
-    assert dropped(Reader(RUN, 0), datagrams[0]) is Drop.MALFORMED
+    assert dropped(DatagramReader(RUN, 0), datagrams[0]) is Drop.MALFORMED
 
 
 def test_pauses_that_would_stop_the_fleet_are_no_messages() -> None:
     for pause_s in (-1.0, float("nan"), float("inf")):
-        assert dropped(Reader(RUN, 0), sent(Committed(0, 0, b"", pause_s))[0]) is Drop.MALFORMED
+        assert (
+            dropped(DatagramReader(RUN, 0), sent(Committed(0, 0, b"", pause_s))[0])
+            is Drop.MALFORMED
+        )
 
 
 def test_rounds_long_past_are_not_looked_at() -> None:
-    reader = Reader(RUN, 0)
+    reader = DatagramReader(RUN, 0)
     reader.round = 7 + LONG_PAST + 1
     assert dropped(reader, sent(Ask(3))[0]) is Drop.OLD
     reader.round -= 1
-    assert reader.read(Writer(RUN, 2).datagrams(0, 7, Ask(3))[0]) is not None
+    assert reader.read(DatagramWriter(RUN, 2).datagrams(0, 7, Ask(3))[0]) is not None
 
 
 def test_the_round_is_covered_by_the_proof() -> None:
@@ -302,7 +303,7 @@ def test_the_round_is_covered_by_the_proof() -> None:
     at = HEADER_BYTES - 8
     assert struct.unpack_from("!i", good, at) == (7,)
     later = good[:at] + struct.pack("!i", 8) + good[at + 4 :]
-    assert dropped(Reader(RUN, 0), later) is Drop.FORGED
+    assert dropped(DatagramReader(RUN, 0), later) is Drop.FORGED
 
 
 # --- replays --------------------------------------------------------------------------------------
@@ -369,8 +370,8 @@ def test_memory_for_unfinished_messages_is_bounded() -> None:
 
 
 def test_messages_that_gave_way_are_counted() -> None:
-    reader = Reader(RUN, 0, Assembly(most_bytes=2 * ROOM))
-    writer = Writer(RUN, 1)
+    reader = DatagramReader(RUN, 0, Assembly(most_bytes=2 * ROOM))
+    writer = DatagramWriter(RUN, 1)
     for _ in range(5):
         reader.read(writer.datagrams(0, 0, big(3 * ROOM))[0])
     assert reader.drops[Drop.UNFINISHED] == 3

@@ -8,9 +8,8 @@ from koord.runtime.chaos.ledger import Journal, Ledger
 from koord.runtime.peer import Peer
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import State, fresh
-from koord.runtime.transports.inprocess import Hub
-from koord.runtime.transports.transport import Transport
-from koord.runtime.wire.codec import Run
+from koord.runtime.transports.transport import Hub, Transport
+from koord.runtime.wire.codec import RunKey
 
 KEY = b"the key of the tests"
 
@@ -27,7 +26,7 @@ class Together:
 
     def join(self, state: State, transport: Transport, run: str = "tests") -> Peer:
         ledger = Ledger(state.pid, Journal())
-        known = Run(run, KEY, self.setup.robots)
+        known = RunKey(run, KEY, self.setup.robots)
         peer = Peer(known, self.setup, state, ledger, transport, lambda: self.now)
         self.peers.append(peer)
         self.ledgers.append(ledger)

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
-from koord.runtime.engine.fleet import Fleet as Engine
+from koord.runtime.engine import RoundEngine as Engine
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Drone, PlannerName
 from koord.runtime.motion.clearance import clearance_of
 from koord.runtime.motion.world import World
 from koord.sim.fleet import Placed
 from koord.sim.measuring import Figures
-from koord.sim.recording import Recording
+from koord.sim.run_log import RunLog
 from koord.sim.running import Cast, Simulation, run
 from koord.sim.scene import Scene
 from koord.sim.squads import DeviceModel
@@ -39,7 +39,7 @@ TEAM = (
 class Recorded:
     """A run that is over, and its recording."""
 
-    recording: Recording
+    recording: RunLog
     engine: Engine
     last: tuple[Floats, Floats]  #: where robots were in the end, and where they pointed
     attitudes: Floats  #: in the end

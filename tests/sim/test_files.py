@@ -16,16 +16,16 @@ import pytest
 from koord.runtime.motion.world import Box, Disc, Polygon, World
 from koord.runtime.shapes import Array, Enumeration
 from koord.sim.files import plots, rosbag, space
-from koord.sim.recording import (
+from koord.sim.run_log import (
     SHARED,
     WHOLE,
-    Agent,
-    Change,
     Header,
-    Home,
-    Recorder,
-    Recording,
-    Variable,
+    LoggedAgent,
+    LoggedChange,
+    LoggedHome,
+    LoggedVariable,
+    RunLog,
+    RunLogger,
     map_variable,
     turns_of,
 )
@@ -33,19 +33,19 @@ from tests.sim.recorded import task
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording() -> RunLog:
     recording = task().recording
-    again = Recorder(recording.header).recording
+    again = RunLogger(recording.header).recording
     for name in ("times_s", "poses", "separations_m", "rounds", "paths", "tasks", "ending"):
         setattr(again, name, getattr(recording, name))
-    recorder = Recorder(again.header)
+    recorder = RunLogger(again.header)
     recorder.recording = again
     recorder.violation(3.0, "separation", "too near", (0, 1), (1.0, 2.0, 0.5))
     return again
 
 
 @pytest.fixture
-def cluttered() -> Recording:
+def cluttered() -> RunLog:
     """A world with an obstacle of each shape, without robots."""
     obstacles = (
         Box((1, 1, 0), (2, 3, 1)),
@@ -53,15 +53,13 @@ def cluttered() -> Recording:
         Polygon(((5, 5), (7, 5), (6, 6.5)), 0.5, 9.0),
     )
     world = World((0, 0, 0), (8, 8, 3), obstacles)
-    return Recorder(Header("c.krd", "", 0.1, 0, world, (), (), ())).recording
+    return RunLogger(Header("c.krd", "", 0.1, 0, world, (), (), ())).recording
 
 
 # --- rosbag2 --------------------------------------------------------------------------------------
 
 
-def test_a_rosbag_is_whole_each_time_that_it_has_grown(
-    recording: Recording, tmp_path: Path
-) -> None:
+def test_a_rosbag_is_whole_each_time_that_it_has_grown(recording: RunLog, tmp_path: Path) -> None:
     """As somebody finds it who looks at it then, or after a kill."""
     pytest.importorskip("rosbags")
     from rosbags.highlevel import AnyReader
@@ -77,7 +75,7 @@ def test_a_rosbag_is_whole_each_time_that_it_has_grown(
         assert reader.message_count == sum(1 for _ in reader.messages()) > len(recording.times_s)
 
 
-def test_a_rosbag_has_poses_events_and_violations(recording: Recording, tmp_path: Path) -> None:
+def test_a_rosbag_has_poses_events_and_violations(recording: RunLog, tmp_path: Path) -> None:
     pytest.importorskip("rosbags")
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
@@ -115,7 +113,7 @@ def test_a_rosbag_has_poses_events_and_violations(recording: Recording, tmp_path
     assert kinds == {"bounds", "robots", "tasks"}
 
 
-def test_a_rosbag_has_every_obstacle(cluttered: Recording) -> None:
+def test_a_rosbag_has_every_obstacle(cluttered: RunLog) -> None:
     pytest.importorskip("rosbags")
     from rosbags.typesys import Stores, get_typestore
 
@@ -133,9 +131,7 @@ def test_a_rosbag_has_every_obstacle(cluttered: Recording) -> None:
 @pytest.mark.parametrize(
     ("form", "begins"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")]
 )
-def test_a_picture_is_of_its_form_and_repeats(
-    recording: Recording, form: str, begins: bytes
-) -> None:
+def test_a_picture_is_of_its_form_and_repeats(recording: RunLog, form: str, begins: bytes) -> None:
     pytest.importorskip("matplotlib")
     picture = plots.plot_of(recording, form)
     assert picture.startswith(begins)
@@ -145,10 +141,10 @@ def test_a_picture_is_of_its_form_and_repeats(
 
 def test_maps_are_those_of_their_times() -> None:
     pytest.importorskip("matplotlib")
-    recorder = Recorder(mapped(3))
+    recorder = RunLogger(mapped(3))
     for k in range(10):
-        changes = [Change(SHARED, 0, WHOLE, (0,) * 12)] if k == 0 else []
-        changes += [Change(SHARED, 0, k, 2 if k == 5 else 1)] if k else []
+        changes = [LoggedChange(SHARED, 0, WHOLE, (0,) * 12)] if k == 0 else []
+        changes += [LoggedChange(SHARED, 0, k, 2 if k == 5 else 1)] if k else []
         recorder.round(k, 0.1 * k, np.full(0, -1, np.int16), changes)
     recording = recorder.recording
     number = map_variable(recording.header)
@@ -170,15 +166,15 @@ def mapped(rows: int) -> Header:
     """A program that maps a world of four by three cells, with room for four times ``rows``."""
     world = World((0, 0, 0), (4, 3, 2), (Box((1, 1, 0), (2, 2, 1)),), cell_m=1.0)
     cells = Array(Enumeration("Cell", ("unknown", "free", "wall")), 4 * rows)
-    shared = (Variable("map", Home.ALLWRITE, cells),)
-    return Header("m.krd", "", 0.1, 0, world, (Agent("M", (), ()),), (), shared)
+    shared = (LoggedVariable("map", LoggedHome.ALLWRITE, cells),)
+    return Header("m.krd", "", 0.1, 0, world, (LoggedAgent("M", (), ()),), (), shared)
 
 
 # --- in space -------------------------------------------------------------------------------------
 
 
 def test_the_page_in_space_is_one_file(
-    recording: Recording, capfd: pytest.CaptureFixture[str]
+    recording: RunLog, capfd: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("viser")
     page = space.space_of(recording)
@@ -201,7 +197,7 @@ def test_prisms_are_closed_surfaces() -> None:
     assert vertices.max(0).tolist() == [2, 3, 1]
 
 
-def test_every_obstacle_is_a_surface_in_space(cluttered: Recording) -> None:
+def test_every_obstacle_is_a_surface_in_space(cluttered: RunLog) -> None:
     world = cluttered.header.world
     for obstacle, (width, depth, height) in zip(
         world.obstacles, ((1, 2, 1), (1, 1, 3), (2, 1.5, 2.5)), strict=True
@@ -216,9 +212,7 @@ def test_every_obstacle_is_a_surface_in_space(cluttered: Recording) -> None:
 # --- rerun ----------------------------------------------------------------------------------------
 
 
-def test_rerun_finds_nothing_wrong(
-    recording: Recording, cluttered: Recording, tmp_path: Path
-) -> None:
+def test_rerun_finds_nothing_wrong(recording: RunLog, cluttered: RunLog, tmp_path: Path) -> None:
     pytest.importorskip("rerun")
     from koord.sim.files.rerun import rrd_of
 

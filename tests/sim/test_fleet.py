@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from koord.runtime.motion.automaton import State, Visit
+from koord.runtime.motion.automaton import MotionState, Visit
 from koord.runtime.motion.bodies import (
     Body,
     Car,
@@ -256,7 +256,7 @@ def test_orders_of_all_kinds() -> None:
     fleet.stop(1)
     fleet.advance_to(3.0)
     states = [sensed.state for sensed in fleet.sensed()]
-    assert states == [State.HOLDING, State.STOPPED]
+    assert states == [MotionState.HOLDING, MotionState.STOPPED]
     stopped = fleet.positions()[1].copy()
     fleet.release(0)
     fleet.follow(1, [(2, 0, 1), (2, 3, 1)])

@@ -13,8 +13,8 @@ import pytest
 
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
-from koord.runtime.engine.fleet import Fleet as Engine
-from koord.runtime.engine.schedules import AtRandom, Deployed, Schedule
+from koord.runtime.engine import AtRandom, Deployed, Schedule
+from koord.runtime.engine import RoundEngine as Engine
 from koord.runtime.motion.bodies import Car, Drone, Ideal, PlannerName
 from koord.runtime.motion.clearance import clearance_of
 from koord.runtime.motion.library import Chart, Library

@@ -15,24 +15,24 @@ import numpy as np
 import pytest
 
 from koord.sim.live import Live
-from koord.sim.recording import Recorder
+from koord.sim.run_log import RunLogger
 from tests.sim import browser
 from tests.sim.test_page import header, in_a_browser
 from tests.sim.unpacking import Unpacked, unpacked
 
 
 @pytest.fixture
-def recorder() -> Recorder:
-    return Recorder(header(2))
+def recorder() -> RunLogger:
+    return RunLogger(header(2))
 
 
 @pytest.fixture
-def live(recorder: Recorder) -> Iterator[Live]:
+def live(recorder: RunLogger) -> Iterator[Live]:
     with Live(recorder.recording) as live:
         yield live
 
 
-def more(recorder: Recorder, first: int, count: int) -> None:
+def more(recorder: RunLogger, first: int, count: int) -> None:
     """So many more rounds, with a sample each."""
     for k in range(first, first + count):
         recorder.sample(0.1 * k, np.array([[0.1 * k, 1, 0], [2, 2, 1]]), np.zeros(2))
@@ -93,7 +93,7 @@ def test_browsers_that_break_off_are_nobodys_mistake(
     assert capsys.readouterr().err == ""
 
 
-def test_what_is_new_comes_in_packs(live: Live, recorder: Recorder, ask: Ask) -> None:
+def test_what_is_new_comes_in_packs(live: Live, recorder: RunLogger, ask: Ask) -> None:
     more(recorder, 0, 3)
     answer = ask("/packs")
     first = unpacked(next_pack(answer))
@@ -109,7 +109,7 @@ def test_what_is_new_comes_in_packs(live: Live, recorder: Recorder, ask: Ask) ->
     live.wait_for_watchers(20)
 
 
-def test_who_comes_late_gets_all_of_it(recorder: Recorder, ask: Ask) -> None:
+def test_who_comes_late_gets_all_of_it(recorder: RunLogger, ask: Ask) -> None:
     more(recorder, 0, 4)
     recorder.end("time is up")
     for _ in range(2):
@@ -117,7 +117,7 @@ def test_who_comes_late_gets_all_of_it(recorder: Recorder, ask: Ask) -> None:
         assert len(pack.times_s) == 4
 
 
-def test_the_end_waits_for_who_watches(live: Live, recorder: Recorder, ask: Ask) -> None:
+def test_the_end_waits_for_who_watches(live: Live, recorder: RunLogger, ask: Ask) -> None:
     more(recorder, 0, 1)
     answer = ask("/packs")
     next_pack(answer)
@@ -135,7 +135,7 @@ def test_the_end_waits_for_who_watches(live: Live, recorder: Recorder, ask: Ask)
 
 
 @in_a_browser
-def test_the_page_grows_with_the_run(live: Live, recorder: Recorder) -> None:
+def test_the_page_grows_with_the_run(live: Live, recorder: RunLogger) -> None:
     more(recorder, 0, 2)
     assert browser.installed() is not None
     with browser.browser(browser.installed() or "") as tab:

@@ -13,7 +13,7 @@ import pytest
 
 from koord.runtime.motion.world import Box, Disc, Polygon, World
 from koord.sim.files.mcap import mcap_of
-from koord.sim.recording import SHARED, Header, Recorder, Recording, turns_of
+from koord.sim.run_log import SHARED, Header, RunLog, RunLogger, turns_of
 from tests.sim.recorded import lineform, task
 
 pytest.importorskip("mcap")
@@ -38,16 +38,16 @@ class Read:
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording() -> RunLog:
     return task().recording
 
 
 @pytest.fixture(scope="module")
-def read(recording: Recording) -> Read:
+def read(recording: RunLog) -> Read:
     return Read(mcap_of(recording))
 
 
-def test_transforms_are_the_poses(recording: Recording, read: Read) -> None:
+def test_transforms_are_the_poses(recording: RunLog, read: Read) -> None:
     assert read.schemas["/tf"][0] == "foxglove.FrameTransforms"
     times = [time_s for time_s, _ in read.topics["/tf"]]
     assert np.allclose(times, recording.times_s)
@@ -61,7 +61,7 @@ def test_transforms_are_the_poses(recording: Recording, read: Read) -> None:
             assert np.allclose(told, turns_of(poses)[robot], atol=6e-4)
 
 
-def test_rounds_say_who_ran_what(recording: Recording, read: Read) -> None:
+def test_rounds_say_who_ran_what(recording: RunLog, read: Read) -> None:
     events = recording.header.agents[0].events
     for done, (time_s, message) in zip(recording.rounds, read.topics["/rounds"], strict=True):
         assert time_s == pytest.approx(done.time_s)
@@ -72,7 +72,7 @@ def test_rounds_say_who_ran_what(recording: Recording, read: Read) -> None:
         assert message["blocked"] == [k for k, deed in enumerate(deeds) if deed == -2]
 
 
-def test_changes_have_names(recording: Recording, read: Read) -> None:
+def test_changes_have_names(recording: RunLog, read: Read) -> None:
     changes = [c for _, message in read.topics["/shared"] for c in message["changes"]]
     assert len(changes) == sum(c.robot == SHARED for r in recording.rounds for c in r.changes)
     assigned = [c for c in changes if c["variable"] == "list" and "index" in c]
@@ -101,13 +101,13 @@ def test_messages_are_of_their_schemas(read: Read) -> None:
             jsonschema.validate(message, schema)
 
 
-def test_the_program_belongs_to_the_file(recording: Recording, read: Read) -> None:
+def test_the_program_belongs_to_the_file(recording: RunLog, read: Read) -> None:
     assert read.files == {"task.krd": recording.header.text}
     assert read.facts["koord"]["ending"] == "all robots have stopped"
 
 
-def test_violations_are_errors_in_the_log(recording: Recording) -> None:
-    recorder = Recorder(recording.header)
+def test_violations_are_errors_in_the_log(recording: RunLog) -> None:
+    recorder = RunLogger(recording.header)
     recorder.violation(1.5, "separation", "too near", (0, 1))
     ((time_s, message),) = Read(mcap_of(recorder.recording)).topics["/log"]
     assert (time_s, message["level"]) == (1.5, 4)
@@ -117,7 +117,7 @@ def test_violations_are_errors_in_the_log(recording: Recording) -> None:
 def test_obstacles_are_cubes_cylinders_and_lines() -> None:
     obstacles = (Box((1, 1, 0), (2, 3, 1)), Disc((4, 4), 0.5), Polygon(((5, 5), (7, 5), (6, 6))))
     world = World((0, 0, 0), (8, 8, 3), obstacles)
-    recording = Recorder(Header("c.krd", "", 0.1, 0, world, (), (), ())).recording
+    recording = RunLogger(Header("c.krd", "", 0.1, 0, world, (), (), ())).recording
     ((_, scene),) = Read(mcap_of(recording)).topics["/scene"]
     bounds, box, disc, polygon = scene["entities"]
     assert len(bounds["lines"][0]["points"]) == 24  # twelve edges

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from koord.sim.recording import Idle
+from koord.sim.run_log import Idle
 from tests.sim.recorded import Recorded, task
 
 

@@ -16,17 +16,17 @@ from koord.runtime.motion.bodies import Car, Drone
 from koord.runtime.motion.world import Disc, World
 from koord.runtime.shapes import FLOAT
 from koord.sim.packing import Cursor, cursor_of, pack
-from koord.sim.recording import (
-    Agent,
-    Change,
+from koord.sim.run_log import (
     Header,
-    Home,
-    Recorder,
-    Recording,
+    LoggedAgent,
+    LoggedChange,
+    LoggedHome,
+    LoggedVariable,
+    RunLog,
+    RunLogger,
     TaskState,
-    Variable,
 )
-from koord.sim.recording import Recorded as Robot
+from koord.sim.run_log import LoggedRobot as Robot
 from koord.sim.viewing import page_of
 from tests.sim import browser
 from tests.sim.browser import Tab
@@ -37,14 +37,14 @@ WORLD = World((0, 0, 0), (8, 6, 3), (Disc((4, 3), 0.5, 0, 2),), ((1, 1, 0), (7, 
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording() -> RunLog:
     return task().recording
 
 
 # --- what is embedded -----------------------------------------------------------------------------
 
 
-def test_poses_come_back(recording: Recording) -> None:
+def test_poses_come_back(recording: RunLog) -> None:
     found = unpacked(data_of(page_of(recording)))
     assert np.allclose(found.times_s, recording.times_s, atol=5e-4)
     assert np.allclose(found.poses[..., :3], recording.stacked()[..., :3], atol=6e-4)
@@ -56,7 +56,7 @@ def test_poses_come_back(recording: Recording) -> None:
     assert np.abs(found.tilts).max() > 0.05
 
 
-def test_rounds_paths_and_tasks_come_back(recording: Recording) -> None:
+def test_rounds_paths_and_tasks_come_back(recording: RunLog) -> None:
     found = unpacked(data_of(page_of(recording)))
     assert np.array_equal(found.deeds, [done.deeds for done in recording.rounds])
     assert len(found.paths) == len(recording.paths)
@@ -69,7 +69,7 @@ def test_rounds_paths_and_tasks_come_back(recording: Recording) -> None:
     assert found.document["tasks"] == tasks
 
 
-def test_the_header_is_json_that_says_all_shapes(recording: Recording) -> None:
+def test_the_header_is_json_that_says_all_shapes(recording: RunLog) -> None:
     header = unpacked(data_of(page_of(recording))).document["header"]
     of_task = header["shared"][1]["shape"]
     assert of_task["size"] == 6
@@ -78,7 +78,7 @@ def test_the_header_is_json_that_says_all_shapes(recording: Recording) -> None:
     assert header["text"] == recording.header.text
 
 
-def test_packs_in_pieces_are_one_pack(recording: Recording) -> None:
+def test_packs_in_pieces_are_one_pack(recording: RunLog) -> None:
     whole = unpacked(pack(recording, Cursor(), cursor_of(recording)))
     until = Cursor(50, 40, 3, 2, 0)
     first = unpacked(pack(recording, Cursor(), until))
@@ -94,7 +94,7 @@ def test_packs_in_pieces_are_one_pack(recording: Recording) -> None:
 
 
 def test_headings_may_turn_any_number_of_times() -> None:
-    recorder = Recorder(header(1))
+    recorder = RunLogger(header(1))
     turns = np.linspace(0, 300, 400)
     for k, angle in enumerate(turns):
         wrapped = np.angle(np.exp(1j * angle))
@@ -104,7 +104,7 @@ def test_headings_may_turn_any_number_of_times() -> None:
 
 
 def test_what_lies_outside_of_the_world_is_drawn_at_its_edge() -> None:
-    recorder = Recorder(header(1))
+    recorder = RunLogger(header(1))
     recorder.sample(0.0, np.array([[1e6, -1e6, 0.0]]), np.zeros(1))
     (x, y, _, _) = unpacked(data_of(page_of(recorder.recording))).poses[0, 0]
     assert x > 8
@@ -113,7 +113,7 @@ def test_what_lies_outside_of_the_world_is_drawn_at_its_edge() -> None:
 
 @pytest.mark.parametrize("evil", ["</script><script>x()</script>", "{{style}}", "a&b<c>"])
 def test_names_and_texts_cannot_leave_their_place(evil: str) -> None:
-    recorder = Recorder(header(1, program=evil))
+    recorder = RunLogger(header(1, program=evil))
     page = page_of(recorder.recording).decode()
     assert page.count("<script") == 2
     assert "x()" not in page.replace("&lt;/script&gt;&lt;script&gt;x()&lt;/script&gt;", "")
@@ -129,17 +129,17 @@ def header(robots: int, program: str = "a.krd", world: World = WORLD) -> Header:
     team = tuple(
         Robot(f"robot {k}", 0, "drone" if k % 2 else "car", *_LOOKS[k % 2]) for k in range(robots)
     )
-    agent = Agent("A", ("Go", "Wait"), (Variable("speed", Home.LOCAL, FLOAT),))
+    agent = LoggedAgent("A", ("Go", "Wait"), (LoggedVariable("speed", LoggedHome.LOCAL, FLOAT),))
     return Header(program, "Go:\n    eff: x = 1\n", 0.1, 7, world, (agent,), team, (), 0.6)
 
 
 _LOOKS: tuple[Any, ...] = ((Car.LOOK, 0.48, 0.58, 0.31, 0.165), (Drone.LOOK, 0.29, 0.58, 0.58))
 
 
-def circling(robots: int, seconds: float, broken: tuple[float, ...] = ()) -> Recording:
+def circling(robots: int, seconds: float, broken: tuple[float, ...] = ()) -> RunLog:
     """Robots on circles, with an event in every fifth round; the more, the wider their world."""
     wide = max(1.0, (robots / 10) ** 0.5)
-    recorder = Recorder(header(robots, world=replace(WORLD, high=(8 * wide, 6 * wide, 3))))
+    recorder = RunLogger(header(robots, world=replace(WORLD, high=(8 * wide, 6 * wide, 3))))
     row, rows = np.arange(robots), np.ceil(robots**0.5)
     middle = wide * np.column_stack([8 * (row % rows + 0.5), 6 * (row // rows + 0.5)]) / rows
     for k in range(round(seconds / 0.1) + 1):
@@ -152,7 +152,7 @@ def circling(robots: int, seconds: float, broken: tuple[float, ...] = ()) -> Rec
             recorder.sample(time_s, place, yaw, 0.7 + 0.3 * float(np.cos(time_s)))
         deeds = np.where((np.arange(robots) + k) % 5 == 0, 0, -1).astype(np.int16)
         deeds[-1] = -2
-        recorder.round(k, time_s, deeds, [Change(0, 0, -1, 0.5 * k)])
+        recorder.round(k, time_s, deeds, [LoggedChange(0, 0, -1, 0.5 * k)])
     for time_s in broken:
         recorder.violation(time_s, "separation", "0.41 m apart", (0, 1), (4.0, 5.0, 0.0))
         recorder.violation(time_s, "invariant Slow", "at a.krd:2:5", (1,))
@@ -322,7 +322,7 @@ def test_values_are_told_as_programs_write_them(opened: Tab) -> None:
 
 
 @in_a_browser
-def test_a_page_of_a_whole_task_run(tab: Tab, tmp_path: Path, recording: Recording) -> None:
+def test_a_page_of_a_whole_task_run(tab: Tab, tmp_path: Path, recording: RunLog) -> None:
     path = tmp_path / "task.html"
     path.write_bytes(page_of(recording))
     tab.complaints.clear()

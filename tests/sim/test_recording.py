@@ -8,12 +8,12 @@ import pytest
 from koord.runtime.motion.bodies import Car, Drone
 from koord.runtime.motion.world import World
 from koord.runtime.shapes import from_plain
-from koord.sim.recording import (
+from koord.sim.run_log import (
     SHARED,
     WHOLE,
-    Home,
     Idle,
-    Recording,
+    LoggedHome,
+    RunLog,
     TaskState,
     tilts_of,
     turns_of,
@@ -31,8 +31,8 @@ def test_the_header_says_what_is_drawn(run: Recorded) -> None:
     assert [robot.look for robot in header.robots] == [Car.LOOK, Drone.LOOK, Drone.LOOK]
     assert header.agents[0].events == ("Assign", "Complete")
     assert [(v.name, v.home) for v in header.shared] == [
-        ("route", Home.ALLREAD),
-        ("list", Home.ALLWRITE),
+        ("route", LoggedHome.ALLREAD),
+        ("list", LoggedHome.ALLWRITE),
     ]
     own = {v.name for v in header.agents[0].variables}
     assert own == {"isOnTask", "mine", "testRoute", "Motion_path", "Motion_reached"}
@@ -41,8 +41,8 @@ def test_the_header_says_what_is_drawn(run: Recorded) -> None:
 def test_what_a_model_writes_is_a_sensor() -> None:
     header = recorded("waypoints", World((-5, -5, 0), (20, 9, 3)), TEAM[1:], 2).recording.header
     homes = {v.name: v.home for v in header.agents[0].variables}
-    assert homes["Motion_psn"] is homes["Motion_reached"] is Home.SENSOR
-    assert homes["Motion_target"] is Home.ACTUATOR
+    assert homes["Motion_psn"] is homes["Motion_reached"] is LoggedHome.SENSOR
+    assert homes["Motion_target"] is LoggedHome.ACTUATOR
 
 
 def test_poses_are_those_of_the_fleet(run: Recorded) -> None:
@@ -79,7 +79,7 @@ def test_changes_add_up_to_the_store_and_to_the_robots(run: Recorded) -> None:
         for number, variable in enumerate(recording.header.agents[0].variables):
             plain = own[robot.pid].get(number)
             held = from_plain(variable.shape, plain, len(own), unset=True)
-            assert held == vars(robot)[variable.name] or variable.home is Home.SENSOR
+            assert held == vars(robot)[variable.name] or variable.home is LoggedHome.SENSOR
 
 
 def test_deeds_are_events_skips_blocks_and_stops(run: Recorded) -> None:
@@ -143,7 +143,7 @@ def test_a_fault_is_told_with_its_place() -> None:
     assert recording.ending == "a fault"
 
 
-def replayed(recording: Recording) -> tuple[dict[int, object], list[dict[int, object]]]:
+def replayed(recording: RunLog) -> tuple[dict[int, object], list[dict[int, object]]]:
     """All changes, one after the other."""
     shared: dict[int, object] = {}
     own: list[dict[int, object]] = [{} for _ in recording.header.robots]

@@ -10,7 +10,7 @@ from random import Random
 from msgspec import Struct
 
 from koord.runtime.chaos.faults import Faults
-from koord.runtime.node import Node, Robot
+from koord.runtime.node import Node, Participant
 from koord.runtime.protocol.messages import Message
 from koord.runtime.protocol.setup import Setup
 from koord.runtime.protocol.state import Coordinator, State
@@ -62,7 +62,7 @@ class Sent(Struct, frozen=True):
 class Newborn(Struct, frozen=True):
     """A robot as it is switched on, and how its part of the protocol begins."""
 
-    robot: Robot
+    robot: Participant
     setup: Setup
     state: State
 

@@ -62,7 +62,7 @@ def read(source: Source) -> Document:
         span = Span(source.name, 1, 1, 1, 1)
         hint = "a configuration begins with fields such as `agents:` and `devices:`"
         raise KoordError((problem(span, "there are no fields in this file", hint, "K930"),))
-    reader = _Reader(source)
+    reader = _YamlReader(source)
     value = reader.value(node, ())
     if reader.problems:
         raise KoordError(tuple(reader.problems))
@@ -70,7 +70,7 @@ def read(source: Source) -> Document:
     return reader.document
 
 
-class _Reader:
+class _YamlReader:
     def __init__(self, source: Source) -> None:
         self.document = Document(source, None)
         self.problems: list[Diagnostic] = []

@@ -30,7 +30,7 @@ _SLACK = 1e-9
 
 
 def unanswered(functions: Mapping[str, Shape]) -> tuple[str, ...]:
-    """The external functions among those that :class:`Ideal` cannot answer."""
+    """The external functions among those that :class:`IdealHost` cannot answer."""
     return tuple(name for name in functions if _plain_name(name) not in _LIBRARY)
 
 
@@ -39,7 +39,7 @@ def _plain_name(name: str) -> str:
     return re.sub(r"_\d+$", "", name)
 
 
-class Ideal:
+class IdealHost:
     """The host of one robot: its sensors, its library, chance."""
 
     def __init__(
@@ -198,17 +198,17 @@ def _towards(start: Point, goal: Point, part: float) -> Point:
 # --- the library, where there is nothing in the way ---------------------------------------------
 
 
-def _find_path(host: Ideal, start: Any, goal: Any, obstacles: Any = ()) -> Any:
+def _find_path(host: IdealHost, start: Any, goal: Any, obstacles: Any = ()) -> Any:
     return (tuple(start), tuple(goal))
 
 
-def _path_from_task(host: Ideal, first: Any, task: Any = None) -> Any:
+def _path_from_task(host: IdealHost, first: Any, task: Any = None) -> Any:
     """``getPathFromTask(task)`` or ``getPathFromTask(start, task)``."""
     start, of = (host.position, first) if task is None else (first, task)
     return (tuple(start), tuple(of[0]))
 
 
-def _paths_clear(host: Ideal, one: Any, other: Any) -> bool:
+def _paths_clear(host: IdealHost, one: Any, other: Any) -> bool:
     """Whether two paths keep apart, seen at points half as far from each other."""
     ours, theirs = _samples(one), _samples(other)
     return all(math.dist(a, b) > APART_M / 2 for a in ours for b in theirs)

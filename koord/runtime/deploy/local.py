@@ -37,7 +37,7 @@ class Launch(Struct, frozen=True):
     keeps_moments: bool = False
 
 
-class Fleet(Struct):
+class LocalProcesses(Struct):
     """The processes, and what they said last."""
 
     launch: Launch
@@ -111,9 +111,9 @@ class Fleet(Struct):
             process.join()
 
 
-def launched(launch: Launch) -> Fleet:
+def launched(launch: Launch) -> LocalProcesses:
     """Start a process for each robot."""
-    fleet = Fleet(launch)
+    fleet = LocalProcesses(launch)
     for pid in range(launch.job.robots):
         process, end = _started(launch, pid)
         fleet.processes.append(process)

@@ -7,7 +7,6 @@ from typing import Any, Protocol
 
 import msgspec
 
-from koord.runtime.deciding import decide, rotating
 from koord.runtime.deploy.journal import Attributes, Journal, Page
 from koord.runtime.encoding import FlatFault, big_int, encode, fault_of, flat_fault
 from koord.runtime.motion.world import Point
@@ -21,6 +20,8 @@ from koord.runtime.proposals import (
     Faulted,
     Proposal,
     Taken,
+    decide,
+    rotating,
 )
 from koord.runtime.protocol.entries import Entry, Ran
 from koord.runtime.protocol.events import Reason
@@ -39,7 +40,7 @@ class DivergedError(Exception):
     """The store is not what the decision says that it is: a mistake in koord, or in memory."""
 
 
-class Body(Host, Protocol):
+class Platform(Host, Protocol):
     """The host of a deployed robot: it has a place, and can be told to stay there."""
 
     position: Point
@@ -49,7 +50,7 @@ class Body(Host, Protocol):
 class Member:
     """One robot: its program, its copy of the store, its journal."""
 
-    def __init__(self, robot: Robot, host: Body, journal: Journal | None, program: str) -> None:
+    def __init__(self, robot: Robot, host: Platform, journal: Journal | None, program: str) -> None:
         """``program`` is a digest of the program's text, so that no other's journal is read."""
         self.robot = robot
         self.host = host

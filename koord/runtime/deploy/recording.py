@@ -28,7 +28,7 @@ _ROBOTS: tuple[str, dict[str, Any]] = (
 _STATUS: tuple[str, dict[str, Any]] = ("koord.status", {"type": "object"})
 
 
-class Record:
+class DeploymentRecord:
     """An MCAP file; one channel of JSON for each robot (``/robots/0``), one for their statuses."""
 
     def __init__(self, file: IO[bytes]) -> None:

@@ -13,7 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.runtime.configuration.model import Configuration
-from koord.runtime.deploy.ideal import Ideal
+from koord.runtime.deploy.ideal import IdealHost
 from koord.runtime.deploy.journal import Journal
 from koord.runtime.deploy.member import DivergedError, Member
 from koord.runtime.deploy.status import Status, Tally, status_of
@@ -25,7 +25,7 @@ from koord.runtime.protocol.state import fresh, returning
 from koord.runtime.robot import Robot, Written
 from koord.runtime.shapes import ShapeError
 from koord.runtime.transports.transport import Transport
-from koord.runtime.wire.codec import Run
+from koord.runtime.wire.codec import RunKey
 
 #: How often a robot says how it is doing.
 REPORT_S = 0.25
@@ -88,7 +88,7 @@ def ideal_member(job: Job, pid: int) -> Member:
     """A robot without a platform."""
     place = job.configuration.robots[pid]
     program = job.classes[job.kinds[pid]]
-    host = Ideal(
+    host = IdealHost(
         program,
         pid,
         job.robots,
@@ -142,7 +142,7 @@ class Runner:
         else:
             state = fresh(setup, pid, incarnation)
         # Robots with another program are of another run: they do not even hear each other.
-        run = Run(f"{job.run} {job.program} {job.robots}", job.key, job.robots)
+        run = RunKey(f"{job.run} {job.program} {job.robots}", job.key, job.robots)
         self.peer = Peer(run, setup, state, self.member, transport, clock)
 
     def _saw(self, entry: Entry, kept: Taken | None) -> None:

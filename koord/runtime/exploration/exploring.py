@@ -18,7 +18,15 @@ from koord.runtime.exploration.claims import (
     one_winner,
     valid,
 )
-from koord.runtime.exploration.world import DOWN, Act, Bounds, Cause, Explorer, Transition, World
+from koord.runtime.exploration.world import (
+    DOWN,
+    Act,
+    Cause,
+    ExplorationBounds,
+    Explorer,
+    ProtocolState,
+    Transition,
+)
 from koord.runtime.protocol.entries import Held
 from koord.runtime.protocol.events import Timer
 from koord.runtime.protocol.messages import Acknowledge
@@ -28,7 +36,7 @@ from koord.runtime.protocol.setup import Setup, Timing
 CRASHES, TIMERS = 0.03, 0.1
 
 
-class Violation(Struct, frozen=True):
+class InvariantViolation(Struct, frozen=True):
     """An invariant that does not hold, and what led to it."""
 
     broken: Broken
@@ -38,7 +46,7 @@ class Violation(Struct, frozen=True):
 class Explored(Struct, frozen=True):
     """What was seen."""
 
-    bounds: Bounds
+    bounds: ExplorationBounds
     states: int
     transitions: int
     depth: int
@@ -46,17 +54,17 @@ class Explored(Struct, frozen=True):
     committed: int  #: different entries committed, over all runs
     epochs: int  #: in how many epochs something was committed
     messages: int  #: different messages
-    violation: Violation | None = None
+    violation: InvariantViolation | None = None
 
 
-def explore(bounds: Bounds, setup: Setup | None = None) -> Explored:
+def explore(bounds: ExplorationBounds, setup: Setup | None = None) -> Explored:
     """Everything that can happen within the bounds, breadth first, until something is broken."""
     setup = setup if setup is not None else Setup(bounds.robots, Timing.zero())
     return _Search(Explorer(setup, bounds)).run()
 
 
 def wander(
-    bounds: Bounds, seed: int, walks: int, length: int, setup: Setup | None = None
+    bounds: ExplorationBounds, seed: int, walks: int, length: int, setup: Setup | None = None
 ) -> Explored:
     """Random walks through the same transitions: deeper than everything can be looked at.
 
@@ -70,7 +78,7 @@ class _Search:
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
         self._bounds = explorer.bounds
-        self._from: dict[World, tuple[World, int, Cause] | None] = {}
+        self._from: dict[ProtocolState, tuple[ProtocolState, int, Cause] | None] = {}
         self._entries: set[bytes] = set()
         self._epochs: set[int] = set()
         self._transitions = 0
@@ -85,13 +93,13 @@ class _Search:
             if self._bounds.depth is not None and depth == self._bounds.depth:
                 return self._explored(depth, complete=False)
             depth += 1
-            following: deque[World] = deque()
+            following: deque[ProtocolState] = deque()
             for world in layer:
                 for transition in self._explorer.transitions(world):
                     self._transitions += 1
                     broken = next(self._broken(world, transition), None)
                     if broken is not None:
-                        violation = Violation(broken, self._story(world, transition))
+                        violation = InvariantViolation(broken, self._story(world, transition))
                         return self._explored(depth, complete=False, violation=violation)
                     if transition.world not in self._from:
                         self._from[transition.world] = (
@@ -121,13 +129,13 @@ class _Search:
                 broken = next(self._broken(world, transition), None)
                 if broken is not None:
                     lines = tuple(self._explorer.tell(t.robot, t.cause) for t in story)
-                    return self._walked(len(seen), depth, Violation(broken, lines))
+                    return self._walked(len(seen), depth, InvariantViolation(broken, lines))
                 world = transition.world
                 seen.add(world)
                 deepest = max(deepest, depth)
         return self._walked(len(seen), deepest, None)
 
-    def _chosen(self, world: World, random: Random) -> Transition | None:
+    def _chosen(self, world: ProtocolState, random: Random) -> Transition | None:
         """A transition; now and then a crash, if a majority that knows everything is left."""
         crashes: list[Transition] = []
         others: list[Transition] = []
@@ -142,12 +150,12 @@ class _Search:
             return random.choice(timers)
         return random.choice(others) if others else None
 
-    def _walked(self, states: int, depth: int, violation: Violation | None) -> Explored:
+    def _walked(self, states: int, depth: int, violation: InvariantViolation | None) -> Explored:
         found = self._explored(depth, complete=False, violation=violation)
         return replace(found, states=states)
 
     def _explored(
-        self, depth: int, *, complete: bool, violation: Violation | None = None
+        self, depth: int, *, complete: bool, violation: InvariantViolation | None = None
     ) -> Explored:
         return Explored(
             self._bounds,
@@ -161,7 +169,7 @@ class _Search:
             violation,
         )
 
-    def _broken(self, world: World, transition: Transition) -> Iterator[Broken]:
+    def _broken(self, world: ProtocolState, transition: Transition) -> Iterator[Broken]:
         after = transition.world
         for held in transition.committed:
             self._entries.add(held.digest)
@@ -174,7 +182,7 @@ class _Search:
             if rival is not None:
                 yield Broken("I-ONE-ENTRY", f"another entry of its epoch: {rival.message}")
 
-    def _of_coordinator(self, local: int, world: World) -> Iterable[Broken]:
+    def _of_coordinator(self, local: int, world: ProtocolState) -> Iterable[Broken]:
         """(I-LASTING), once for each state and history."""
         if local == DOWN or (local, world.acted) in self._lasting:
             return
@@ -182,7 +190,7 @@ class _Search:
         yield from lasting(self._explorer.locals[local].state, self._explorer.acted(world))
 
     def _of_commit(
-        self, world: World, after: World, transition: Transition, held: Held
+        self, world: ProtocolState, after: ProtocolState, transition: Transition, held: Held
     ) -> Iterable[Broken]:
         yield from agree(self._explorer.acted(after)[held.round + 1].entry, held.entry)
         yield from one_winner(held.entry, self._explorer.propose)
@@ -196,7 +204,7 @@ class _Search:
         ]
         yield from acted_rightly(self._explorer.setup, held, roster, accepted)
 
-    def _story(self, world: World, last: Transition) -> tuple[str, ...]:
+    def _story(self, world: ProtocolState, last: Transition) -> tuple[str, ...]:
         lines = [self._explorer.tell(last.robot, last.cause)]
         while (before := self._from[world]) is not None:
             world, robot, cause = before

@@ -51,7 +51,7 @@ DOWN = -1
 _TIMERS = frozenset({Timer.DEADLINE, Timer.SILENCE})
 
 
-class Bounds(Struct, frozen=True):
+class ExplorationBounds(Struct, frozen=True):
     """How much may happen. Nothing is explored past them; everything is before."""
 
     robots: int = 3
@@ -96,7 +96,7 @@ class Act(Enum):
 Cause = int | Timer | Act  #: an ``int`` is the number of the message that arrives
 
 
-class World(msgspec.Struct, frozen=True):
+class ProtocolState(msgspec.Struct, frozen=True):
     """Everything: the robots' numbers, the messages' bits, what is used up, what was committed."""
 
     locals: tuple[int, ...]
@@ -119,7 +119,7 @@ class Transition(Struct, frozen=True):
 
     robot: int
     cause: Cause
-    world: World
+    world: ProtocolState
     committed: tuple[Held, ...]
 
 
@@ -135,7 +135,9 @@ def proposal_of(robot: int, round_: int) -> Proposal:
 class Explorer:
     """The tables, and the transitions that they give."""
 
-    def __init__(self, setup: Setup, bounds: Bounds, propose: ProposalOf = proposal_of) -> None:
+    def __init__(
+        self, setup: Setup, bounds: ExplorationBounds, propose: ProposalOf = proposal_of
+    ) -> None:
         self.setup = setup
         self.bounds = bounds
         self.propose = propose
@@ -150,15 +152,15 @@ class Explorer:
         self._longer: dict[tuple[int, Held], int] = {}  #: histories, by what was added to which
         self._rivals: list[int] = []  #: per message, the bits of those that contradict it
 
-    def initial(self) -> World:
+    def initial(self) -> ProtocolState:
         """All robots have been switched on, at once."""
-        world = World((DOWN,) * self.setup.robots)
+        world = ProtocolState((DOWN,) * self.setup.robots)
         for robot in range(self.setup.robots):
             started = self._started(fresh(self.setup, robot, spare=1_000))
             world = self._after(world, robot, started)
         return self._settled(world) if self.bounds.settled else world
 
-    def _settled(self, world: World) -> World:
+    def _settled(self, world: ProtocolState) -> ProtocolState:
         """The world when everyone has committed INIT, and nothing is on its way any more."""
         while any(state.round < 0 for state in self.states(world)):
             world = next(
@@ -168,7 +170,7 @@ class Explorer:
             )
         return replace(world, sent=0)
 
-    def transitions(self, world: World) -> Iterator[Transition]:
+    def transitions(self, world: ProtocolState) -> Iterator[Transition]:
         """All that may happen next and changes anything."""
         for robot, local in enumerate(world.locals):
             if local == DOWN:
@@ -185,21 +187,21 @@ class Explorer:
                 crashed = replace(world, locals=off, crashes=world.crashes + 1)
                 yield Transition(robot, Act.CRASH, crashed, ())
 
-    def states(self, world: World) -> Iterator[State]:
+    def states(self, world: ProtocolState) -> Iterator[State]:
         """The states of the robots that are up."""
         for local in world.locals:
             if local != DOWN:
                 yield self.locals[local].state
 
-    def sent(self, world: World) -> Iterator[Parcel]:
+    def sent(self, world: ProtocolState) -> Iterator[Parcel]:
         """Everything that was ever sent."""
         return (self.parcels[number] for number in _bits(world.sent))
 
-    def acted(self, world: World) -> tuple[Held, ...]:
+    def acted(self, world: ProtocolState) -> tuple[Held, ...]:
         """From INIT on, what anybody has ever committed first."""
         return self._histories[world.acted]
 
-    def contradiction(self, before: World, after: World) -> Parcel | None:
+    def contradiction(self, before: ProtocolState, after: ProtocolState) -> Parcel | None:
         """A message sent just now that decides a round otherwise than one of its epoch before."""
         for number in _bits(after.sent & ~before.sent):
             if self._rivals[number] & after.sent:
@@ -221,7 +223,7 @@ class Explorer:
 
     # --- one robot ------------------------------------------------------------------------------
 
-    def _causes(self, world: World, robot: int, local: int) -> Iterator[Cause]:
+    def _causes(self, world: ProtocolState, robot: int, local: int) -> Iterator[Cause]:
         one = self.locals[local]
         yield from _bits(world.sent & self._to[robot])
         yield from one.timers
@@ -354,13 +356,13 @@ class Explorer:
         assert move is not None
         return move
 
-    def _restart(self, world: World, robot: int) -> Transition:
+    def _restart(self, world: ProtocolState, robot: int) -> Transition:
         incarnation = world.restarts + 1
         move = self._started(returning(self.setup, robot, incarnation))
         after = replace(self._after(world, robot, move), restarts=incarnation)
         return Transition(robot, Act.RESTART, after, ())
 
-    def _after(self, world: World, robot: int, move: Move) -> World:
+    def _after(self, world: ProtocolState, robot: int, move: Move) -> ProtocolState:
         acted = world.acted
         for held in move.committed:
             history = self._histories[acted]

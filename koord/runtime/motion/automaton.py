@@ -19,7 +19,7 @@ from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
 _ROUNDING_S = 1e-9
 
 
-class State(IntEnum):
+class MotionState(IntEnum):
     """What a robot is doing."""
 
     IDLE = 0  #: nothing to do; it stays where it is
@@ -64,7 +64,7 @@ class Orders(Struct, frozen=True):
 
 def initial(count: int) -> Automata:
     """Robots that have not been told anything."""
-    idle = np.full(count, State.IDLE, np.int64)
+    idle = np.full(count, MotionState.IDLE, np.int64)
     no = np.zeros(count, np.bool_)
     return Automata(idle, np.full(count, np.nan), ~no, no, idle)
 
@@ -84,12 +84,12 @@ def step(
     state, reached = automata.state.copy(), automata.reached.copy()
     since, has_route = automata.since_s.copy(), automata.has_route.copy()
     resumes = automata.resumes.copy()
-    alive = state != State.STOPPED
-    holding = state == State.HOLDING
+    alive = state != MotionState.STOPPED
+    holding = state == MotionState.HOLDING
     for mask, becomes in (
-        (orders.asked, State.PLANNING),
-        (orders.routed, State.MOVING),
-        (orders.failed, State.IDLE),
+        (orders.asked, MotionState.PLANNING),
+        (orders.routed, MotionState.MOVING),
+        (orders.failed, MotionState.IDLE),
     ):
         if not mask.any():
             continue
@@ -97,31 +97,31 @@ def step(
         state[told & ~holding] = becomes
         resumes[told & holding] = becomes
         reached[told], since[told] = False, np.nan
-        has_route[told] = becomes is State.MOVING
+        has_route[told] = becomes is MotionState.MOVING
     if orders.held.any():
         begins = orders.held & alive & ~holding
         resumes[begins] = state[begins]
-        state[begins] = State.HOLDING
+        state[begins] = MotionState.HOLDING
     if orders.released.any():
-        goes_on = orders.released & (state == State.HOLDING) & ~orders.held
+        goes_on = orders.released & (state == MotionState.HOLDING) & ~orders.held
         state[goes_on] = resumes[goes_on]
     if orders.stopped.any():
-        state[orders.stopped] = State.STOPPED
+        state[orders.stopped] = MotionState.STOPPED
 
-    distance, runs = lengths(psn - end), state != State.STOPPED
+    distance, runs = lengths(psn - end), state != MotionState.STOPPED
     inside = has_route & (distance <= visit.epsilon_m) & runs
     since = np.where(inside, np.where(np.isnan(since), now_s, since), np.nan)
     dwelt = inside & (now_s - since >= visit.dwell_s - _ROUNDING_S)
     here = ~has_route | (distance <= visit.leave_m)
     reached = (reached | dwelt) & here & runs
-    state[(state == State.MOVING) & reached] = State.IDLE
-    state[(state == State.IDLE) & has_route & ~reached] = State.MOVING
+    state[(state == MotionState.MOVING) & reached] = MotionState.IDLE
+    state[(state == MotionState.IDLE) & has_route & ~reached] = MotionState.MOVING
     return Automata(state, since, reached, has_route, resumes)
 
 
 def moves(automata: Automata) -> Bools:
     """Which robots are to follow their routes now; the others stay where they are."""
-    moving: Bools = (automata.state == State.MOVING) | (
-        (automata.state == State.IDLE) & automata.has_route
+    moving: Bools = (automata.state == MotionState.MOVING) | (
+        (automata.state == MotionState.IDLE) & automata.has_route
     )
     return moving

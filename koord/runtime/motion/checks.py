@@ -22,7 +22,7 @@ _FEW = 64
 MOST_CELLS = 1_000_000
 
 
-class Part(Enum):
+class WorldPart(Enum):
     """What a complaint is about."""
 
     BOUNDS = "bounds"
@@ -31,23 +31,23 @@ class Part(Enum):
     ROBOT = "robot"
 
 
-class Complaint(Struct, frozen=True):
+class WorldFlaw(Struct, frozen=True):
     """One thing that is wrong: with the ``index``-th obstacle, task or robot."""
 
-    part: Part
+    part: WorldPart
     index: int
     message: str
 
 
-def world_complaints(world: World) -> Iterator[Complaint]:
+def world_complaints(world: World) -> Iterator[WorldFlaw]:
     """What is wrong with a world by itself."""
     names = ("x", "y", "z")
     for name, low, high in zip(names, world.low, world.high, strict=True):
         if not low < high:
-            yield Complaint(Part.BOUNDS, 0, f"the world has no extent along {name}")
+            yield WorldFlaw(WorldPart.BOUNDS, 0, f"the world has no extent along {name}")
     if world.obstacles and world.grid.cells > MOST_CELLS:
-        yield Complaint(
-            Part.BOUNDS,
+        yield WorldFlaw(
+            WorldPart.BOUNDS,
             0,
             f"a world with obstacles has at most {MOST_CELLS} cells, and this one has "
             f"{world.grid.cells:.3g} of {world.cell_m:g} m: make it smaller, or its cells larger",
@@ -55,42 +55,48 @@ def world_complaints(world: World) -> Iterator[Complaint]:
     for k, obstacle in enumerate(world.obstacles):
         match obstacle:
             case Box() if any(a >= b for a, b in zip(obstacle.low, obstacle.high, strict=True)):
-                yield Complaint(Part.OBSTACLE, k, "the low corner of a box is below its high one")
+                yield WorldFlaw(
+                    WorldPart.OBSTACLE, k, "the low corner of a box is below its high one"
+                )
             case Disc(radius_m=radius) if radius <= 0:
-                yield Complaint(Part.OBSTACLE, k, "the radius of a disc is greater than 0")
+                yield WorldFlaw(WorldPart.OBSTACLE, k, "the radius of a disc is greater than 0")
             case Polygon():
                 fault = shapes.fault(obstacle)
                 if fault is not None:
-                    yield Complaint(Part.OBSTACLE, k, f"the corners make no polygon: {fault}")
+                    yield WorldFlaw(WorldPart.OBSTACLE, k, f"the corners make no polygon: {fault}")
             case _:
                 pass
     for k, task in enumerate(world.tasks):
         inside = all(a <= c <= b for a, c, b in zip(world.low, task, world.high, strict=True))
         if not inside:
-            yield Complaint(Part.TASK, k, f"the task at {_shown(task)} is outside of the world")
+            yield WorldFlaw(
+                WorldPart.TASK, k, f"the task at {_shown(task)} is outside of the world"
+            )
 
 
 def start_complaints(
     world: World, robots: Sequence[tuple[Body, Point]], apart_m: float = 0.0
-) -> Iterator[Complaint]:
+) -> Iterator[WorldFlaw]:
     """What is wrong with where robots start; they start more than ``apart_m`` from each other."""
     fields = {flat: field(world, flat=flat) for flat in (False, True)}
     for k, (body, start) in enumerate(robots):
         inside = all(a <= c <= b for a, c, b in zip(world.low, start, world.high, strict=True))
         if not inside:
-            yield Complaint(Part.ROBOT, k, f"the start at {_shown(start)} is outside of the world")
+            yield WorldFlaw(
+                WorldPart.ROBOT, k, f"the start at {_shown(start)} is outside of the world"
+            )
             continue
         flat = body.ON_GROUND
         if flat and not suits(body, world, start):
-            yield Complaint(Part.ROBOT, k, f"a {body.LOOK.name} starts on the ground")
+            yield WorldFlaw(WorldPart.ROBOT, k, f"a {body.LOOK.name} starts on the ground")
         if fields[flat].clearance(*start) < (body.inner_radius_m if world.obstacles else 0.0):
-            yield Complaint(Part.ROBOT, k, f"something stands at the start, {_shown(start)}")
+            yield WorldFlaw(WorldPart.ROBOT, k, f"something stands at the start, {_shown(start)}")
     for i, k in _near_pairs(robots, apart_m):
         (one, here), (other, there) = robots[i], robots[k]
         least = max(apart_m, one.inner_radius_m + other.inner_radius_m)
         if math.dist(here, there) <= least:
-            yield Complaint(
-                Part.ROBOT, k, f"it starts {math.dist(here, there):.2f} m from robot {i}"
+            yield WorldFlaw(
+                WorldPart.ROBOT, k, f"it starts {math.dist(here, there):.2f} m from robot {i}"
             )
 
 

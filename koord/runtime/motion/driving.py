@@ -10,9 +10,9 @@ from msgspec import Struct
 from koord.runtime.motion import automaton, pursuit
 from koord.runtime.motion.arrays import Bools, Floats, Ints
 from koord.runtime.motion.bodies import Car, Steering
-from koord.runtime.motion.course import Course, Horizon
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.group import Group
+from koord.runtime.motion.pursuit import Course, Horizon
 
 if TYPE_CHECKING:
     from koord.runtime.motion.predictive import Predictive

@@ -13,7 +13,7 @@ import numpy as np
 
 from koord.runtime.motion import automaton
 from koord.runtime.motion.arrays import Floats, Ints
-from koord.runtime.motion.automaton import State, Visit
+from koord.runtime.motion.automaton import MotionState, Visit
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import field
 from koord.runtime.motion.planning import Hindrance, Planner, Plight, Pose, hindrance, suits
@@ -65,7 +65,7 @@ class Group:
         """Follow a path, shape ``(k, 3)``; one without points leaves the robot where it is, and it
         never reaches its end. From ``psn`` a robot goes to the path's start first.
         """
-        if self.state(robot) is State.STOPPED:
+        if self.state(robot) is MotionState.STOPPED:
             return
         self.targets.pop(robot, None)
         self.plights.pop(robot, None)
@@ -85,7 +85,7 @@ class Group:
 
     def go_to(self, robot: int, target: Point) -> None:
         """Find a path to a target and follow it."""
-        if self.state(robot) is State.STOPPED:
+        if self.state(robot) is MotionState.STOPPED:
             return
         self.targets[robot] = target
         self.plights.pop(robot, None)
@@ -133,8 +133,8 @@ class Group:
             x, y, z = self.routes.end[robot].tolist()
             self.go_to(robot, (x, y, z))
 
-    def state(self, robot: int) -> State:
-        return State(int(self.automata.state[robot]))
+    def state(self, robot: int) -> MotionState:
+        return MotionState(int(self.automata.state[robot]))
 
     def path(self, robot: int) -> Floats:
         """The path that a robot follows, shape ``(k, 3)``; a copy."""

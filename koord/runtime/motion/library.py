@@ -39,7 +39,7 @@ class _Kept(Struct, frozen=True):
     round: int
 
 
-class _Robot(Struct):
+class _Memory(Struct):
     planner: Planner
     seed: int
     plans: int = 0  #: so many were made in all
@@ -68,7 +68,7 @@ class Library:
         self.pose, self.clearance, self.chart = pose, clearance, chart
         self.plans_per_round, self.keep_rounds = plans_per_round, keep_rounds
         self._robots = {
-            robot: _Robot(made, int(np.random.SeedSequence((seed, robot)).generate_state(1)[0]))
+            robot: _Memory(made, int(np.random.SeedSequence((seed, robot)).generate_state(1)[0]))
             for robot, made in planners.items()
         }
         self._draw = {
@@ -143,7 +143,7 @@ class Library:
             return None
         return start, *before.path[1:]
 
-    def _plan(self, known: _Robot, pose: Pose, goal: Point, avoid: Sequence[Point]) -> Path | None:
+    def _plan(self, known: _Memory, pose: Pose, goal: Point, avoid: Sequence[Point]) -> Path | None:
         known.left -= 1
         known.plans += 1
         source = np.random.SeedSequence((known.seed, known.plans))

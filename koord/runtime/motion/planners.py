@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from koord.runtime.motion.bodies import Body, PlannerName
-from koord.runtime.motion.planning import Effort, Ground, Planner, Straight
+from koord.runtime.motion.planning import Ground, Planner, PlanningEffort, Straight
 from koord.runtime.motion.world import World
 
 
@@ -11,7 +11,7 @@ def planner(
     name: PlannerName,
     world: World,
     body: Body,
-    effort: Effort = Effort(),
+    effort: PlanningEffort = PlanningEffort(),
     avoid_m: float = 0.25,
 ) -> Planner:
     """The planner of that name. Raises KoordError if it needs a library that is not installed.

@@ -32,7 +32,7 @@ class Pose(Struct, frozen=True):
     heading_rad: float = 0.0
 
 
-class Effort(Struct, frozen=True):
+class PlanningEffort(Struct, frozen=True):
     """How long a planner may try: in steps, not in time, so that a seed repeats a run."""
 
     steps: int = 1000

@@ -22,9 +22,8 @@ from msgspec import Struct
 
 from koord.runtime.motion.arrays import Floats, Ints
 from koord.runtime.motion.bodies import Car
-from koord.runtime.motion.course import Course, Horizon
 from koord.runtime.motion.libraries import missing
-from koord.runtime.motion.pursuit import steering
+from koord.runtime.motion.pursuit import Course, Horizon, steering
 
 try:
     import osqp

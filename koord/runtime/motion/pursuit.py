@@ -1,11 +1,12 @@
-"""Pure pursuit: steer along the circle to a point further on. (Coulter 1992)
+"""What controllers of cars follow, and the cheap one: pure pursuit. (Coulter 1992)
 
-The cheap controller of cars. All arrays have one entry for each car.
+It steers along the circle to a point further on. All arrays have one entry for each car.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from msgspec import Struct
 
 from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import Car
@@ -38,3 +39,21 @@ def steering(curvature: Floats, way: Floats, car: Car) -> Floats:
     """The steering angles for curvatures of the path, within the limits; ``way`` is ±1."""
     angle = np.arctan(way * car.wheelbase_m * curvature)
     return bounded(angle, -car.steering_rad, car.steering_rad)
+
+
+class Horizon(Struct, frozen=True):
+    """How far a controller looks: so many steps of so long."""
+
+    steps: int = 8
+    step_s: float = 0.1
+
+
+class Course(Struct, frozen=True):
+    """What cars are to follow, from now on: arrays ``(m, steps)``.
+
+    They may go more slowly than told, to keep to the path, but not more slowly than ``slowest``.
+    """
+
+    speed_mps: Floats
+    curvature: Floats
+    slowest_mps: float

@@ -21,7 +21,7 @@ from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import Field
 from koord.runtime.motion.libraries import missing
-from koord.runtime.motion.planning import Effort, Ground, Pose, suits
+from koord.runtime.motion.planning import Ground, PlanningEffort, Pose, suits
 from koord.runtime.motion.world import Point
 
 try:
@@ -83,7 +83,7 @@ class SpacePlanner(Struct, frozen=True):
     """Paths for what can set out in every direction: trees in R³, or in the plane of the ground."""
 
     ground: Ground
-    effort: Effort
+    effort: PlanningEffort
     optimal: bool
 
     @_one_at_a_time
@@ -130,7 +130,7 @@ class CurvePlanner(Struct, frozen=True):
     """Paths that a car can drive, forwards and backwards: trees of Reeds–Shepp curves."""
 
     ground: Ground
-    effort: Effort
+    effort: PlanningEffort
     optimal: bool
 
     @_one_at_a_time
@@ -176,7 +176,7 @@ class _Query(Struct):
 
     space: Any
     valid: Callable[[Any], bool]
-    effort: Effort
+    effort: PlanningEffort
     optimal: bool
     range_m: float
     information: Any = None

@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 
 from msgspec import Struct, field
 
-from koord.runtime.deciding import decide, rotating
-from koord.runtime.proposals import Decision, Proposal
+from koord.runtime.proposals import Decision, Proposal, decide, rotating
 
 #: From the proposals of a round (None: not there) to what becomes of it. A host whose store can say
 #: its digest puts in a function that fills that in.

@@ -39,7 +39,7 @@ from koord.runtime.protocol.messages import (
 )
 
 
-class Kind(IntEnum):
+class MessageKind(IntEnum):
     """The kind of a message, as the frame names it. Numbers are never used again."""
 
     PROPOSE = 1
@@ -61,30 +61,32 @@ class Kind(IntEnum):
 FlatEntry = tuple[FlatDecision, bytes, tuple[tuple[int, int], ...], tuple[int, ...]]
 FlatRan = tuple[int, int | None]
 
-_TYPES: dict[Kind, Any] = {
-    Kind.PROPOSE: FlatProposal,
-    Kind.DECIDE: tuple[int, FlatEntry],
-    Kind.ACKNOWLEDGE: tuple[int, int, bytes, bool],
-    Kind.COMMITTED: tuple[int, int, bytes, float],
-    Kind.OPEN: tuple[int, int, bytes],
-    Kind.ASK: tuple[int],
-    Kind.HISTORY: tuple[int, FlatEntry, bool],
-    Kind.SNAPSHOT: tuple[int, int, bytes, tuple[int, ...], tuple[FlatRan | None, ...], bytes, bool],
-    Kind.CANVASS: tuple[int, int, int],
-    Kind.SUPPORT: tuple[int],
-    Kind.CANDIDACY: tuple[int, int, int],
-    Kind.VOTE: tuple[int],
-    Kind.OVERRULED: tuple[int],
-    Kind.HELLO: tuple[bool],
+_TYPES: dict[MessageKind, Any] = {
+    MessageKind.PROPOSE: FlatProposal,
+    MessageKind.DECIDE: tuple[int, FlatEntry],
+    MessageKind.ACKNOWLEDGE: tuple[int, int, bytes, bool],
+    MessageKind.COMMITTED: tuple[int, int, bytes, float],
+    MessageKind.OPEN: tuple[int, int, bytes],
+    MessageKind.ASK: tuple[int],
+    MessageKind.HISTORY: tuple[int, FlatEntry, bool],
+    MessageKind.SNAPSHOT: tuple[
+        int, int, bytes, tuple[int, ...], tuple[FlatRan | None, ...], bytes, bool
+    ],
+    MessageKind.CANVASS: tuple[int, int, int],
+    MessageKind.SUPPORT: tuple[int],
+    MessageKind.CANDIDACY: tuple[int, int, int],
+    MessageKind.VOTE: tuple[int],
+    MessageKind.OVERRULED: tuple[int],
+    MessageKind.HELLO: tuple[bool],
 }
 
 
 @cache
-def _decoder(kind: Kind) -> msgspec.msgpack.Decoder[Any]:
+def _decoder(kind: MessageKind) -> msgspec.msgpack.Decoder[Any]:
     return msgspec.msgpack.Decoder(_TYPES[kind], ext_hook=big_int)
 
 
-def kind_and_body(message: Message) -> tuple[Kind, bytes]:
+def kind_and_body(message: Message) -> tuple[MessageKind, bytes]:
     """What goes into frames."""
     kind, flat = _flat(message)
     return kind, encode(flat)
@@ -93,32 +95,32 @@ def kind_and_body(message: Message) -> tuple[Kind, bytes]:
 def message_of(kind: int, body: bytes, robots: int) -> Message | None:
     """The message of a body that was put together; None if it is none."""
     try:
-        known = Kind(kind)
+        known = MessageKind(kind)
         message = _message(known, _decoder(known).decode(body))
     except (msgspec.MsgspecError, NotPlainError, ValueError, RecursionError):
         return None
     return message if _fits(message, robots) else None
 
 
-def _flat(message: Message) -> tuple[Kind, tuple[Any, ...]]:
+def _flat(message: Message) -> tuple[MessageKind, tuple[Any, ...]]:
     match message:
         case Propose(proposal=proposal):
-            return Kind.PROPOSE, flat_proposal(proposal)
+            return MessageKind.PROPOSE, flat_proposal(proposal)
         case Decide(epoch=epoch, entry=entry):
-            return Kind.DECIDE, (epoch, _flat_entry(entry))
+            return MessageKind.DECIDE, (epoch, _flat_entry(entry))
         case Acknowledge(epoch=epoch, round=round_, digest=digest, again=again):
-            return Kind.ACKNOWLEDGE, (epoch, round_, digest, again)
+            return MessageKind.ACKNOWLEDGE, (epoch, round_, digest, again)
         case Committed(epoch=epoch, round=round_, digest=digest, pause_s=pause_s):
-            return Kind.COMMITTED, (epoch, round_, digest, float(pause_s))
+            return MessageKind.COMMITTED, (epoch, round_, digest, float(pause_s))
         case Open(epoch=epoch, round=round_, chain=chain):
-            return Kind.OPEN, (epoch, round_, chain)
+            return MessageKind.OPEN, (epoch, round_, chain)
         case Ask(round=round_):
-            return Kind.ASK, (round_,)
+            return MessageKind.ASK, (round_,)
         case History(epoch=epoch, entry=entry, last=last):
-            return Kind.HISTORY, (epoch, _flat_entry(entry), last)
+            return MessageKind.HISTORY, (epoch, _flat_entry(entry), last)
         case Snapshot():
             last_ran = tuple(r if r is None else (r.round, r.event) for r in message.last_ran)
-            return Kind.SNAPSHOT, (
+            return MessageKind.SNAPSHOT, (
                 message.epoch,
                 message.round,
                 message.chain,
@@ -128,52 +130,52 @@ def _flat(message: Message) -> tuple[Kind, tuple[Any, ...]]:
                 message.ended,
             )
         case Canvass(epoch=epoch, position=at):
-            return Kind.CANVASS, (epoch, at.round, at.epoch)
+            return MessageKind.CANVASS, (epoch, at.round, at.epoch)
         case Candidacy(epoch=epoch, position=at):
-            return Kind.CANDIDACY, (epoch, at.round, at.epoch)
+            return MessageKind.CANDIDACY, (epoch, at.round, at.epoch)
         case Support(epoch=epoch):
-            return Kind.SUPPORT, (epoch,)
+            return MessageKind.SUPPORT, (epoch,)
         case Vote(epoch=epoch):
-            return Kind.VOTE, (epoch,)
+            return MessageKind.VOTE, (epoch,)
         case Overruled(epoch=epoch):
-            return Kind.OVERRULED, (epoch,)
+            return MessageKind.OVERRULED, (epoch,)
         case Hello(empty=empty):
-            return Kind.HELLO, (empty,)
+            return MessageKind.HELLO, (empty,)
         case _:
             assert_never(message)
 
 
-def _message(kind: Kind, flat: Any) -> Message:
+def _message(kind: MessageKind, flat: Any) -> Message:
     match kind:
-        case Kind.PROPOSE:
+        case MessageKind.PROPOSE:
             return Propose(proposal_of(flat))
-        case Kind.DECIDE:
+        case MessageKind.DECIDE:
             return Decide(flat[0], _entry(flat[1]))
-        case Kind.ACKNOWLEDGE:
+        case MessageKind.ACKNOWLEDGE:
             return Acknowledge(*flat)
-        case Kind.COMMITTED:
+        case MessageKind.COMMITTED:
             return Committed(*flat)
-        case Kind.OPEN:
+        case MessageKind.OPEN:
             return Open(*flat)
-        case Kind.ASK:
+        case MessageKind.ASK:
             return Ask(*flat)
-        case Kind.HISTORY:
+        case MessageKind.HISTORY:
             return History(flat[0], _entry(flat[1]), flat[2])
-        case Kind.SNAPSHOT:
+        case MessageKind.SNAPSHOT:
             epoch, round_, chain, roster, last_ran, store, ended = flat
             ran = tuple(None if one is None else Ran(*one) for one in last_ran)
             return Snapshot(epoch, round_, chain, roster, ran, store, ended)
-        case Kind.CANVASS:
+        case MessageKind.CANVASS:
             return Canvass(flat[0], Position(flat[1], flat[2]))
-        case Kind.CANDIDACY:
+        case MessageKind.CANDIDACY:
             return Candidacy(flat[0], Position(flat[1], flat[2]))
-        case Kind.SUPPORT:
+        case MessageKind.SUPPORT:
             return Support(*flat)
-        case Kind.VOTE:
+        case MessageKind.VOTE:
             return Vote(*flat)
-        case Kind.OVERRULED:
+        case MessageKind.OVERRULED:
             return Overruled(*flat)
-        case Kind.HELLO:
+        case MessageKind.HELLO:
             return Hello(*flat)
         case _:
             assert_never(kind)

@@ -6,10 +6,8 @@ from msgspec import Struct
 
 from koord.runtime.protocol.messages import Message
 from koord.runtime.wire.bodies import kind_and_body, message_of
-from koord.runtime.wire.drops import Drop, Drops
-from koord.runtime.wire.frames import Frame, Seal, session_key
-from koord.runtime.wire.pieces import Assembly, cut
-from koord.runtime.wire.replays import Window
+from koord.runtime.wire.frames import Drop, Drops, Frame, Seal, session_key
+from koord.runtime.wire.pieces import Assembly, Window, cut
 
 #: Datagrams of rounds further back than this are not looked at.
 LONG_PAST = 10_000
@@ -23,7 +21,7 @@ class Letter(Struct):
     message: Message
 
 
-class Run(Struct, frozen=True):
+class RunKey(Struct, frozen=True):
     """What all robots of a run share: its id, its key, how many they are."""
 
     id: str
@@ -31,12 +29,12 @@ class Run(Struct, frozen=True):
     robots: int
 
 
-class Writer:
+class DatagramWriter:
     """What one robot sends."""
 
     __slots__ = ("_number", "_pid", "_seal")
 
-    def __init__(self, run: Run, pid: int) -> None:
+    def __init__(self, run: RunKey, pid: int) -> None:
         self._seal = Seal(session_key(run.key, run.id))
         self._pid = pid
         self._number = 0
@@ -55,12 +53,12 @@ class Writer:
         return datagrams
 
 
-class Reader:
+class DatagramReader:
     """What one robot receives. ``read`` never raises, whatever the bytes."""
 
     __slots__ = ("_assembly", "_pid", "_robots", "_seal", "_windows", "drops", "round")
 
-    def __init__(self, run: Run, pid: int, assembly: Assembly | None = None) -> None:
+    def __init__(self, run: RunKey, pid: int, assembly: Assembly | None = None) -> None:
         self.drops: Drops = Drops()
         self.round = -1  #: where this robot is
         self._seal = Seal(session_key(run.key, run.id))

@@ -9,13 +9,13 @@ that comes before it: so it covers the run, the round, and the number that keeps
 
 from __future__ import annotations
 
+from collections import Counter
+from enum import Enum
 from hashlib import blake2b
 from hmac import compare_digest
 from struct import Struct as Layout
 
 from msgspec import Struct
-
-from koord.runtime.wire.drops import Drop
 
 #: The first bytes of every datagram: a name and a version.
 NAME, VERSION = 0x4B, 1
@@ -104,3 +104,22 @@ class Seal:
             return Drop.FORGED
         body = datagram[HEADER_BYTES:end]
         return Frame(kind, sender, incarnation, number, round_, piece, pieces, body)
+
+
+class Drop(Enum):
+    """Every datagram that is not a message for this robot is one of these."""
+
+    SIZE = "too short or too long"
+    NOT_KOORD = "of another protocol"
+    VERSION = "of another version"
+    STRANGER = "from no robot of this run"
+    FORGED = "not authentic: another key, another run, or damaged"
+    REPLAYED = "seen before, or from before a restart"
+    OLD = "of a round long past"
+    FRAGMENT = "an impossible piece of a message"
+    UNFINISHED = "a piece of a message that never got complete"
+    MALFORMED = "authentic, and yet no message"
+
+
+#: How many datagrams were dropped, and why.
+Drops = Counter[Drop]

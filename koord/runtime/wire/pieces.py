@@ -1,4 +1,4 @@
-"""Messages that do not fit in one datagram: cut up, and put together in bounded memory."""
+"""Messages in pieces: cut up, put together in bounded memory, and looked at once each."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from collections import OrderedDict
 
 from msgspec import Struct, field
 
-from koord.runtime.wire.drops import Drop
-from koord.runtime.wire.frames import ROOM, Frame
+from koord.runtime.wire.frames import ROOM, Drop, Frame
 
 #: The longest message has so many pieces; a snapshot of a megabyte fits.
 MOST_PIECES = 4096
@@ -77,3 +76,34 @@ class Assembly:
         message = self._unfinished.pop(key)
         self._size -= message.size
         return message
+
+
+#: How far a datagram may be behind the newest of its sender.
+WIDTH = 4096
+_MASK = (1 << WIDTH) - 1
+
+
+class Window(Struct):
+    """The datagrams of one sender: the newest number, and a bit for each of those before it."""
+
+    incarnation: int = 0
+    newest: int = -1
+    seen: int = 0
+
+    def is_new(self, incarnation: int, number: int) -> bool:
+        """Whether this was not seen before; from now on it was."""
+        if incarnation != self.incarnation:
+            if incarnation < self.incarnation:
+                return False
+            self.incarnation, self.newest, self.seen = incarnation, number, 1
+            return True
+        ahead = number - self.newest
+        if ahead > 0:
+            self.seen = ((self.seen << ahead) | 1) & _MASK if ahead < WIDTH else 1
+            self.newest = number
+            return True
+        bit = 1 << -ahead
+        if ahead <= -WIDTH or self.seen & bit:
+            return False
+        self.seen |= bit
+        return True

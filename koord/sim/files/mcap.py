@@ -15,19 +15,18 @@ from typing import IO
 from koord.runtime.motion.world import Box, Disc, Obstacle
 from koord.runtime.records import RecordFile
 from koord.runtime.shapes import Array, PerRobot, Sequence, element_of
-from koord.sim.files.schemas import CHANGES, LOG, ROUND, SCENE, TRANSFORMS, Message
-from koord.sim.files.values import named
-from koord.sim.recording import (
+from koord.sim.files.schemas import CHANGES, LOG, ROUND, SCENE, TRANSFORMS, Message, named
+from koord.sim.run_log import (
     SHARED,
     WHOLE,
-    Change,
     Header,
     Idle,
-    Planned,
-    Recorded,
-    Recording,
-    Round,
-    Sizes,
+    LoggedChange,
+    LoggedPath,
+    LoggedRobot,
+    LoggedRound,
+    LogSizes,
+    RunLog,
     TaskState,
     turns_of,
 )
@@ -50,7 +49,7 @@ _HUES = (
 )
 
 
-def mcap_of(recording: Recording) -> bytes:
+def mcap_of(recording: RunLog) -> bytes:
     """A run as an MCAP file."""
     raw = io.BytesIO()
     file = _begun(recording, raw)
@@ -62,8 +61,8 @@ def mcap_of(recording: Recording) -> bytes:
 class PartRecord:
     """An MCAP file that is written while the run goes on, and can be read up to where it ends."""
 
-    def __init__(self, recording: Recording, file: IO[bytes]) -> None:
-        self._recording, self._kept = recording, Sizes()
+    def __init__(self, recording: RunLog, file: IO[bytes]) -> None:
+        self._recording, self._kept = recording, LogSizes()
         self._file = _begun(recording, file)
         _add(self._file, _scenery(recording.header))
 
@@ -75,7 +74,7 @@ class PartRecord:
         self._file.flush()
 
 
-def _begun(recording: Recording, raw: IO[bytes]) -> RecordFile:
+def _begun(recording: RunLog, raw: IO[bytes]) -> RecordFile:
     file = RecordFile(raw)
     header = recording.header
     facts = {
@@ -106,7 +105,7 @@ def _scenery(header: Header) -> Iterator[_Timed]:
     yield 0.0, "/scene", SCENE, _scene(entities), 0
 
 
-def _messages(recording: Recording) -> Iterator[_Timed]:
+def _messages(recording: RunLog) -> Iterator[_Timed]:
     header = recording.header
     for time_s, poses in zip(recording.times_s, recording.poses, strict=True):
         stamp = _stamp(time_s)
@@ -135,7 +134,7 @@ def _messages(recording: Recording) -> Iterator[_Timed]:
         yield planned.time_s, "/paths", SCENE, _scene([entity]), 0
 
 
-def _round(header: Header, done: Round) -> Iterator[_Timed]:
+def _round(header: Header, done: LoggedRound) -> Iterator[_Timed]:
     deeds = done.deeds.tolist()
     message = {
         "round": done.number,
@@ -158,7 +157,7 @@ def _round(header: Header, done: Round) -> Iterator[_Timed]:
         yield _log(header, done.time_s, name, _INFO, said.text)
 
 
-def _change(header: Header, change: Change) -> Message:
+def _change(header: Header, change: LoggedChange) -> Message:
     if change.robot == SHARED:
         variable, whose = header.shared[change.variable], {}
     else:
@@ -241,7 +240,7 @@ def _vehicles(header: Header) -> Iterator[Message]:
         yield _vehicle(k, robot)
 
 
-def _vehicle(k: int, robot: Recorded) -> Message:
+def _vehicle(k: int, robot: LoggedRobot) -> Message:
     colour, frame = _colour(_HUES[k % len(_HUES)]), f"robot {k}"
     text = _placed(0.0, 0.0, 0.35) | {
         "billboard": True,
@@ -280,13 +279,13 @@ def _task(header: Header, number: int, state: TaskState, time_s: float) -> Messa
     return _entity(f"task {number}", time_s=time_s, spheres=[sphere], metadata=[state_words])
 
 
-def _path(planned: Planned) -> Message:
+def _path(planned: LoggedPath) -> Message:
     points = [_vector(*point) for point in planned.points.tolist()]
     line = _lines(points, _HUES[planned.robot % len(_HUES)])
     return _entity(f"path {planned.robot}", time_s=planned.time_s, lines=[line])
 
 
-def _seldom(paths: list[Planned]) -> Iterator[Planned]:
+def _seldom(paths: list[LoggedPath]) -> Iterator[LoggedPath]:
     """Without straight paths that come soon after the last."""
     last: dict[int, float] = {}
     for planned in paths:

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from koord.runtime.shapes import Array, Enumeration
-from koord.sim.recording import (
+from koord.sim.run_log import (
     SHARED,
     WHOLE,
     Header,
-    Recording,
+    RunLog,
     TaskState,
     map_variable,
 )
@@ -34,7 +34,7 @@ _MAPS = 4
 _UNKNOWN, _FREE, _OCCUPIED = 0, 1, 2
 
 
-def plot_of(recording: Recording, form: str) -> bytes:
+def plot_of(recording: RunLog, form: str) -> bytes:
     """A picture in a form (``.png``, ``.svg``, ``.pdf``).
 
     x, y and, where somebody flies, z against time: cars solid, drones dashed (paper, VI-B).
@@ -71,7 +71,7 @@ def plot_of(recording: Recording, form: str) -> bytes:
     return raw.getvalue()
 
 
-def _against_time(axes: Axes, recording: Recording, component: int) -> None:
+def _against_time(axes: Axes, recording: RunLog, component: int) -> None:
     header, poses = recording.header, recording.stacked()
     times = np.array(recording.times_s)
     for k, robot in enumerate(header.robots):
@@ -103,7 +103,7 @@ def _against_time(axes: Axes, recording: Recording, component: int) -> None:
 # --- maps -----------------------------------------------------------------------------------------
 
 
-def maps_of(recording: Recording, number: int) -> list[tuple[float, NDArray[np.int8]]]:
+def maps_of(recording: RunLog, number: int) -> list[tuple[float, NDArray[np.int8]]]:
     """A map at some times from the beginning to the end: the cells ``(rows, columns)``."""
     header = recording.header
     rounds = recording.rounds

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from koord.runtime.motion.world import Box, Disc, Obstacle, World
-from koord.sim.recording import Header, Recording, Sizes, TaskState, turns_of
+from koord.sim.run_log import Header, LogSizes, RunLog, TaskState, turns_of
 
 _HUES = (0x2F6FDEFF, 0xB8429AFF, 0x0E8F9EFF, 0x8A6428FF, 0x6C4BD8FF, 0x5A7182FF)
 _TASKS = {
@@ -23,7 +23,7 @@ _WALL = 0x96A0AFFF
 _TIMELINE = "time"
 
 
-def rrd_of(recording: Recording) -> bytes:
+def rrd_of(recording: RunLog) -> bytes:
     """A run in Rerun's form; times are seconds on the timeline ``time``."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.rrd"
@@ -36,11 +36,11 @@ def rrd_of(recording: Recording) -> bytes:
 class PartRrd:
     """A file of Rerun's form that grows while the run goes on, and can be read up to its end."""
 
-    def __init__(self, recording: Recording, path: Path) -> None:
+    def __init__(self, recording: RunLog, path: Path) -> None:
         import rerun
 
         self._rerun: Any = rerun
-        self._recording, self._kept = recording, Sizes()
+        self._recording, self._kept = recording, LogSizes()
         header = recording.header
         self._states = [TaskState.OPEN] * len(header.world.tasks)
         self._stream: Any = rerun.RecordingStream("koord", send_properties=False)
@@ -63,7 +63,7 @@ class PartRrd:
     def close(self) -> None:
         self._stream.disconnect()
 
-    def _add(self, new: Recording) -> None:
+    def _add(self, new: RunLog) -> None:
         rerun, stream = self._rerun, self._stream
         for k in range(len(new.header.robots)):
             _draw_poses(rerun, stream, new, k)
@@ -132,7 +132,7 @@ def _draw_body(rerun: Any, stream: Any, header: Header, number: int) -> None:
     stream.log(f"world/robots/{number}/body", body, static=True)
 
 
-def _draw_poses(rerun: Any, stream: Any, recording: Recording, number: int) -> None:
+def _draw_poses(rerun: Any, stream: Any, recording: RunLog, number: int) -> None:
     poses = recording.stacked()[:, number]
     if not len(poses):
         return
@@ -144,7 +144,7 @@ def _draw_poses(rerun: Any, stream: Any, recording: Recording, number: int) -> N
     )
 
 
-def _draw_paths(rerun: Any, stream: Any, recording: Recording) -> None:
+def _draw_paths(rerun: Any, stream: Any, recording: RunLog) -> None:
     for planned in recording.paths:
         stream.set_time(_TIMELINE, duration=planned.time_s)
         colour = _HUES[planned.robot % len(_HUES)]
@@ -152,7 +152,7 @@ def _draw_paths(rerun: Any, stream: Any, recording: Recording) -> None:
         stream.log(f"world/paths/{planned.robot}", strip)
 
 
-def _tell(rerun: Any, stream: Any, recording: Recording) -> None:
+def _tell(rerun: Any, stream: Any, recording: RunLog) -> None:
     """Events, output and violations as text."""
     header = recording.header
     for done in recording.rounds:
@@ -175,7 +175,7 @@ def _events(header: Header, deeds: Sequence[int]) -> list[str]:
     ]
 
 
-def _tell_distance(rerun: Any, stream: Any, recording: Recording) -> None:
+def _tell_distance(rerun: Any, stream: Any, recording: RunLog) -> None:
     apart = np.array(recording.separations_m, dtype=np.float64)
     known = ~np.isnan(apart)
     if not known.any():

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from koord.runtime.motion.world import Box, Disc, Obstacle
-from koord.sim.recording import Header, Recorded, Recording, Sizes, TaskState, turns_of
+from koord.sim.run_log import Header, LoggedRobot, LogSizes, RunLog, TaskState, turns_of
 
 _WORLD = "world"
 
@@ -35,12 +35,12 @@ _HUES = ((0.18, 0.44, 0.87), (0.72, 0.26, 0.6), (0.05, 0.56, 0.62), (0.54, 0.39,
 _Timed = tuple[int, str, Any]
 
 
-def rosbag_of(recording: Recording, name: str) -> dict[str, bytes]:
+def rosbag_of(recording: RunLog, name: str) -> dict[str, bytes]:
     """The files of a rosbag2 folder of a name."""
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent) / name
         bag = _Bag(recording, folder)
-        bag.add(recording, Sizes())
+        bag.add(recording, LogSizes())
         bag.close()
         return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
@@ -48,8 +48,8 @@ def rosbag_of(recording: Recording, name: str) -> dict[str, bytes]:
 class PartBag:
     """A rosbag2 folder that is written while the run goes on, whole each time that it has grown."""
 
-    def __init__(self, recording: Recording, folder: Path) -> None:
-        self._recording, self._kept = recording, Sizes()
+    def __init__(self, recording: RunLog, folder: Path) -> None:
+        self._recording, self._kept = recording, LogSizes()
         self._bag = _Bag(recording, folder)
 
     def grow(self) -> None:
@@ -66,7 +66,7 @@ class PartBag:
 class _Bag:
     """A rosbag2 folder that is being written; a topic is known from its first message on."""
 
-    def __init__(self, recording: Recording, folder: Path) -> None:
+    def __init__(self, recording: RunLog, folder: Path) -> None:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
 
@@ -76,7 +76,7 @@ class _Bag:
         self._connections: dict[str, Any] = {}
         self._write(_Messages(recording, self._store.types).scenery())
 
-    def add(self, recording: Recording, start: Sizes) -> None:
+    def add(self, recording: RunLog, start: LogSizes) -> None:
         """What was recorded after so much."""
         self._write(_Messages(recording.since(start), self._store.types).all())
 
@@ -115,7 +115,7 @@ class _Open:
 class _Messages:
     """The messages of a run; ``types`` are those of ROS."""
 
-    def __init__(self, recording: Recording, types: Any) -> None:
+    def __init__(self, recording: RunLog, types: Any) -> None:
         self.recording, self.header = recording, recording.header
         self._types = types
 
@@ -259,7 +259,7 @@ class _Messages:
         return self._types[kind](*values, **named)
 
 
-def _body(robot: Recorded) -> tuple[int, tuple[float, float, float], tuple[float, float, float]]:
+def _body(robot: LoggedRobot) -> tuple[int, tuple[float, float, float], tuple[float, float, float]]:
     """The kind, the place and the size of a robot's marker in its own frame."""
     if robot.look.is_box:
         return _CUBE, (robot.middle_m, 0.0, 0.08), (robot.length_m, robot.width_m, 0.16)

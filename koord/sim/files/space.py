@@ -13,7 +13,7 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.world import Box, Disc, Obstacle, World
-from koord.sim.recording import Header, Recording, TaskState, turns_of
+from koord.sim.run_log import Header, RunLog, TaskState, turns_of
 
 _HUES = (
     (47, 111, 222),
@@ -39,7 +39,7 @@ _SHOWN_S = 0.1
 _TRAIL_POINTS = 400
 
 
-def space_of(recording: Recording) -> bytes:
+def space_of(recording: RunLog) -> bytes:
     """A run in three dimensions, as a page."""
     import viser
 
@@ -63,7 +63,7 @@ def space_of(recording: Recording) -> bytes:
         return page.encode()
 
 
-def _play(scene: Any, serializer: Any, robots: list[Any], recording: Recording) -> None:
+def _play(scene: Any, serializer: Any, robots: list[Any], recording: RunLog) -> None:
     """Poses, tasks and violations, one after the other in time."""
     changes = list(recording.tasks)
     broken = list(recording.violations)
@@ -85,7 +85,7 @@ def _play(scene: Any, serializer: Any, robots: list[Any], recording: Recording) 
         _move(robots, recording, k)
 
 
-def _move(robots: list[Any], recording: Recording, sample: int) -> None:
+def _move(robots: list[Any], recording: RunLog, sample: int) -> None:
     if not recording.poses:
         return
     poses = recording.poses[sample]
@@ -190,7 +190,7 @@ def _draw_robot(scene: Any, header: Header, number: int) -> Any:
     return frame
 
 
-def _draw_trails(scene: Any, recording: Recording) -> None:
+def _draw_trails(scene: Any, recording: RunLog) -> None:
     poses = recording.stacked()
     if len(poses) < 2:
         return

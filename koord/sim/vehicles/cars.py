@@ -13,8 +13,8 @@ import numpy as np
 
 from koord.runtime.motion.arrays import Floats, bounded
 from koord.runtime.motion.bodies import Car, Steering
-from koord.runtime.motion.course import Horizon
 from koord.runtime.motion.driving import Driving
+from koord.runtime.motion.pursuit import Horizon
 from koord.runtime.motion.world import Point
 from koord.sim.squads import STEP_S, STEPS, SquadSetup, WheeledSquad, wheeled
 from koord.sim.vehicles import mjcf

@@ -14,8 +14,7 @@ from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded
 from koord.runtime.compile.naming import Names
 from koord.runtime.compile.watching import Sort, watched
-from koord.runtime.engine.fleet import Fleet
-from koord.runtime.engine.schedules import AtRandom
+from koord.runtime.engine import AtRandom, RoundEngine
 from koord.runtime.robot import Host, Robot
 from koord.runtime.watch import Watch
 from koord.semantics.domain import DOUBLES
@@ -103,7 +102,7 @@ def looks(of: core.Program, seed: int, slack: str) -> list[tuple[bool, bool, str
     """Of each claim after each round: whether the watch finds that it holds, and the reference."""
     system: System = dealt(of, 3)
     host: Host = Noise(seed)
-    fleet = Fleet(loaded(compiled(of)), system.kinds, 0.1, host)
+    fleet = RoundEngine(loaded(compiled(of)), system.kinds, 0.1, host)
     claims = watched(of, Fraction(slack))
     (made,) = loaded(claims.text)
     assert issubclass(made, Watch)

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from koord.runtime.motion.automaton import (
     Automata,
+    MotionState,
     Orders,
-    State,
     Visit,
     initial,
     moves,
@@ -37,8 +37,8 @@ def after(automata: Automata, *names: str, at: float = 9.0, now_s: float = 0.0) 
     return step(automata, ordered(*names), psn, END, now_s, VISIT)
 
 
-def state(automata: Automata) -> State:
-    return State(int(automata.state[0]))
+def state(automata: Automata) -> MotionState:
+    return MotionState(int(automata.state[0]))
 
 
 def reached(automata: Automata) -> bool:
@@ -82,13 +82,13 @@ def test_a_robot_that_is_pushed_away_comes_back() -> None:
     automata = after(initial(1), "routed", at=0.0, now_s=0.0)
     automata = after(automata, at=0.0, now_s=0.5)
     assert reached(automata)
-    assert state(automata) is State.IDLE
+    assert state(automata) is MotionState.IDLE
     assert moves(automata)[0]  # it keeps its place
     automata = after(automata, at=0.39, now_s=0.6)
     assert reached(automata)
     automata = after(automata, at=0.41, now_s=0.7)
     assert not reached(automata)
-    assert state(automata) is State.MOVING
+    assert state(automata) is MotionState.MOVING
 
 
 def test_a_new_route_is_not_reached_however_near_its_end() -> None:
@@ -96,18 +96,18 @@ def test_a_new_route_is_not_reached_however_near_its_end() -> None:
     assert reached(automata)
     automata = after(automata, "routed", at=0.0, now_s=0.7)
     assert not reached(automata)
-    assert state(automata) is State.MOVING
+    assert state(automata) is MotionState.MOVING
     assert not reached(after(automata, at=0.0, now_s=1.15))
     assert reached(after(automata, at=0.0, now_s=1.2))
 
 
 def test_a_target_is_planned_first() -> None:
     automata = after(initial(1), "asked")
-    assert state(automata) is State.PLANNING
+    assert state(automata) is MotionState.PLANNING
     assert not moves(automata)[0]
-    assert state(after(automata, "routed")) is State.MOVING
+    assert state(after(automata, "routed")) is MotionState.MOVING
     failed = after(automata, "failed")
-    assert state(failed) is State.IDLE
+    assert state(failed) is MotionState.IDLE
     assert not moves(failed)[0]
     assert not reached(after(failed, at=0.0, now_s=9.0))
 
@@ -115,26 +115,26 @@ def test_a_target_is_planned_first() -> None:
 def test_holding_is_gone_back_from() -> None:
     moving = after(initial(1), "routed")
     held = after(moving, "held")
-    assert state(held) is State.HOLDING
+    assert state(held) is MotionState.HOLDING
     assert not moves(held)[0]
-    assert state(after(held)) is State.HOLDING
-    assert state(after(held, "released")) is State.MOVING
-    assert state(after(after(held, "held"), "released")) is State.MOVING
+    assert state(after(held)) is MotionState.HOLDING
+    assert state(after(held, "released")) is MotionState.MOVING
+    assert state(after(after(held, "held"), "released")) is MotionState.MOVING
 
 
 def test_a_route_given_to_one_that_holds_waits() -> None:
     held = after(initial(1), "held")
     routed = after(held, "routed")
-    assert state(routed) is State.HOLDING
-    assert state(after(routed, "released")) is State.MOVING
+    assert state(routed) is MotionState.HOLDING
+    assert state(after(routed, "released")) is MotionState.MOVING
 
 
 def test_stopped_is_for_good() -> None:
     stopped = after(after(initial(1), "routed", at=0.0), "stopped", at=0.0)
-    assert state(stopped) is State.STOPPED
+    assert state(stopped) is MotionState.STOPPED
     for name in ("routed", "asked", "held", "released", "failed"):
         automata = after(stopped, name, at=0.0, now_s=9.0)
-        assert state(automata) is State.STOPPED
+        assert state(automata) is MotionState.STOPPED
         assert not reached(automata)
         assert not moves(automata)[0]
 
@@ -159,10 +159,10 @@ def test_many_robots_behave_as_singly(told: list[tuple[list[str], float]]) -> No
         alone = after(alone, *names, at=at, now_s=0.1 * k)
         assert many.state[1] == alone.state[0]
         assert many.reached[1] == alone.reached[0]
-        assert many.state[0] == many.state[2] == State.IDLE
+        assert many.state[0] == many.state[2] == MotionState.IDLE
         assert many.reached[0]
         if many.reached[1]:
-            assert many.has_route[1] or many.state[1] in (State.IDLE, State.HOLDING)
+            assert many.has_route[1] or many.state[1] in (MotionState.IDLE, MotionState.HOLDING)
 
 
 @pytest.mark.parametrize("name", ["asked", "failed"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from koord.runtime.motion.bodies import Body, Car, Drone
-from koord.runtime.motion.checks import Part, start_complaints, world_complaints
+from koord.runtime.motion.checks import WorldPart, start_complaints, world_complaints
 from koord.runtime.motion.world import Box, Disc, Obstacle, Point, Polygon, World
 from tests.runtime.motion.worlds import CLUTTERED
 
@@ -24,13 +24,13 @@ GOOD = Disc((0.0, 0.0), 0.5)
 )
 def test_obstacles_that_are_none(obstacle: Obstacle, said: str) -> None:
     complaints = list(world_complaints(World(obstacles=(GOOD, obstacle))))
-    assert [(c.part, c.index) for c in complaints] == [(Part.OBSTACLE, 1)]
+    assert [(c.part, c.index) for c in complaints] == [(WorldPart.OBSTACLE, 1)]
     assert said in complaints[0].message
 
 
 def test_bounds_and_tasks() -> None:
     complaints = list(world_complaints(World((0, 0, 0), (1, 0, 1), (), ((0.5, 0, 0.5), (2, 0, 0)))))
-    assert [(c.part, c.index) for c in complaints] == [(Part.BOUNDS, 0), (Part.TASK, 1)]
+    assert [(c.part, c.index) for c in complaints] == [(WorldPart.BOUNDS, 0), (WorldPart.TASK, 1)]
     assert "along y" in complaints[0].message
     assert "(2, 0, 0)" in complaints[1].message
 
@@ -56,7 +56,7 @@ def test_starts(robots: list[tuple[Body, Point]], said: list[tuple[int, str]]) -
     assert [c.index for c in complaints] == [index for index, _ in said]
     for complaint, (_, words) in zip(complaints, said, strict=True):
         assert words in complaint.message
-        assert complaint.part is Part.ROBOT
+        assert complaint.part is WorldPart.ROBOT
 
 
 def test_programs_may_ask_for_more_distance() -> None:
@@ -69,6 +69,6 @@ def test_a_world_of_too_many_cells_with_something_in_it_is_refused() -> None:
     most = World((0, 0, 0), (500, 500, 3), (GOOD,), cell_m=0.5)
     assert list(world_complaints(most)) == []
     (said,) = world_complaints(World((0, 0, 0), (501, 500, 3), (GOOD,), cell_m=0.5))
-    assert said.part is Part.BOUNDS
+    assert said.part is WorldPart.BOUNDS
     assert "at most 1000000 cells" in said.message
     assert list(world_complaints(World((0, 0, 0), (1e9, 4, 3)))) == []

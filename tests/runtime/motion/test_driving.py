@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from koord.runtime.motion.arrays import Floats
-from koord.runtime.motion.automaton import State, Visit
+from koord.runtime.motion.automaton import MotionState, Visit
 from koord.runtime.motion.bodies import Car, PlannerName, Steering
-from koord.runtime.motion.course import Course, Horizon
 from koord.runtime.motion.driving import Driving, Measured
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import point_path
 from koord.runtime.motion.group import Group
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.predictive import Predictive
+from koord.runtime.motion.pursuit import Course, Horizon
 from koord.sim.vehicles.cars import Bicycles
 from tests.runtime.motion.worlds import CLUTTERED, EMPTY, places
 
@@ -99,7 +99,7 @@ def test_holding_stops_and_releasing_goes_on(steering: Steering) -> None:
     for _ in range(20):
         ride.tick()
     held = ride.cars.position.copy()
-    assert ride.group.state(0) is State.HOLDING
+    assert ride.group.state(0) is MotionState.HOLDING
     assert ride.cars.speed[0] == 0.0
     for _ in range(20):
         ride.tick()
@@ -120,7 +120,7 @@ def test_stop_is_for_good() -> None:
     for _ in range(40):
         ride.tick()
     assert ride.cars.speed[0] == 0.0
-    assert ride.group.state(0) is State.STOPPED
+    assert ride.group.state(0) is MotionState.STOPPED
 
 
 def test_a_car_that_missed_the_end_of_its_route_says_so() -> None:
@@ -143,7 +143,7 @@ def test_who_is_given_no_path_stays_and_never_reaches() -> None:
     for _ in range(20):
         ride.tick()
     assert np.array_equal(ride.cars.position, np.zeros((1, 3)))
-    assert ride.group.state(0) is State.IDLE
+    assert ride.group.state(0) is MotionState.IDLE
     assert not ride.group.automata.reached[0]
 
 

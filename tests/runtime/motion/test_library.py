@@ -12,15 +12,15 @@ from koord.runtime.motion.bodies import Car, Drone, PlannerName
 from koord.runtime.motion.clearance import Clearance
 from koord.runtime.motion.library import Chart, Library
 from koord.runtime.motion.planners import planner
-from koord.runtime.motion.planning import Effort, Pose
+from koord.runtime.motion.planning import PlanningEffort, Pose
 from koord.runtime.motion.world import Box, Point, World
 from tests.runtime.motion.worlds import CLUTTERED
 
 CAR, DRONE = 0, 1
 POSES = {CAR: Pose((-2.5, -2.0, 0.0), 0.4), DRONE: Pose((2.0, -2.0, 1.0))}
 PLANNERS = {
-    CAR: planner(PlannerName.RRT_CAR, CLUTTERED, Car(), Effort(400, 20)),
-    DRONE: planner(PlannerName.RRT_DRONE, CLUTTERED, Drone(), Effort(400, 20)),
+    CAR: planner(PlannerName.RRT_CAR, CLUTTERED, Car(), PlanningEffort(400, 20)),
+    DRONE: planner(PlannerName.RRT_DRONE, CLUTTERED, Drone(), PlanningEffort(400, 20)),
 }
 #: Goals of all sorts: free, inside of obstacles, on the ground, in the air, outside of the world.
 GOAL = st.tuples(

@@ -13,7 +13,7 @@ from koord.runtime.motion.bodies import Body, Car, Drone, Ideal, PlannerName
 from koord.runtime.motion.field import field
 from koord.runtime.motion.geometry import wrapped
 from koord.runtime.motion.planners import planner
-from koord.runtime.motion.planning import Effort, Pose, suits
+from koord.runtime.motion.planning import PlanningEffort, Pose, suits
 from koord.runtime.motion.rrt import MARGIN_M, car_fits, spaced
 from koord.runtime.motion.world import Box, World
 from tests.runtime.motion.worlds import CLUTTERED, EMPTY, places
@@ -21,7 +21,7 @@ from tests.runtime.motion.worlds import CLUTTERED, EMPTY, places
 CAR, DRONE = Car(), Drone()
 CARS = [PlannerName.RRT_CAR, PlannerName.RRT_STAR_CAR]
 DRONES = [PlannerName.RRT_DRONE, PlannerName.RRT_STAR_DRONE]
-FEW = Effort(steps=1500, star_steps=40)
+FEW = PlanningEffort(steps=1500, star_steps=40)
 
 
 def headings(path: Floats, start_rad: float) -> list[float]:
@@ -134,7 +134,7 @@ def test_what_cannot_be_reached_is_given_up_after_so_many_steps() -> None:
         Box((0.8, -1.2, 0.0), (3.0, -1.1, 3.0)),
         Box((0.8, 1.1, 0.0), (3.0, 1.2, 3.0)),
     )
-    made = planner(PlannerName.RRT_DRONE, World(obstacles=walls), DRONE, Effort(steps=300))
+    made = planner(PlannerName.RRT_DRONE, World(obstacles=walls), DRONE, PlanningEffort(steps=300))
     assert made.plan(Pose((-2, 0, 1)), (1.9, 0, 1), 1) is None
 
 

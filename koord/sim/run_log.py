@@ -1,7 +1,7 @@
 """What a simulated run leaves behind: one type of data that all files and pictures are made of.
 
-A :class:`Header` says what is known before a run begins; the rest of a :class:`Recording` grows at
-its end only, so that it can be read while the run goes on. A :class:`Recorder` is what a run feeds.
+A :class:`Header` says what is known before a run begins; the rest of a :class:`RunLog` grows at
+its end only, so that it can be read while the run goes on. A run feeds a :class:`RunLogger`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from koord.runtime.motion.arrays import Floats, bounded, products
 from koord.runtime.motion.bodies import Look
 from koord.runtime.motion.world import Point, World
 from koord.runtime.proposals import Plain
-from koord.runtime.shapes import Array, Enumeration, Kind, Mapping, Scalar, Shape
+from koord.runtime.shapes import Array, Enumeration, Mapping, Scalar, ScalarKind, Shape
 
 #: Positions in metres and headings in radians, as they are kept.
 Pose = NDArray[np.float32]
@@ -40,7 +40,7 @@ _RATES_S = ((200, 0.1), (2_000, 0.2), (math.inf, 1.0))
 _FEW, _KEPT_PER_S = 100, 1_000
 
 
-class Home(Enum):
+class LoggedHome(Enum):
     """Where a variable of a program lives."""
 
     ALLREAD = "allread"
@@ -66,7 +66,7 @@ class TaskState(IntEnum):
     DONE = 2
 
 
-class Recorded(Struct, frozen=True):
+class LoggedRobot(Struct, frozen=True):
     """A robot as it is drawn. ``agent`` is the position of its kind in ``Header.agents``."""
 
     name: str
@@ -79,20 +79,20 @@ class Recorded(Struct, frozen=True):
     middle_m: float = 0.0  #: from its position forward to its middle
 
 
-class Variable(Struct, frozen=True):
+class LoggedVariable(Struct, frozen=True):
     """A variable; changes name it by its position."""
 
     name: str
-    home: Home
+    home: LoggedHome
     shape: Shape
 
 
-class Agent(Struct, frozen=True):
+class LoggedAgent(Struct, frozen=True):
     """A kind of robot of the program: its events and what it has for itself, by position."""
 
     name: str
     events: tuple[str, ...]
-    variables: tuple[Variable, ...]
+    variables: tuple[LoggedVariable, ...]
 
 
 class Header(Struct, frozen=True):
@@ -103,9 +103,9 @@ class Header(Struct, frozen=True):
     delta_s: float
     seed: int
     world: World
-    agents: tuple[Agent, ...]
-    robots: tuple[Recorded, ...]
-    shared: tuple[Variable, ...]
+    agents: tuple[LoggedAgent, ...]
+    robots: tuple[LoggedRobot, ...]
+    shared: tuple[LoggedVariable, ...]
     safety_m: float = 0.0  #: no two robots are to come nearer to each other; 0: not said
     visit_m: float = 0.2  #: a robot so near to a task is there
     differing: tuple[str, ...] = ()  #: each value that is not the text's, in words
@@ -127,7 +127,7 @@ class Header(Struct, frozen=True):
         return 0.0 if count <= _FEW else count / _KEPT_PER_S
 
 
-class Change(NamedTuple):
+class LoggedChange(NamedTuple):
     """A variable, or one element of it (``part``), has a new value."""
 
     robot: int  #: or SHARED
@@ -136,7 +136,7 @@ class Change(NamedTuple):
     value: Plain
 
 
-class Said(NamedTuple):
+class LoggedOutput(NamedTuple):
     """What a robot wrote to a stream."""
 
     robot: int
@@ -144,7 +144,7 @@ class Said(NamedTuple):
     text: str
 
 
-class Round(Struct, frozen=True):
+class LoggedRound(Struct, frozen=True):
     """A round as robots saw it after its events; round -1 is INIT.
 
     ``changes`` are since the last round in which any were looked for.
@@ -153,11 +153,11 @@ class Round(Struct, frozen=True):
     number: int
     time_s: float
     deeds: Deeds
-    changes: tuple[Change, ...]
-    said: tuple[Said, ...] = ()
+    changes: tuple[LoggedChange, ...]
+    said: tuple[LoggedOutput, ...] = ()
 
 
-class Planned(NamedTuple):
+class LoggedPath(NamedTuple):
     """A robot has a new path, shape ``(k, 3)``; an empty one: it has none any more."""
 
     time_s: float
@@ -174,7 +174,7 @@ class TaskChange(Struct, frozen=True):
     robot: int
 
 
-class Violation(Struct, frozen=True):
+class LoggedViolation(Struct, frozen=True):
     """A claim that the run broke."""
 
     time_s: float
@@ -193,7 +193,7 @@ class Still(NamedTuple):
     words: str
 
 
-class Sizes(NamedTuple):
+class LogSizes(NamedTuple):
     """How much of a run is recorded."""
 
     times: int = 0
@@ -204,7 +204,7 @@ class Sizes(NamedTuple):
     still: int = 0
 
 
-class Recording(Struct):
+class RunLog(Struct):
     """A run. Everything but the header grows at its end; nothing that stands in it changes."""
 
     header: Header
@@ -212,16 +212,16 @@ class Recording(Struct):
     #: of each time: x, y, z, heading, roll, pitch; shape ``(n, 6)``
     poses: list[Pose] = field(default_factory=list)
     separations_m: array[float] = field(default_factory=lambda: array("f"))  #: of each time, or NaN
-    rounds: list[Round] = field(default_factory=list)
-    paths: list[Planned] = field(default_factory=list)
+    rounds: list[LoggedRound] = field(default_factory=list)
+    paths: list[LoggedPath] = field(default_factory=list)
     tasks: list[TaskChange] = field(default_factory=list)
-    violations: list[Violation] = field(default_factory=list)
+    violations: list[LoggedViolation] = field(default_factory=list)
     still: list[Still] = field(default_factory=list)
     ending: str | None = None  #: how the run ended, in words; None: it has not yet
 
-    def since(self, start: Sizes) -> Recording:
+    def since(self, start: LogSizes) -> RunLog:
         """What was recorded after so much."""
-        return Recording(
+        return RunLog(
             self.header,
             self.times_s[start.times :],
             self.poses[start.times :],
@@ -234,9 +234,9 @@ class Recording(Struct):
         )
 
     @property
-    def sizes(self) -> Sizes:
+    def sizes(self) -> LogSizes:
         """How much is recorded by now."""
-        return Sizes(
+        return LogSizes(
             len(self.times_s),
             len(self.rounds),
             len(self.paths),
@@ -288,18 +288,18 @@ def map_variable(header: Header) -> int | None:
             case Array(element=Enumeration(members=members), size=size):
                 if size == header.world.grid.cells and {"unknown", "free"} <= set(members):
                     return number
-            case Mapping(key=Scalar(kind=Kind.INT), value=Scalar(kind=Kind.BOOL)):
+            case Mapping(key=Scalar(kind=ScalarKind.INT), value=Scalar(kind=ScalarKind.BOOL)):
                 return number
             case _:
                 pass
     return None
 
 
-class Recorder:
+class RunLogger:
     """What a run feeds. Times never go back."""
 
     def __init__(self, header: Header) -> None:
-        self.recording = Recording(header)
+        self.recording = RunLog(header)
         self._sample_s, self._next_s = header.sample_s, -math.inf
         self._tilting = np.array(header.tilting, np.int64)
 
@@ -334,16 +334,16 @@ class Recorder:
         number: int,
         time_s: float,
         deeds: Deeds,
-        changes: Sequence[Change] = (),
-        said: Sequence[Said] = (),
+        changes: Sequence[LoggedChange] = (),
+        said: Sequence[LoggedOutput] = (),
     ) -> None:
         """What robots did, and what is different since the last round."""
-        done = Round(number, time_s, deeds, tuple(changes), tuple(said))
+        done = LoggedRound(number, time_s, deeds, tuple(changes), tuple(said))
         self.recording.rounds.append(done)
 
     def path(self, time_s: float, robot: int, points: Floats) -> None:
         """A robot is to follow a path, shape ``(k, 3)``."""
-        self.recording.paths.append(Planned(time_s, robot, points.astype(np.float32)))
+        self.recording.paths.append(LoggedPath(time_s, robot, points.astype(np.float32)))
 
     def task(self, time_s: float, task: int, state: TaskState, robot: int) -> None:
         """A task was assigned to a robot, or done by it."""
@@ -358,7 +358,9 @@ class Recorder:
         place: Point | None = None,
     ) -> None:
         """A claim was broken by some robots at a place."""
-        self.recording.violations.append(Violation(time_s, claim, words, tuple(robots), place))
+        self.recording.violations.append(
+            LoggedViolation(time_s, claim, words, tuple(robots), place)
+        )
 
     def standing(self, time_s: float, robot: int, since_s: float, words: str) -> None:
         """A robot stands still, and why."""

@@ -1,1 +1,0 @@
-"""Compiled programs in one process: all robots, one store, rounds one after the other."""
