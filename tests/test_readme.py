@@ -11,8 +11,12 @@ from pathlib import Path
 
 import pytest
 
+import koord
 from koord.cli.exits import Exit
 from koord.cli.main import COMMANDS, EPILOG
+from koord.recheck import certificate
+from koord.traces import form
+from koord.verify import certificates
 from tests import environments
 from tests.test_examples import EXPECTED
 
@@ -183,6 +187,27 @@ def test_the_comparison_sees_a_difference() -> None:
     assert not agrees("a\n…\nb\n", "a\nx\ny\nc\n")
     assert masked("koord verify f", "A  holds  bmc   0.18 s\n") == "A  holds  bmc - s\n"
     assert masked("koord run f", "round 1, to t = 0.1 s\n") == "round 1, to t = 0.1 s\n"
+
+
+# --- what is promised -----------------------------------------------------------------------------
+
+
+def test_what_stays_as_it_is_is_said_of_this_version() -> None:
+    """Of the language, traces, certificates and the public API, as their versions are now."""
+    (promise,) = re.findall(r"^## What stays as it is\n(.*?)^## ", README, re.MULTILINE | re.DOTALL)
+    assert f"Version {koord.__version__} " in promise
+    assert re.findall(r"^- \*\*(.*?)\*\*", promise, re.MULTILINE) == [
+        "the language",
+        "traces",
+        "certificates",
+        "the public API",
+    ]
+    assert f"`--trace` writes (version {form.VERSION}," in promise
+    assert f"`--certificate` writes (version {certificates.VERSION})" in promise
+    assert certificate.VERSION == certificates.VERSION
+    assert f"\n## {koord.__version__} " in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert "README.md#what-stays-as-it-is" in contributing
 
 
 # --- programs -------------------------------------------------------------------------------------
