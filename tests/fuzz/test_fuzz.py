@@ -9,6 +9,7 @@ from random import Random
 import pytest
 
 from tests.fuzz import driving, texts, traces
+from tests.sampling import first
 
 FOUND = Path(__file__).parent / "found"
 
@@ -37,11 +38,12 @@ def test_programs_and_their_variations(tmp_path: Path) -> None:
         texts.examine(texts.varied(data, random))
 
 
-def test_traces_and_their_variations(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", first(1, [5, 20]))
+def test_traces_and_their_variations(count: int, tmp_path: Path) -> None:
     random = Random(1)
     for data in _inputs(traces.write_seeds, tmp_path):
         traces.examine(data)
-        for _ in range(20):
+        for _ in range(count):
             traces.examine(traces.varied(data, random))
 
 

@@ -17,6 +17,7 @@ from koord.recheck.solving import Answer
 from koord.syntax.diagnostics import KoordError
 from koord.verify.certificates import digest
 from tests.recheck.certificates import Document, document_of, rechecked
+from tests.sampling import sampled
 
 pytest.importorskip("cvc5")
 
@@ -59,13 +60,14 @@ def _tried(raw: bytes) -> str:
         return "refused" if codes <= {"K940", "K941"} else str(codes)
 
 
-def test_damaged_parts_are_refused_or_rechecked() -> None:
+@pytest.mark.parametrize("count", sampled(30, [150]))
+def test_damaged_parts_are_refused_or_rechecked(count: int) -> None:
     random = Random(1)
     said = [
         _tried(json.dumps(_damaged(document_of("hvac.krd", 1), random)).encode())
-        for _ in range(150)
+        for _ in range(count)
     ]
-    assert said.count("refused") >= 75
+    assert said.count("refused") >= count // 2
     assert set(said) <= {"refused", "confirmed", "refuted", "unknown"}
 
 

@@ -46,6 +46,7 @@ def test_timing_excludes_without_any_lemma() -> None:
     assert found["Exclusive"].rounds is None
 
 
+@pytest.mark.slow
 def test_what_breaks_late_is_found_whatever_the_bound() -> None:
     text = (EXAMPLES / "broken" / "sats_report_for_ever.krd").read_text(encoding="utf-8")
     verdict = asked(of_text(text, 2, Fraction(50)), 4, "Separation")["Separation"]
