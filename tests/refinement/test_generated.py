@@ -21,7 +21,7 @@ from koord.traces.changes import changes
 from koord.traces.names import Names
 
 #: Runs of each seed, here and in the slow tests; seeds are those of `koord check-refinement`.
-FEW, MANY = 24, 400
+FEW, MANY = 40, 400
 ROUNDS = 4
 SEEDS, MANY_SEEDS = range(5), range(11)
 
