@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -37,6 +38,15 @@ def test_a_deployment_is_cancelled_from_another_thread() -> None:
     deployed = koord.deploy(COUNT, TWO, progress=hear, cancellation=stop)
     assert deployed.interrupted
     assert not deployed.ok
+
+
+def test_several_deployments_go_on_at_a_time() -> None:
+    def deploy(rounds: int) -> tuple[bool, list[int]]:
+        deployed = koord.deploy(COUNT, TWO, rounds=rounds, as_fast_as_possible=True)
+        return deployed.ok, [status.round for status in deployed.statuses.values()]
+
+    with ThreadPoolExecutor(2) as threads:
+        assert list(threads.map(deploy, (5, 7))) == [(True, [5, 5]), (True, [7, 7])]
 
 
 def test_one_robot_runs_in_this_process(tmp_path: object) -> None:

@@ -16,6 +16,7 @@ from koord.runtime.deploy.running import Job, Make, Moment, Runner, ideal_member
 from koord.runtime.deploy.status import Status
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Plan, Udp
+from koord.syntax.forking import FORKING
 
 #: What a robot's process says: how it is doing and what it did, or why it could not begin.
 News = tuple[Status, tuple[Moment, ...]] | TransportError
@@ -123,10 +124,11 @@ def launched(launch: Launch) -> LocalProcesses:
 
 def _started(launch: Launch, pid: int) -> tuple[BaseProcess, Connection]:
     """A process for a robot, and our end of the line to it."""
-    ours, theirs = multiprocessing.Pipe()
-    process = _process((launch, pid, theirs))
-    process.start()
-    theirs.close()
+    with FORKING:
+        ours, theirs = multiprocessing.Pipe()
+        process = _process((launch, pid, theirs))
+        process.start()
+        theirs.close()
     return process, ours
 
 
