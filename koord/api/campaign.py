@@ -22,7 +22,7 @@ from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
 from koord.api.results import ArgumentError, Result, html_table
 from koord.api.robots import MOST_ROBOTS, Seconds
 from koord.api.sim_setup import check_can_begin
-from koord.runtime.motion.libraries import SIM, require
+from koord.runtime.motion.libraries import require
 from koord.sim.running import still_words as still_words
 from koord.syntax.literals import ParamValue, literal
 from koord.version import __version__
@@ -160,7 +160,6 @@ def campaign(
 
     >>> koord.campaign(program, runs=10, sweep={"robots": range(2, 9)}, jobs=2)
     """
-    require(SIM, "sim")
     if sweep is not None and len(sweep) != 1:
         raise ArgumentError("sweep", "name one param, or `robots`, with its values")
     name, values = next(iter(sweep.items())) if sweep is not None else (None, ())

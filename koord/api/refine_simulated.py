@@ -13,7 +13,6 @@ from koord.api.progress import Cancellation, Listener, Progress, asker, heard_by
 from koord.api.results import Result
 from koord.api.sim_setup import check_begun, limit_s, simulation
 from koord.api.sim_trace import Tracing
-from koord.api.simulation import check_libraries
 from koord.api.traces import write_trace
 from koord.refinement.judging import Judged
 from koord.sim.running import Simulation, run
@@ -69,7 +68,6 @@ def refine_simulated(
     >>> koord.refine_simulated("task.krd").ok
     True
     """
-    check_libraries()
     wanted = fit_request(program, config, params, None, seed, None)
     folder = None if save is None else fspath(save)
     return judge_simulated(wanted, runs, rounds, folder, progress, cancellation)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
 
+import koord.api.sim_libraries  # noqa: F401
 from koord.api.fitting import NO_FILE, Fitted, task_count
 from koord.runtime.compile import compiled
 from koord.runtime.compile.loading import loaded

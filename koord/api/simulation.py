@@ -19,16 +19,10 @@ from koord.api.sim_report import (
 from koord.api.sim_run import SimulationRequest as SimulationRequest
 from koord.api.sim_run import play
 from koord.api.sim_setup import check_can_begin, simulation
-from koord.runtime.motion.libraries import SIM, require
 from koord.sim.running import Simulation
 
 if TYPE_CHECKING:
     pass
-
-
-def check_libraries() -> None:
-    """Whether the libraries are there that simulate worlds. Raises KoordError."""
-    require(SIM, "sim")
 
 
 def simulate(
@@ -75,7 +69,6 @@ def simulate(
     >>> koord.simulate(program, "task.yaml", seed=1, duration_s=60).broken
     ()
     """
-    check_libraries()
     paths = (record,) if isinstance(record, str | PathLike) else tuple(record)
     outputs = Outputs(
         html=_path(html),

@@ -159,9 +159,6 @@ def _protocol(arguments: argparse.Namespace) -> int:
 def _simulator(arguments: argparse.Namespace) -> int:
     if not arguments.files or arguments.case is not None:
         raise argparse.ArgumentTypeError("--target simulator takes programs: name a file")
-    from koord.api.simulation import check_libraries
-
-    check_libraries()
     from koord.cli.check_simulated import main as check
 
     return check(arguments)

@@ -196,11 +196,10 @@ def _of_a_form(text: str, endings: tuple[str, ...]) -> str:
 
 def main(arguments: argparse.Namespace) -> int:
     # What simulating needs is loaded here: `koord sim --help` is as light as any other.
-    from koord.api.simulation import check_libraries, simulate_fitted
+    from koord.api.simulation import simulate_fitted
     from koord.cli.fitting import fit_request, fitted
     from koord.cli.simulated import Shown
 
-    check_libraries()
     if arguments.schedule is not None:
         return _rehearse(arguments)
     config = [arguments.config] if arguments.config is not None else []
