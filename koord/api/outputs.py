@@ -208,9 +208,9 @@ def growing(
 
 
 def _trace(tracing: Tracing, simulation: Simulation, file: BinaryIO) -> Callable[[], None]:
-    from koord.traces.parts import PartTrace
+    from koord.traces.unfinished import GrowingTrace
 
-    part = PartTrace(file)
+    part = GrowingTrace(file)
 
     def grow() -> None:
         if tracing.is_begun:

@@ -24,9 +24,9 @@ from koord.semantics.domain import Constant
 from koord.syntax.budget import OutOfPatienceError, Patience
 from koord.syntax.source import Span
 from koord.syntax.system import System
-from koord.traces.parts import PartTrace
 from koord.traces.trace import Numbers, Tracer, Violation, ViolationKind
 from koord.traces.trace import Trace as Recorded
+from koord.traces.unfinished import GrowingTrace
 
 Name = TypeVar("Name", bound=Enum)
 
@@ -182,7 +182,7 @@ class Session(Struct):
 
     def part(self, file: BinaryIO) -> Callable[[], None]:
         """Begin a file that its trace grows in; what comes out writes what is new behind it."""
-        part, tracer = PartTrace(file), self.tracer
+        part, tracer = GrowingTrace(file), self.tracer
 
         def grow() -> None:
             if tracer is not None and tracer.configurations:

@@ -17,9 +17,9 @@ from koord.syntax.source import Source
 from koord.traces.codec import decode_document, encode, load_embedded
 from koord.traces.itf import embedded_trace, encode_itf, is_itf
 from koord.traces.json_reader import parse
-from koord.traces.parts import completed, mended
 from koord.traces.replay import replay
 from koord.traces.trace import Sources, Trace
+from koord.traces.unfinished import completed, mended
 
 #: By convention, and by what other tools look for.
 ITF_SUFFIX = ".itf.json"

@@ -7,7 +7,7 @@ from collections import Counter
 
 from msgspec import Struct
 
-from koord.sampling.constant_conditions import false_beforehand
+from koord.sampling.conjuncts import false_beforehand
 from koord.sampling.constraint_guesses import placed, repairs
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.stand_ins import driven

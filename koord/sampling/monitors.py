@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from msgspec import Struct, field
 
-from koord.sampling.property_parts import Part, Place, changed, parts_of
+from koord.sampling.conjuncts import Conjunct, Place, changed, conjuncts_of
 from koord.semantics.configurations import Configuration
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.expressions import statement
@@ -27,13 +27,13 @@ from koord.traces.trace import Violation, ViolationKind
 class _Watched(Struct):
     """A property in parts. ``stale`` are those not known to hold: all others hold still."""
 
-    parts: list[Part]
+    parts: list[Conjunct]
     stale: set[int]
     readers: dict[Place, list[int]]
 
     @classmethod
     def of(cls, system: System, stated: core.Property) -> _Watched:
-        parts = parts_of(system, stated.condition)
+        parts = conjuncts_of(system, stated.condition)
         readers: dict[Place, list[int]] = {}
         for number, part in enumerate(parts):
             for place in part.places:
@@ -95,7 +95,9 @@ class Watch(Struct):
             for watched in self._watched.values():
                 watched.stale.update(watched.readers.get(place, ()))
 
-    def _part_holds(self, part: Part, bound: int, configuration: Configuration[Constant]) -> bool:
+    def _part_holds(
+        self, part: Conjunct, bound: int, configuration: Configuration[Constant]
+    ) -> bool:
         oracle = self.inputs.oracle(Phase.CHECK, 0)
         m = machine(self.d, self.system, oracle, bound=bound, view=configuration)
         m.trail.extend(part.trail)

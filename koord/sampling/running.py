@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from random import Random
 
-from msgspec import Struct
+from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.sampling.growth import check_lengths
 from koord.sampling.initial_state_search import settle_readings, settled_start
 from koord.sampling.sampled_inputs import SampledInputs
 from koord.sampling.values import Sampler
 from koord.semantics.configurations import Configuration, Turn
 from koord.semantics.domain import Constant, Domain
 from koord.semantics.oracle import Phase
-from koord.semantics.recordings import Answer, Opening, Recording, Round, Step
+from koord.semantics.recordings import Answer, Concrete, Opening, Recording, Round, Step
 from koord.semantics.rounds import (
     IllegalStepError,
     enabled,
@@ -28,6 +27,9 @@ from koord.semantics.rounds import (
     run_event,
     run_skip,
 )
+from koord.semantics.storage import Cell, Storage, Tree
+from koord.semantics.values import Rec, Seq, Table
+from koord.syntax.diagnostics import refusal
 from koord.syntax.system import Status, System
 from koord.traces.trace import Numbers
 
@@ -201,3 +203,60 @@ class Run:
 def new_run(system: System, numbers: Numbers, rng: Random) -> Run:
     """A run whose every answer hangs on the generator."""
     return Run(system, numbers, SampledInputs(Sampler(system, numbers, rng)))
+
+
+# --- values that grow without end: a run stops before the machine does ----------------------------
+
+#: What one variable holds has at most so many parts. Fixed arrays have a limit of their own.
+MOST_LISTED = 100_000
+
+
+def check_lengths(before: Configuration[Constant], after: Configuration[Constant]) -> None:
+    """Raise KoordError if a step made a list that is too long to go on with."""
+    for old, new in zip(before.robots, after.robots, strict=True):
+        if old is not new:
+            _check_all(old.locals, new.locals)
+            _check_all(old.ports, new.ports)
+    _check_all(before.store.allread, after.store.allread)
+    _check_all(before.store.allwrite, after.store.allwrite)
+
+
+def _check_all(before: tuple[Storage[Constant], ...], after: tuple[Storage[Constant], ...]) -> None:
+    scale = _Scale()
+    for old, new in zip(before, after, strict=True):
+        if old is not new and scale.listed(new) > MOST_LISTED:
+            raise refusal(
+                "K924",
+                "koord run",
+                f"a list has grown to more than {MOST_LISTED} parts",
+                "run for fewer rounds, or take out of lists what is no more needed",
+            )
+
+
+class _Scale(Struct):
+    """Counts the parts of lists, those of lists within lists too.
+
+    A list may hold one and the same list many times over, and that one another: each is counted
+    once, and the counts are added up.
+    """
+
+    _known: dict[int, int] = field(default_factory=dict)
+
+    def listed(self, part: Storage[Constant] | Concrete) -> int:
+        """How many parts the lists in storage or a value have; other parts count nothing."""
+        match part:
+            case Cell(value=value):
+                return self.listed(value)
+            case Tree(parts=parts):
+                return sum(map(self.listed, parts))
+            case Rec(fields=fields):
+                return sum(map(self.listed, fields))
+            case Seq(items=items):
+                if id(part) not in self._known:
+                    self._known[id(part)] = len(items) + sum(map(self.listed, items))
+                return self._known[id(part)]
+            case Table(entries=entries):
+                inside = sum(self.listed(k) + self.listed(v) for k, v in entries)
+                return 2 * len(entries) + inside
+            case _:
+                return 0

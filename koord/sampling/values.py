@@ -39,7 +39,7 @@ from koord.syntax.types import (
     Type,
     part_types,
 )
-from koord.traces.occurrences import constants
+from koord.traces.names import constants
 from koord.traces.trace import Numbers
 
 #: Floats between two known ones lie on a grid of so many steps: exact numbers stay short.

@@ -23,7 +23,7 @@ from koord.traces import form
 from koord.traces.decode_runs import decode_run
 from koord.traces.encode_runs import encode_run
 from koord.traces.form import FORMAT, LOOP, PLAIN, VERSION
-from koord.traces.json_reader import FormError, Reader, parse
+from koord.traces.json_reader import FormError, JsonNode, parse
 from koord.traces.trace import Sources, Trace, digest
 from koord.traces.value_codec import (
     Json,
@@ -117,7 +117,7 @@ def decode_document(document: object, name: str, load: Load | None = None, at: s
     file = None
     try:
         _check_format(document, name)
-        file = Reader(document).form(form.File)
+        file = JsonNode(document).form(form.File)
         header = _header(file)
         program = (load if load is not None else load_embedded)(header.sources)
         system = System(program, tuple(file.robots), header.delta_s)
@@ -145,23 +145,24 @@ def _header(file: form.File) -> _Header:
         _decode_text(file.program),
         tuple(map(_decode_text, file.properties)),
         tuple(
-            (name, decode_param(value)) for name, value in Reader(file.params, ".params").entries()
+            (name, decode_param(value))
+            for name, value in JsonNode(file.params, ".params").entries()
         ),
         None if file.tasks is None else tuple(starmap(_decode_task, enumerate(file.tasks))),
     )
-    delta_s = decode_fraction(Reader(file.delta, ".delta"))
+    delta_s = decode_fraction(JsonNode(file.delta, ".delta"))
     if delta_s <= 0:
         raise FormError("the length of a round should be more than 0 seconds", ".delta")
     slack = Fraction(0)
     if file.slack is not UNSET:
-        slack = decode_fraction(Reader(file.slack, ".slack"))
+        slack = decode_fraction(JsonNode(file.slack, ".slack"))
     if slack < 0:
         raise FormError("the slack should be at least 0", ".slack")
     return _Header(sources, delta_s, slack)
 
 
 def _decode_task(number: int, task: tuple[object, ...]) -> tuple[Fraction, Fraction, Fraction]:
-    x, y, z = map(decode_fraction, Reader(list(task), f".tasks[{number}]").items())
+    x, y, z = map(decode_fraction, JsonNode(list(task), f".tasks[{number}]").items())
     return x, y, z
 
 

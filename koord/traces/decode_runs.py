@@ -17,7 +17,7 @@ from koord.syntax.system import System
 from koord.syntax.types import Type
 from koord.traces import form
 from koord.traces.encode_runs import answer_types, startable
-from koord.traces.json_reader import FormError, Reader, shortened
+from koord.traces.json_reader import FormError, JsonNode, shortened
 from koord.traces.names import KindNames, Named, Names
 from koord.traces.trace import BEFORE_ROUNDS, Emitted, Numbers, Sources, Trace, Violation
 from koord.traces.value_codec import decode_storage, decode_value
@@ -142,7 +142,7 @@ class _Decoding(Struct, frozen=True):
 
     def value(self, value: object, type_: Type, path: str, part: form.Form) -> Concrete:
         try:
-            return decode_value(Reader(value), type_, self.robots, self.numbers)
+            return decode_value(JsonNode(value), type_, self.robots, self.numbers)
         except FormError as error:
             raise FormError(error.message, path + error.path, error.code, part) from None
 
@@ -215,7 +215,7 @@ class _Decoding(Struct, frozen=True):
     ) -> tuple[Storage[Constant], ...]:
         names = [n.older if n.name not in held and n.older in held else n.name for n in among]
         try:
-            parts = Reader(held).fields(names)
+            parts = JsonNode(held).fields(names)
             return tuple(
                 decode_storage(parts[name], named.type, self.robots, self.numbers)
                 for name, named in zip(names, among, strict=True)

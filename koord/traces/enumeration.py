@@ -24,7 +24,7 @@ from koord.syntax import core
 from koord.syntax.core import Home
 from koord.syntax.system import System
 from koord.syntax.types import INT, ArrayType, Type
-from koord.traces.value_bounds import Found, Location, Reader, candidates
+from koord.traces.value_bounds import Found, Location, StatementReader, candidates
 
 T = TypeVar("T")
 
@@ -241,7 +241,7 @@ def reader(
     m: Machine[Constant],
     is_open: Callable[[core.Place], bool],
     address: Callable[[core.Variable, int | None], Location],
-) -> Reader:
+) -> StatementReader:
     """A reader of statements in which everything that is not open is known to ``m``."""
 
     def value_of(e: core.Expr, bound: Mapping[int, int]) -> Constant | None:
@@ -255,10 +255,10 @@ def reader(
         m.memory.bound, m.faults = before, faults
         return None if faulted or isinstance(value, Rec | Seq | Table) else value
 
-    return Reader(m.system.kinds, is_open, address, value_of)
+    return StatementReader(m.system.kinds, is_open, address, value_of)
 
 
-def starts_reader(system: System) -> Reader:
+def starts_reader(system: System) -> StatementReader:
     """Reads assumptions: open is every variable of the configuration after INIT."""
 
     def address(variable: core.Variable, robot: int | None) -> Location:
@@ -270,12 +270,12 @@ def starts_reader(system: System) -> Reader:
     return reader(m, lambda place: place.variable.home is not Home.BOUND, address)
 
 
-def sensors_reader(m: Machine[Constant]) -> Reader:
+def sensors_reader(m: Machine[Constant]) -> StatementReader:
     """Reads the ``ensures`` of contracts: open are ports after the turn."""
     return reader(m, lambda place: place.primed, lambda variable, _: (variable.slot,))
 
 
-def result_reader(m: Machine[Constant], result: core.Variable) -> Reader:
+def result_reader(m: Machine[Constant], result: core.Variable) -> StatementReader:
     """Reads the ``ensures`` of an external function: open is the answer."""
 
     def is_open(place: core.Place) -> bool:

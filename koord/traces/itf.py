@@ -36,7 +36,7 @@ from koord.syntax.types import (
     part_types,
 )
 from koord.traces.codec import Load, decode_document, to_json
-from koord.traces.json_reader import FormError, Reader
+from koord.traces.json_reader import FormError, JsonNode
 from koord.traces.names import Named, Names, distinct
 from koord.traces.trace import Trace
 from koord.traces.value_codec import Json, encode_value
@@ -253,7 +253,7 @@ def embedded_trace(document: dict[str, Any], name: str, load: Load | None = None
         )
     trace = decode_document(meta[EMBEDDED], name, load, f"$.#meta.{EMBEDDED}")
     try:
-        _compare(trace, Reader(document))
+        _compare(trace, JsonNode(document))
     except FormError as error:
         raise error.refusal(name, "$") from None
     except IllegalStepError:
@@ -261,7 +261,7 @@ def embedded_trace(document: dict[str, Any], name: str, load: Load | None = None
     return trace
 
 
-def _compare(trace: Trace, document: Reader) -> None:
+def _compare(trace: Trace, document: JsonNode) -> None:
     """Raises FormError where states are not those of the run, IllegalStepError if it has none."""
     parts = dict(document.entries())
     loop = trace.recording.loop
@@ -286,6 +286,6 @@ def _renamed(state: object, older: dict[str, str]) -> object:
     return {older.get(name, name): value for name, value in state.items()}
 
 
-def _first_difference(expected: dict[str, Json], given: Reader) -> str:
+def _first_difference(expected: dict[str, Json], given: JsonNode) -> str:
     found = given.value if isinstance(given.value, dict) else {}
     return next((name for name in expected if expected[name] != found.get(name)), "its fields")

@@ -54,7 +54,7 @@ def _paths(whole: object, part: Struct) -> Iterator[str]:
             pass
 
 
-class Reader(Struct, frozen=True):
+class JsonNode(Struct, frozen=True):
     """A part of a JSON document: its value and the path to it."""
 
     value: object
@@ -102,7 +102,7 @@ class Reader(Struct, frozen=True):
 
     # --- structure ------------------------------------------------------------------------------
 
-    def fields(self, names: Collection[str]) -> dict[str, Reader]:
+    def fields(self, names: Collection[str]) -> dict[str, JsonNode]:
         """The fields of an object that has these, and no others."""
         found = dict(self.entries())
         for name in names:
@@ -113,20 +113,20 @@ class Reader(Struct, frozen=True):
                 raise found[name].refuse("there should be no such field")
         return found
 
-    def entries(self) -> Iterator[tuple[str, Reader]]:
+    def entries(self) -> Iterator[tuple[str, JsonNode]]:
         """The fields of an object, whatever they are called."""
         if not isinstance(self.value, dict):
             raise self.refuse(f"there should be an object here, not {described(self.value)}")
         for name, value in self.value.items():
-            yield name, Reader(value, f"{self.path}.{shortened(name)}")
+            yield name, JsonNode(value, f"{self.path}.{shortened(name)}")
 
-    def items(self, count: int | None = None) -> list[Reader]:
+    def items(self, count: int | None = None) -> list[JsonNode]:
         """The elements of an array, of ``count`` elements if that is given."""
         if not isinstance(self.value, list):
             raise self.refuse(f"there should be an array here, not {described(self.value)}")
         if count is not None and len(self.value) != count:
             raise self.refuse(f"there should be {count} elements here, not {len(self.value)}")
-        return [Reader(value, f"{self.path}[{k}]") for k, value in enumerate(self.value)]
+        return [JsonNode(value, f"{self.path}[{k}]") for k, value in enumerate(self.value)]
 
     # --- scalars --------------------------------------------------------------------------------
 

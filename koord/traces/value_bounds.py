@@ -44,7 +44,7 @@ Found = Mapping[Location, Bounds]
 _UNKNOWN = (core.ExternalCall, core.Choose, core.Call, core.Ran, core.Stopped)
 
 
-class Reader(Struct, frozen=True):
+class StatementReader(Struct, frozen=True):
     """Reads statements. ``bound`` are the values of quantified variables, by slot.
 
     ``is_open`` says whether a place is left open, and ``address`` where a variable stands (the

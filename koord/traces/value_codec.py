@@ -44,7 +44,7 @@ from koord.syntax.types import (
     part_types,
     show,
 )
-from koord.traces.json_reader import Reader, shortened
+from koord.traces.json_reader import JsonNode, shortened
 from koord.traces.trace import Numbers
 
 Json: TypeAlias = "int | float | str | bool | list[Json] | dict[str, Json] | None"
@@ -68,10 +68,10 @@ def encode_int(value: int) -> Json:
     return value if -_LARGE < value < _LARGE else hex(value)
 
 
-def decode_int(reader: Reader) -> int:
-    if isinstance(reader.value, str):
-        return _integer(reader, reader.value)
-    return reader.integer()
+def decode_int(node: JsonNode) -> int:
+    if isinstance(node.value, str):
+        return _integer(node, node.value)
+    return node.integer()
 
 
 def encode_fraction(value: int | Fraction) -> str:
@@ -80,13 +80,13 @@ def encode_fraction(value: int | Fraction) -> str:
     return _digits(top) if bottom == 1 else f"{_digits(top)}/{_digits(bottom)}"
 
 
-def decode_fraction(reader: Reader) -> Fraction:
-    text = reader.text()
+def decode_fraction(node: JsonNode) -> Fraction:
+    text = node.text()
     top, slash, bottom = text.partition("/")
-    numerator = _integer(reader, top)
-    denominator = _integer(reader, bottom) if slash else 1
+    numerator = _integer(node, top)
+    denominator = _integer(node, bottom) if slash else 1
     if denominator <= 0:
-        raise reader.refuse(f"{shortened(text)!r} is no exact number: it divides by zero or less")
+        raise node.refuse(f"{shortened(text)!r} is no exact number: it divides by zero or less")
     return Fraction(numerator, denominator)
 
 
@@ -94,9 +94,9 @@ def _digits(value: int) -> str:
     return str(value) if -_LARGE < value < _LARGE else hex(value)
 
 
-def _integer(reader: Reader, text: str) -> int:
+def _integer(node: JsonNode, text: str) -> int:
     if not _INTEGER.match(text):
-        raise reader.refuse(f'{shortened(text)!r} is no exact number: write "3/4", "-2" or "0x1f"')
+        raise node.refuse(f'{shortened(text)!r} is no exact number: write "3/4", "-2" or "0x1f"')
     return int(text, 16) if "x" in text else int(text)
 
 
@@ -106,16 +106,16 @@ def _encode_double(value: float) -> Json:
     return "nan" if math.isnan(value) else ("inf" if value > 0 else "-inf")
 
 
-def _decode_double(reader: Reader) -> float:
-    value = reader.value
+def _decode_double(node: JsonNode) -> float:
+    value = node.value
     if isinstance(value, str) and value in _NOT_FINITE:
         return _NOT_FINITE[value]
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise reader.refuse('there should be a number here, or "inf", "-inf", "nan"')
+        raise node.refuse('there should be a number here, or "inf", "-inf", "nan"')
     try:
         return float(value)
     except OverflowError:
-        raise reader.refuse("the number is larger than any double") from None
+        raise node.refuse("the number is larger than any double") from None
 
 
 # --- values -------------------------------------------------------------------------------------
@@ -153,46 +153,46 @@ def _encode_scalar(value: Constant, type_: Type) -> Json:
     return value
 
 
-def decode_value(reader: Reader, type_: Type, robots: int, numbers: Numbers) -> Value[Constant]:
+def decode_value(node: JsonNode, type_: Type, robots: int, numbers: Numbers) -> Value[Constant]:
     """The value of a type that a part of a document holds. Raises FormError if it is none."""
     match type_:
         case IntType():
-            return decode_int(reader)
+            return decode_int(node)
         case FloatType():
             exact = numbers is Numbers.EXACT
-            return decode_fraction(reader) if exact else _decode_double(reader)
+            return decode_fraction(node) if exact else _decode_double(node)
         case BoolType():
-            return reader.boolean()
+            return node.boolean()
         case StringType() | StreamType() | OpaqueType():
-            return reader.text()
+            return node.text()
         case EnumType(members=members):
-            name = reader.text()
+            name = node.text()
             if name not in members:
-                raise reader.refuse(f"{shortened(name)!r} is no member of {show(type_)}", "K914")
+                raise node.refuse(f"{shortened(name)!r} is no member of {show(type_)}", "K914")
             return members.index(name)
         case RecordType(fields=fields):
-            parts = reader.fields([name for name, _ in fields])
+            parts = node.fields([name for name, _ in fields])
             return Rec(tuple(decode_value(parts[n], t, robots, numbers) for n, t in fields))
         case ArrayType(element=element, size=size):
-            items = reader.items(robots if size is Robots.ALL else size)
+            items = node.items(robots if size is Robots.ALL else size)
             return _sequence(items, element, robots, numbers)
         case GrowingType(element=element):
-            return _sequence(reader.items(), element, robots, numbers)
+            return _sequence(node.items(), element, robots, numbers)
         case MapType():
-            return _decode_map(reader, type_, robots, numbers)
+            return _decode_map(node, type_, robots, numbers)
     assert_never(type_)
 
 
 def _sequence(
-    items: Iterable[Reader], element: Type, robots: int, numbers: Numbers
+    items: Iterable[JsonNode], element: Type, robots: int, numbers: Numbers
 ) -> Seq[Constant]:
     decoded = tuple(decode_value(item, element, robots, numbers) for item in items)
     return Seq(len(decoded), decoded)
 
 
-def _decode_map(reader: Reader, type_: MapType, robots: int, numbers: Numbers) -> Table[Constant]:
+def _decode_map(node: JsonNode, type_: MapType, robots: int, numbers: Numbers) -> Table[Constant]:
     entries: dict[Value[Constant], Value[Constant]] = {}
-    for item in reader.items():
+    for item in node.items():
         key_part, value_part = (item, None) if isinstance(type_, SetType) else item.items(2)
         key = decode_value(key_part, type_.key, robots, numbers)
         if key in entries:
@@ -220,18 +220,18 @@ def encode_param(value: ParamValue) -> Json:
     assert_never(value)
 
 
-def decode_param(reader: Reader, depth: int = 0) -> ParamValue:
+def decode_param(node: JsonNode, depth: int = 0) -> ParamValue:
     """The value of a param. Raises FormError."""
-    value = reader.value
+    value = node.value
     if isinstance(value, bool | str):
         return value
     if isinstance(value, list):
         if depth == _DEEPEST_PARAM:
-            raise reader.refuse("the value is nested too deeply")
-        return tuple(decode_param(item, depth + 1) for item in reader.items())
-    parts = dict(reader.entries())
+            raise node.refuse("the value is nested too deeply")
+        return tuple(decode_param(item, depth + 1) for item in node.items())
+    parts = dict(node.entries())
     if len(parts) != 1 or not parts.keys() <= {"int", "float"}:
-        raise reader.refuse('there should be {"int": "3"} or {"float": "3/4"} here')
+        raise node.refuse('there should be {"int": "3"} or {"float": "3/4"} here')
     ((kind, part),) = parts.items()
     number = decode_fraction(part)
     if kind == "float":
@@ -255,16 +255,16 @@ def encode_storage(storage: Storage[Constant], type_: Type) -> Json:
     return list(parts)
 
 
-def decode_storage(reader: Reader, type_: Type, robots: int, numbers: Numbers) -> Storage[Constant]:
+def decode_storage(node: JsonNode, type_: Type, robots: int, numbers: Numbers) -> Storage[Constant]:
     """The storage of a type that a part of a document holds. Raises FormError if it is none."""
     match type_:
         case RecordType(fields=fields):
-            parts = reader.fields([name for name, _ in fields])
+            parts = node.fields([name for name, _ in fields])
             return Tree(tuple(decode_storage(parts[n], t, robots, numbers) for n, t in fields))
         case ArrayType(element=element, size=size):
-            items = reader.items(robots if size is Robots.ALL else size)
+            items = node.items(robots if size is Robots.ALL else size)
             return Tree(tuple(decode_storage(i, element, robots, numbers) for i in items))
         case _:
-            if reader.value == UNSET:
+            if node.value == UNSET:
                 return Cell(False, default(numbers.domain, type_, robots))
-            return Cell(True, decode_value(reader, type_, robots, numbers))
+            return Cell(True, decode_value(node, type_, robots, numbers))

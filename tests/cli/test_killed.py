@@ -31,7 +31,7 @@ import koord.cli.run as run
 from koord.cli.progress import LiveLine
 from koord.cli.tables import Rounds
 from koord.runtime.records import RecordFile
-from koord.traces.parts import PartTrace
+from koord.traces.unfinished import GrowingTrace
 from koord.sim.viewing import PartPage
 from koord.cli.main import main
 
@@ -53,7 +53,8 @@ if __name__ == "__main__":
         from koord.sim.files.rerun import PartRrd
         from koord.sim.files.rosbag import PartBag
         holders |= {"bag": (PartBag, "grow"), "rrd": (PartRrd, "grow")}
-    holders |= {"trace": (PartTrace, "grow"), "line": (LiveLine, "show"), "table": (Rounds, "show")}
+    holders |= {"line": (LiveLine, "show"), "table": (Rounds, "show")}
+    holders["trace"] = (GrowingTrace, "grow")
     holder, name = holders[what]
     counted(holder, name, most, number)
     sys.exit(main(sys.argv[4:]))

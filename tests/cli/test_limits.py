@@ -24,7 +24,7 @@ from koord.recheck import certificate
 from koord.runtime.compile import NumberTooLargeError, compiled
 from koord.runtime.configuration import reading
 from koord.runtime.configuration.checking import load as configured
-from koord.sampling.growth import MOST_LISTED, _check_all, _Scale
+from koord.sampling.running import MOST_LISTED, _check_all, _Scale
 from koord.semantics.domain import EXACT, LONGEST_NUMBER_BITS, Constant, NumberTooLongError
 from koord.semantics.every_number import NotFiniteError
 from koord.semantics.storage import Cell

@@ -8,7 +8,7 @@ STANDING = "tests/cli/test_standing.py"
 CLEARANCE = "tests/runtime/motion/test_clearance.py"
 CONFIG = "tests/cli/test_config.py"
 CAMPAIGNS = "tests/cli/test_campaigns.py"
-PARTS = "tests/traces/test_parts.py"
+PARTS = "tests/traces/test_unfinished.py"
 RECORDS = "tests/runtime/test_records_parts.py"
 
 SIMULATED = (
@@ -56,7 +56,7 @@ SIMULATED = (
     ),
     Mutant(
         "a round that was torn is read",
-        "traces.parts.mended",
+        "traces.unfinished.mended",
         "lines and not _is_whole(lines[-1])",
         "not lines",
         (PARTS,),
@@ -70,7 +70,7 @@ SIMULATED = (
     ),
     Mutant(
         "what grows has rounds twice",
-        "traces.parts.PartTrace.grow",
+        "traces.unfinished.GrowingTrace.grow",
         "encode_rounds(trace, self._rounds)",
         "encode_rounds(trace)",
         (PARTS,),

@@ -20,7 +20,7 @@ from koord.runtime.motion.clearance import Clearance
 from koord.runtime.motion.library import Library
 from koord.sim.running import Simulation, run
 from koord.traces.codec import encode
-from koord.traces.parts import PartTrace
+from koord.traces.unfinished import GrowingTrace
 from tests.sampling import but_slow, first
 
 EXAMPLES = Path(__file__).parents[2] / "specs" / "examples"
@@ -184,7 +184,7 @@ def test_a_trace_that_grows_is_a_piece_of_the_one_that_is_kept(name: str) -> Non
         made = simulation(fitted, Simulation, tracing=tracing.hear, check_summaries=True)
         tracing.begun(made.begin(), made)
         file = io.BytesIO()
-        part = PartTrace(file)
+        part = GrowingTrace(file)
         for decision in run(made, 0.8):
             tracing.round(decision, made)
             if grows:

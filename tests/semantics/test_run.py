@@ -34,7 +34,7 @@ from koord.syntax.types import (
     MapType,
     QueueType,
 )
-from koord.traces.occurrences import variables
+from koord.traces.names import variables
 from koord.traces.trace import Numbers
 from tests.sampling import examples
 from tests.semantics import programs

@@ -39,7 +39,7 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.syntax.types import BOOL, FLOAT, INT, POS, ListType, Type
 from koord.traces.codec import encode
-from koord.traces.json_reader import Reader
+from koord.traces.json_reader import JsonNode
 from koord.traces.replay import replay
 from koord.traces.trace import Numbers
 from koord.traces.value_codec import decode_value, encode_value
@@ -91,7 +91,7 @@ def test_values_are_of_their_type(type_: Type, seed: int, numbers: Numbers) -> N
     """[VALUE] [DOMAIN]"""
     value = sampler(seed, numbers).value(type_)
     text = json.dumps(encode_value(value, type_))
-    assert decode_value(Reader(json.loads(text)), type_, 3, numbers) == value
+    assert decode_value(JsonNode(json.loads(text)), type_, 3, numbers) == value
 
 
 def test_values_hang_on_the_seed() -> None:

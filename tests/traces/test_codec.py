@@ -25,7 +25,7 @@ from koord.syntax.system import System
 from koord.syntax.types import FLOAT, INT, ListType, MapType, Type
 from koord.traces.codec import decode, encode, to_json
 from koord.traces.form import VERSION
-from koord.traces.json_reader import FormError, Reader
+from koord.traces.json_reader import FormError, JsonNode
 from koord.traces.replay import replay
 from koord.traces.trace import Numbers, Sources, Trace, Violation, ViolationKind, traced
 from koord.traces.value_codec import decode_storage, decode_value, encode_storage, encode_value
@@ -76,7 +76,7 @@ def test_values_come_back(data: st.DataObject, type_: Type, numbers: Numbers) ->
     """[TRACE] [VALUE]: through text, whatever the type."""
     value = data.draw(values(type_, numbers))
     text = json.dumps(encode_value(value, type_))
-    back = decode_value(Reader(json.loads(text)), type_, ROBOTS, numbers)
+    back = decode_value(JsonNode(json.loads(text)), type_, ROBOTS, numbers)
     assert back == value
 
 
@@ -86,7 +86,7 @@ def test_storage_comes_back(data: st.DataObject, type_: Type, numbers: Numbers) 
     """[TRACE] [ATOM]: unset atoms as such."""
     storage = data.draw(storages(type_, numbers))
     text = json.dumps(encode_storage(storage, type_))
-    back = decode_storage(Reader(json.loads(text)), type_, ROBOTS, numbers)
+    back = decode_storage(JsonNode(json.loads(text)), type_, ROBOTS, numbers)
     assert back == storage
 
 
@@ -94,14 +94,14 @@ def test_storage_comes_back(data: st.DataObject, type_: Type, numbers: Numbers) 
 def test_doubles_come_back_to_the_last_bit(value: float) -> None:
     """[TRACE] [DOMAIN]"""
     text = json.dumps(encode_value(value, FLOAT), allow_nan=False)
-    back = decode_value(Reader(json.loads(text)), FLOAT, 1, Numbers.DOUBLE)
+    back = decode_value(JsonNode(json.loads(text)), FLOAT, 1, Numbers.DOUBLE)
     assert repr(back) == repr(value)
 
 
 def test_not_a_number_comes_back() -> None:
     """[TRACE] [DOMAIN]"""
     assert encode_value(math.nan, FLOAT) == "nan"
-    back = decode_value(Reader("nan"), FLOAT, 1, Numbers.DOUBLE)
+    back = decode_value(JsonNode("nan"), FLOAT, 1, Numbers.DOUBLE)
     assert isinstance(back, float)
     assert math.isnan(back)
 
@@ -171,7 +171,7 @@ def test_texts_and_settings_come_back() -> None:
     assert json.loads(encode(trace))["version"] == 1
     slack = replace(trace, slack=Fraction(1, 5))
     assert through(slack) == slack
-    assert json.loads(encode(slack))["version"] == VERSION  # an older reader would be too strict
+    assert json.loads(encode(slack))["version"] == VERSION  # an older node would be too strict
     assert next(VALID.iter_errors(json.loads(encode(slack))), None) is None
     back = through(trace)
     assert back == trace
@@ -357,9 +357,9 @@ def test_damage_is_named_with_its_place(
 
 def test_a_map_with_a_key_twice() -> None:
     """[TRACE] [VALUE]"""
-    reader = Reader([[1, 2], [1, 3]])
+    node = JsonNode([[1, 2], [1, 3]])
     with pytest.raises(FormError, match="has this key already"):
-        decode_value(reader, MapType(INT, INT), 1, Numbers.EXACT)
+        decode_value(node, MapType(INT, INT), 1, Numbers.EXACT)
 
 
 @pytest.mark.parametrize(
@@ -380,7 +380,7 @@ def test_a_map_with_a_key_twice() -> None:
 def test_odd_numbers_are_refused(value: object, numbers: Numbers) -> None:
     """[TRACE] [DOMAIN]"""
     with pytest.raises(FormError):
-        decode_value(Reader(value), FLOAT, 1, numbers)
+        decode_value(JsonNode(value), FLOAT, 1, numbers)
 
 
 def test_a_trace_cut_off_anywhere_is_refused() -> None:
@@ -454,6 +454,6 @@ def test_whatever_is_changed_nothing_crashes(data: st.DataObject, which: int) ->
 
 def test_lists_of_any_length_are_read() -> None:
     """[VALUE]"""
-    reader = Reader([1, 2, "0x20000000000000"])
-    back = decode_value(reader, ListType(INT), 1, Numbers.EXACT)
+    node = JsonNode([1, 2, "0x20000000000000"])
+    back = decode_value(node, ListType(INT), 1, Numbers.EXACT)
     assert encode_value(back, ListType(INT)) == [1, 2, "0x20000000000000"]

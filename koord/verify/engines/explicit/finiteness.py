@@ -21,7 +21,7 @@ from koord.syntax.system import System
 from koord.syntax.types import INT, Type
 from koord.syntax.walk import nodes, reached, statements, written
 from koord.traces.enumeration import result_reader, sensors_reader, started_type, starts_reader
-from koord.traces.value_bounds import Found, Reader, candidates
+from koord.traces.value_bounds import Found, StatementReader, candidates
 
 
 class NotFinite(Struct, frozen=True):
@@ -139,13 +139,13 @@ def _is_free(contract: core.Contract) -> bool:
     return all(isinstance(e, core.Const) and e.value is True for e in contract.requires)
 
 
-def _abstract(reader: Reader) -> Reader:
+def _abstract(reader: StatementReader) -> StatementReader:
     """A reader for which a number that is known when the time comes is as good as any."""
 
     def some(e: core.Expr, bound: Mapping[int, int]) -> Constant | None:
         return 0 if e.type == INT else None
 
-    return Reader(reader.kinds, reader.is_open, reader.address, some)
+    return StatementReader(reader.kinds, reader.is_open, reader.address, some)
 
 
 # --- calls ----------------------------------------------------------------------------------------

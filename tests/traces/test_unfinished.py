@@ -14,9 +14,9 @@ from koord.sampling.policies import AtRandom
 from koord.syntax.source import Source
 from koord.syntax.system import System
 from koord.traces.codec import encode, load_embedded
-from koord.traces.parts import PartTrace, completed, mended
 from koord.traces.replay import replay
 from koord.traces.trace import Sources, Trace
+from koord.traces.unfinished import GrowingTrace, completed, mended
 from tests.semantics.driving import played
 
 TEXT = """\
@@ -56,7 +56,7 @@ def until(trace: Trace, rounds: int) -> Trace:
 def test_what_grows_is_the_text_of_the_whole(whole: Trace, steps: tuple[int, ...]) -> None:
     """[TRACE]"""
     file = io.BytesIO()
-    part = PartTrace(file)
+    part = GrowingTrace(file)
     for rounds in steps:
         part.grow(until(whole, rounds))
         made = mended(file.getvalue())

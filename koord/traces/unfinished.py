@@ -20,7 +20,7 @@ _ROUNDS = '\n "rounds": ['
 _END = '\n ],\n "violation": null\n}\n}\n'
 
 
-class PartTrace:
+class GrowingTrace:
     """A file that a trace grows in."""
 
     def __init__(self, file: BinaryIO) -> None:

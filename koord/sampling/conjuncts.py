@@ -12,8 +12,11 @@ from typing import TypeAlias, TypeVar
 from msgspec import Struct, field
 
 from koord.semantics.configurations import Configuration
-from koord.semantics.domain import Constant
-from koord.semantics.storage import Storage, Tree
+from koord.semantics.domain import Constant, Domain
+from koord.semantics.expressions import statement
+from koord.semantics.oracle import NoOracle, Oracle
+from koord.semantics.statements import machine
+from koord.semantics.storage import Storage, Tree, held
 from koord.syntax import core
 from koord.syntax.core import BinaryOp, Home, QuantifierKind, slot_in
 from koord.syntax.system import System
@@ -29,7 +32,7 @@ Place: TypeAlias = tuple[Home | None, int, int]
 """A place of a configuration: home, slot, robot or entry. No home: how a robot's turn went."""
 
 
-class Part(Struct, frozen=True):
+class Conjunct(Struct, frozen=True):
     """A part of a property: what it says, for which robots, and the places where it looks.
 
     ``robots`` are by bound slot. Of places that are not known beforehand, such as ``x[y@i]``, it
@@ -42,7 +45,7 @@ class Part(Struct, frozen=True):
     places: frozenset[Place]
 
 
-def parts_of(system: System, condition: core.Expr) -> list[Part]:
+def conjuncts_of(system: System, condition: core.Expr) -> list[Conjunct]:
     """The parts of a property; itself alone where they are more than one can keep."""
     splitting = _Splitting(system)
     if _count(system, condition) > _MOST_PARTS:
@@ -121,7 +124,9 @@ class _Splitting(Struct):
     system: System
     _reads: dict[int, tuple[core.Expr, list[_Read], frozenset[int]]] = field(default_factory=dict)
 
-    def split(self, e: core.Expr, robots: dict[int, int], trail: tuple[int, ...]) -> Iterator[Part]:
+    def split(
+        self, e: core.Expr, robots: dict[int, int], trail: tuple[int, ...]
+    ) -> Iterator[Conjunct]:
         """The parts of a statement: it holds if and only if all of them do. [E-SHORT] [E-QUANT]"""
         match e:
             case core.Binary(op=BinaryOp.AND, left=left, right=right):
@@ -137,7 +142,7 @@ class _Splitting(Struct):
             case _:
                 yield self.part(e, robots, trail)
 
-    def part(self, e: core.Expr, robots: dict[int, int], trail: tuple[int, ...]) -> Part:
+    def part(self, e: core.Expr, robots: dict[int, int], trail: tuple[int, ...]) -> Conjunct:
         found = self._reads.get(id(e))
         if found is None:
             # Under a quantifier of its own a slot may stand for another robot.
@@ -146,7 +151,7 @@ class _Splitting(Struct):
         _, reads, inner_slots = found
         fixed = {slot: robot for slot, robot in robots.items() if slot not in inner_slots}
         places = frozenset(place for read in reads for place in self._places(read, fixed))
-        return Part(e, robots, trail, places)
+        return Conjunct(e, robots, trail, places)
 
     def _read_by(self, e: core.Expr) -> Iterator[_Read]:
         own = ((node, False) for node in nodes(e))
@@ -211,3 +216,30 @@ def called(system: System, part: object) -> Iterator[object]:
                 yield from nodes((external.requires, external.ensures))
             case _:
                 pass
+
+
+# --- parts that no run can change ----------------------------------------------------------------
+
+
+def false_beforehand(
+    d: Domain[Constant], system: System, configuration: Configuration[Constant]
+) -> core.Expr | None:
+    """A part of an assumption that is false whatever starts: of ``numAgents``, say, or a param."""
+    for assumption in system.program.assumptions:
+        for part in conjuncts_of(system, assumption.condition):
+            if part.places or _asks(system, part):
+                continue
+            oracle: Oracle[Constant] = NoOracle()
+            m = machine(d, system, oracle, bound=assumption.bound, view=configuration)
+            for slot, robot in part.robots.items():
+                m.memory.bound[slot] = held(d, robot)
+            if statement(m, part.condition) is not True:
+                return part.condition
+    return None
+
+
+def _asks(system: System, part: Conjunct) -> bool:
+    return any(
+        isinstance(node, core.Choose | core.ExternalCall)
+        for node in (*nodes(part.condition), *called(system, part.condition))
+    )
