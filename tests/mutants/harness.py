@@ -59,18 +59,8 @@ def untouched(mutants: Iterable[Mutant]) -> str:
 def _pytest(
     tests: tuple[str, ...], mutant: str, marks: str, timeout_s: int
 ) -> subprocess.CompletedProcess[str]:
-    options = [
-        "-m",
-        marks,
-        "-x",
-        "-q",
-        "--tb=no",
-        "-rfE",
-        "-p",
-        "no:cacheprovider",
-        "-p",
-        "no:xdist",
-    ]
+    options = ["-x", "-q", "--tb=no", "-rfE", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    options += ["-m", marks, "-p", "tests.mutants.plugin"]
     command = [sys.executable, "-m", "pytest", *options, *tests]
     environment = {**os.environ, VARIABLE: mutant}
     # A mutant of a mutant's test, if this is run under a plugin already, would be odd.
