@@ -10,7 +10,6 @@ import csv
 import io
 import os
 from collections.abc import Collection, Sequence
-from types import TracebackType
 from typing import BinaryIO, get_type_hints
 
 import msgspec
@@ -84,12 +83,7 @@ class RunFile:
     def __enter__(self) -> RunFile:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._file is not None:
             self._file.close()
 
