@@ -242,25 +242,13 @@ class Grounding(Struct):
 
     def _named(self, term: Term) -> Term:
         """The term with a Boolean for each statement about all numbers that stands deep in it."""
-        known: dict[int, Term] = {}
-        pending = [term]
-        while pending:
-            node = pending[-1]
-            if not self._has_quantifier(node) or id(node) in known:
-                known.setdefault(id(node), node)
-                pending.pop()
-                continue
-            if node.head == "forall":
-                pending.pop()
-                known[id(node)] = self._atom(node)
-                continue
-            below = [a for a in node.args if id(a) not in known]
-            if below:
-                pending += below
-                continue
-            pending.pop()
-            known[id(node)] = self.v.t.again(node, [known[id(a)] for a in node.args])
-        return known[id(term)]
+
+        def instead(node: Term) -> Term | None:
+            if not self._has_quantifier(node):
+                return node
+            return self._atom(node) if node.head == "forall" else None
+
+        return self.v.t.rebuilt(term, {}, instead)
 
     def _atom(self, term: Term) -> Term:
         if not self._is_sayable(term):

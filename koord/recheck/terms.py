@@ -6,7 +6,7 @@ whatever does not depend on an unknown never reaches the solver.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 
 from msgspec import Struct, field
@@ -195,24 +195,39 @@ class Terms(Struct):
         if old is new or old.head not in self.free(term):
             return term
         known = self._put.setdefault((id(old), id(new)), {id(old): new})
+
+        def instead(node: Term) -> Term | None:
+            if old.head not in self.free(node):
+                return node
+            if any(b.head in self.free(new) for b in node.binders):
+                # What the new term speaks of is not what this quantifier does.
+                return self.put(self._renamed(node), old, new)
+            return None
+
+        return self.rebuilt(term, known, instead)
+
+    def rebuilt(
+        self, term: Term, known: dict[int, Term], instead: Callable[[Term], Term | None]
+    ) -> Term:
+        """The term with others in the place of some of its parts, folded anew.
+
+        ``instead`` says what stands for a part; None where its own parts are to be looked at.
+        ``known`` keeps what came of each part, by its id.
+        """
+        # Inside out, since terms may be deep.
         pending = [term]
         while pending:
             node = pending[-1]
-            if id(node) in known or old.head not in self.free(node):
-                known.setdefault(id(node), node)
+            if id(node) in known:
                 pending.pop()
-                continue
-            if any(b.head in self.free(new) for b in node.binders):
-                # What the new term speaks of is not what this quantifier does.
-                pending.pop()
-                known[id(node)] = self.put(self._renamed(node), old, new)
                 continue
             below = [a for a in node.args if id(a) not in known]
-            if below:
+            if (other := instead(node)) is not None:
+                known[id(node)] = other
+            elif below:
                 pending += below
-                continue
-            pending.pop()
-            known[id(node)] = self.again(node, [known[id(a)] for a in node.args])
+            else:
+                known[id(node)] = self.again(node, [known[id(a)] for a in node.args])
         return known[id(term)]
 
     def _renamed(self, node: Term) -> Term:

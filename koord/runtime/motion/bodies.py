@@ -164,7 +164,21 @@ class Car(Struct, frozen=True):
         return replace(self, cruise_mps=speed_mps, speed_mps=fastest)
 
 
-class DifferentialDrive(Struct, frozen=True):
+class RoundBody(Struct, frozen=True):
+    """What is a disc from above: its parts may be anywhere in it, whatever way it heads."""
+
+    radius_m: float
+
+    @property
+    def inner_radius_m(self) -> float:
+        return self.radius_m
+
+    @property
+    def outline_m(self) -> tuple[float, float, float]:
+        return 2 * self.radius_m, 2 * self.radius_m, 0.0
+
+
+class DifferentialDrive(RoundBody, frozen=True):
     """A round robot on two driven wheels side by side, of the size of a Kobuki (TurtleBot 2).
 
     Its position is the middle of its axle, about which it turns on the spot.
@@ -186,14 +200,6 @@ class DifferentialDrive(Struct, frozen=True):
     turning_m: ClassVar[float] = 0.0
 
     @property
-    def inner_radius_m(self) -> float:
-        return self.radius_m
-
-    @property
-    def outline_m(self) -> tuple[float, float, float]:
-        return 2 * self.radius_m, 2 * self.radius_m, 0.0
-
-    @property
     def pace(self) -> Pace:
         return Pace(self.cruise_mps, self.cruise_accel_mps2, 0.5, math.radians(20))
 
@@ -202,7 +208,7 @@ class DifferentialDrive(Struct, frozen=True):
         return replace(self, cruise_mps=speed_mps, wheel_mps=fastest)
 
 
-class Drone(Struct, frozen=True):
+class Drone(RoundBody, frozen=True):
     """A quadrotor with a footprint of 40 × 40 cm (paper, VI-A)."""
 
     LOOK: ClassVar[Look] = Look("drone", flies=True, tilts=True)
@@ -225,14 +231,6 @@ class Drone(Struct, frozen=True):
     turning_m: ClassVar[float] = 0.0
 
     @property
-    def inner_radius_m(self) -> float:
-        return self.radius_m
-
-    @property
-    def outline_m(self) -> tuple[float, float, float]:
-        return 2 * self.radius_m, 2 * self.radius_m, 0.0
-
-    @property
     def pace(self) -> Pace:
         return Pace(self.cruise_mps, self.cruise_accel_mps2, self.accel_mps2)
 
@@ -241,7 +239,7 @@ class Drone(Struct, frozen=True):
         return replace(self, cruise_mps=speed_mps, speed_mps=fastest)
 
 
-class Ideal(Struct, frozen=True):
+class Ideal(RoundBody, frozen=True):
     """A point that goes exactly where it is told, at one speed."""
 
     LOOK: ClassVar[Look] = Look("point", flies=True)
@@ -252,14 +250,6 @@ class Ideal(Struct, frozen=True):
     cruise_mps: float = 1.0
     above_ground_m: ClassVar[float] = 0.0
     turning_m: ClassVar[float] = 0.0
-
-    @property
-    def inner_radius_m(self) -> float:
-        return self.radius_m
-
-    @property
-    def outline_m(self) -> tuple[float, float, float]:
-        return 2 * self.radius_m, 2 * self.radius_m, 0.0
 
     @property
     def pace(self) -> Pace:

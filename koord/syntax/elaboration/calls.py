@@ -8,7 +8,7 @@ from koord.syntax import ast, core
 from koord.syntax.elaboration.body import CLOSED, Body, Where
 from koord.syntax.elaboration.builtins import BUILTINS
 from koord.syntax.elaboration.coercion import POISON, fit, widened
-from koord.syntax.elaboration.function_calls import call, candidates
+from koord.syntax.elaboration.function_calls import call, candidates, is_named
 from koord.syntax.elaboration.library import library_names
 from koord.syntax.elaboration.phrases import did_you_mean, listed, mathematics, otherwise
 from koord.syntax.elaboration.quantifiers import ran
@@ -47,7 +47,7 @@ def function_call(body: Body, e: ast.Call, expected: Type | None) -> core.Expr |
     if name in CHANGES:
         return _change(body, e, name)
     if name in BUILTINS:
-        if _nameless(body, e):
+        if is_named(body, e):
             return None
         return BUILTINS[name](body, e, expected)
     known = candidates(body, name)
@@ -58,19 +58,6 @@ def function_call(body: Body, e: ast.Call, expected: Type | None) -> core.Expr |
 
 #: Where statements may change lists.
 _CHANGING = frozenset({Where.EFFECT, Where.INIT, Where.ENVIRONMENT, Where.FUNCTION})
-
-
-def _nameless(body: Body, e: ast.Call) -> bool:
-    for argument in e.arguments:
-        if argument.name is not None:
-            body.error(
-                "K218",
-                argument.span,
-                "arguments of functions have no names",
-                "only fields are named, where a record is made",
-            )
-            return True
-    return False
 
 
 def method_call(body: Body, e: ast.MethodCall, expected: Type | None) -> core.Expr | None:

@@ -38,8 +38,8 @@ def library_call(
     raise AssertionError(f"the library has no {name} for these types")
 
 
-def call(body: Body, e: ast.Call, known: Sequence[Signature]) -> core.Expr | None:
-    """A call of one of the functions that the name can mean."""
+def is_named(body: Body, e: ast.Call) -> bool:
+    """Whether an argument has a name, which is told."""
     for argument in e.arguments:
         if argument.name is not None:
             body.error(
@@ -48,7 +48,14 @@ def call(body: Body, e: ast.Call, known: Sequence[Signature]) -> core.Expr | Non
                 "arguments of functions have no names",
                 "only fields are named, where a record is made",
             )
-            return None
+            return True
+    return False
+
+
+def call(body: Body, e: ast.Call, known: Sequence[Signature]) -> core.Expr | None:
+    """A call of one of the functions that the name can mean."""
+    if is_named(body, e):
+        return None
     fitting = [s for s in known if len(s.parameters) == len(e.arguments)]
     if not fitting:
         for argument in e.arguments:
