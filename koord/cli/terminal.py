@@ -18,8 +18,6 @@ WIDTH_OF_FILES = 100
 #: Narrower terminals than this are written to as if they were this wide.
 LEAST_WIDTH = 40
 
-TAB = "    "
-
 
 class Paint(Enum):
     """How a piece of text stands out, as the parameters of an SGR escape sequence."""

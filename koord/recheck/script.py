@@ -9,9 +9,6 @@ from msgspec import Struct, field
 
 from koord.recheck.terms import Term
 
-#: A part that is used less often, or is smaller, is written out where it is used.
-_SMALL = 2
-
 
 class Script(Struct):
     """Writes terms, with shared parts named once. What it has named stays named.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.refinement.completion import CompletedInputs, program_turns, with_summaries
+from koord.refinement.completion import CompletedInputs, program_turns
 from koord.refinement.running import Ran
 from koord.semantics.domain import DOUBLES
 from koord.semantics.oracle import Key, Phase
@@ -48,14 +48,6 @@ def judge(ran: Ran) -> Judged:
     if refused is None and ran.fault_place is not None:
         refused = _elsewhere(last[0], ran.fault_place)
     return Judged(trace, replayed, refused)
-
-
-def judge_robots(trace: Trace, fault_place: str | None = None) -> Judged:
-    """Judge a trace that robots made, whose library nobody asked what only summaries mention.
-
-    Raises KoordError where the reference's library has no answer that a summary allows.
-    """
-    return judge(Ran(with_summaries(trace), fault_place))
 
 
 def _elsewhere(step: Step, place: str) -> Refused | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from msgspec import Struct
 
-from koord.runtime.motion.arrays import Bools, Floats, Ints, lengths
+from koord.runtime.motion.arrays import Floats, Ints, lengths
 
 #: Up to so many robots all pairs are looked at; of more not.
 _FEW = 64
@@ -85,9 +85,3 @@ def _nearest_of(positions: Floats, pairs: Ints) -> Nearest:
     square = np.einsum("ij,ij->i", gap, gap)
     one, other = min(map(sorted, pairs[square == square.min()].tolist()))
     return Nearest(float(np.sqrt(square.min())), one, other)
-
-
-def outside(positions: Floats, low: Floats, high: Floats, slack_m: float = 0.0) -> Bools:
-    """Which robots have left the world by more than a slack."""
-    beyond: Bools = np.any((positions < low - slack_m) | (positions > high + slack_m), axis=1)
-    return beyond

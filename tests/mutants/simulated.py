@@ -5,20 +5,12 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 STANDING = "tests/cli/test_standing.py"
-CLEARANCE = "tests/runtime/motion/test_clearance.py"
 CONFIG = "tests/cli/test_config.py"
 CAMPAIGNS = "tests/cli/test_campaigns.py"
 PARTS = "tests/traces/test_unfinished.py"
 RECORDS = "tests/runtime/test_records_parts.py"
 
 SIMULATED = (
-    Mutant(
-        "who is alone may take a path of no points",
-        "runtime.motion.clearance.Clearance.path_is_clear",
-        "bool(path) and all(self.paths_clear(route, path) for route in others)",
-        "all(self.paths_clear(route, path) for route in others)",
-        (CLEARANCE,),
-    ),
     Mutant(
         "a target without a way leaves no plight",
         "runtime.motion.group.Group._plan_one",

@@ -19,7 +19,7 @@ from koord.runtime.peer import Peer
 from koord.runtime.protocol.setup import Setup, Timing
 from koord.runtime.protocol.state import fresh
 from koord.runtime.transports.transport import Hub, Transport, TransportError
-from koord.runtime.transports.udp import Plan, Reach, Udp, is_group, on_this_machine
+from koord.runtime.transports.udp import Plan, Reach, Udp, on_this_machine
 from koord.runtime.wire.codec import RunKey
 from koord.runtime.wire.frames import LONGEST, Drop
 from tests.runtime.together import KEY, together
@@ -220,11 +220,6 @@ def test_a_multicast_datagram_is_sent_once() -> None:
     alone.tell(b"x")
     assert alone.sent == 3
     alone.close()
-
-
-def test_groups_are_told_from_others() -> None:
-    assert is_group("239.1.2.3")
-    assert not is_group("127.255.255.255")
 
 
 @pytest.mark.parametrize("robots", [1, 2, 5, 16])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from koord.sim.separation import Nearby, Nearest, nearest, outside
+from koord.sim.separation import Nearby, Nearest, nearest
 
 
 @pytest.mark.parametrize("count", [2, 10, 64, 65, 300])
@@ -50,10 +50,3 @@ def test_robots_at_one_place_are_near() -> None:
 def test_one_robot_has_nobody_near() -> None:
     assert nearest(np.zeros((1, 3))) is None
     assert nearest(np.zeros((0, 3))) is None
-
-
-def test_who_is_outside() -> None:
-    positions = np.array([[0.0, 0, 0], [1.1, 0, 0], [0, 0, -0.1]])
-    low, high = np.zeros(3), np.ones(3)
-    assert outside(positions, low, high).tolist() == [False, True, True]
-    assert outside(positions, low, high, 0.15).tolist() == [False, False, False]

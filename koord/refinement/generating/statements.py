@@ -22,8 +22,6 @@ from koord.syntax.types import (
     Type,
 )
 
-Maker = Callable[[], core.Stmt | None]
-
 
 def block(c: Context, nesting: int, *, least: int = 1) -> core.Block:
     """A few statements; what they bind is in scope for those behind them."""

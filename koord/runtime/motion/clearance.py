@@ -66,11 +66,6 @@ class Clearance(Struct, frozen=True):
             return not shapes.flat_paths_within(first.points[:, :2], second.points[:, :2], flat)
         return path_distance(first.points, second.points) > reach
 
-    def path_is_clear(self, routes: Sequence[Path], path: Path, me: int) -> bool:
-        """Whether there is a path that robot ``me`` may take, clear of the routes of all others."""
-        others = (route for j, route in enumerate(routes) if j != me)
-        return bool(path) and all(self.paths_clear(route, path) for route in others)
-
     def on_path(self, p: Point, path: Path, slack_m: float = 0.0) -> bool:
         """Whether a robot at a point is on a path."""
         if not path:

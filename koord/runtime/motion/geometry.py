@@ -69,14 +69,6 @@ def path_distance(one: Floats, other: Floats) -> float:
     return float(np.sqrt(squares.min()))
 
 
-def path_gap(one: Floats, other: Floats) -> float:
-    """A bound from below of the distance of two paths: that of the boxes around them."""
-    if not len(one) or not len(other):
-        return np.inf
-    apart = np.maximum(one.min(0) - other.max(0), other.min(0) - one.max(0))
-    return float(np.linalg.norm(np.maximum(apart, 0.0)))
-
-
 def point_path(p: Floats, path: Floats) -> float:
     """The distance of a point from a path; infinite if it has no point."""
     if not len(path):

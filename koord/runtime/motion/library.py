@@ -102,10 +102,6 @@ class Library:
         """``getPathFromTask(task)``: from where the robot is to the task."""
         return self.find_path(robot, self.pose(robot).position, target)
 
-    def path_clear(self, one: Path, other: Path) -> bool:
-        """``pathsClear(a, b)``."""
-        return self.clearance.paths_clear(one, other)
-
     def will_collide(self, robot: int, target: Point) -> bool:
         """``willCollide(task)``: whether the robot finds no way to a task."""
         return self._planned(robot, self.pose(robot).position, target) is None

@@ -6,7 +6,6 @@ import select
 import socket
 import struct
 from enum import Enum
-from ipaddress import IPv4Address
 
 from msgspec import Struct
 
@@ -154,8 +153,3 @@ def _bound(address: Address, *, several: bool = False) -> socket.socket:
             "another run may be using it, or it is no address of this machine",
         ) from error
     return made
-
-
-def is_group(ip: str) -> bool:
-    """Whether an address is one of multicast."""
-    return IPv4Address(ip).is_multicast

@@ -79,20 +79,9 @@ def test_a_robot_is_on_the_path_that_it_is_at(p: Point) -> None:
 
 
 @given(PATH)
-def test_no_path_is_in_nobodys_way_and_nobody_may_take_it(a: Path) -> None:
-    """No way was found: whoever asks for a clear path is told that there is none, alone or not."""
+def test_no_path_is_in_nobodys_way(a: Path) -> None:
     assert CLEAR.paths_clear(a, ())
     assert CLEAR.paths_clear((), a)
-    assert not CLEAR.path_is_clear([a], (), 0)
-    assert not CLEAR.path_is_clear([a, ()], (), 1)
-    assert CLEAR.path_is_clear([a], a, 0)
-
-
-def test_the_own_route_does_not_count() -> None:
-    routes: list[Path] = [((0.0, 0.0, 0.0),), ((5.0, 0.0, 0.0),), ((9.0, 0.0, 0.0),)]
-    path: Path = ((0.0, 0.1, 0.0), (2.0, 0.1, 0.0))
-    assert CLEAR.path_is_clear(routes, path, 0)
-    assert not CLEAR.path_is_clear(routes, path, 1)
 
 
 def test_bodies_do_not_touch_at_their_clearance() -> None:

@@ -52,14 +52,6 @@ def test_flat_paths_are_as_far_apart_as_shapely_says(
     )
 
 
-@given(PATH, PATH)
-def test_the_gap_of_boxes_is_a_bound(
-    one: list[tuple[float, float, float]], other: list[tuple[float, float, float]]
-) -> None:
-    first, second = geometry.as_path(one), geometry.as_path(other)
-    assert geometry.path_gap(first, second) <= geometry.path_distance(first, second) + 1e-9
-
-
 @given(POINT, PATH)
 def test_a_point_is_as_far_from_a_path_as_the_path_of_it(
     p: tuple[float, float, float], path: list[tuple[float, float, float]]
@@ -75,7 +67,6 @@ def test_of_no_points_nothing_is_near() -> None:
     nothing, something = geometry.as_path([]), geometry.as_path([(0, 0, 0)])
     assert geometry.path_distance(nothing, something) == np.inf
     assert geometry.point_path(something[0], nothing) == np.inf
-    assert geometry.path_gap(something, nothing) == np.inf
 
 
 def test_the_length_of_a_path() -> None:

@@ -55,9 +55,6 @@ SPARING = Thrift(
     generations=3, instances=12_000, seconds=3.0, question=1_500_000, with_products=120_000
 )
 
-#: Where others are asked afterwards, and this again: so much was always enough of what was found.
-HASTY = replace(SPARING, seconds=1.0)
-
 #: Of what is worked out, so many steps are counted as a second of a solver.
 _STEPS_PER_SECOND = 10_000
 

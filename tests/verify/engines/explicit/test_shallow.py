@@ -14,7 +14,7 @@ from koord.verify.effort import Deadline, Effort
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Purpose, Task
 from koord.verify.engines.every_n.candidates import candidates
-from koord.verify.engines.every_n.proving import HASTY, infer
+from koord.verify.engines.every_n.proving import SPARING, infer
 from koord.verify.engines.explicit.engine import ExplicitEngine
 from koord.verify.engines.explicit.limits import HANDFUL
 from koord.verify.ledger import Ledger
@@ -115,7 +115,7 @@ def test_looking_for_invariants_keeps_to_its_steps() -> None:
     """They are counted, so that it is the same on every machine."""
     system, asked = counting(of_text(SHORTEST, robots=7))
     claims, likely = claims_of(system), candidates(system.program)
-    brief = replace(HASTY, seconds=0.05)
+    brief = replace(SPARING, seconds=0.05)
     found = infer(system, claims, likely, Deadline(), Effort.of_seconds(1), brief)
     assert found.proved == ()
     assert 0 < asked[0] <= 5 + 1
