@@ -89,7 +89,7 @@ PLAIN = (
     "koord.verify.claims.ClaimKind",
     "koord.verify.engine_names",
     "koord.verify.failures.Failure",
-    "koord.verify.proof_core.Resting",
+    "koord.verify.proof_core.ProofCore",
     "koord.verify.verdicts",
     "koord.recheck.checking.Outcome",
     "koord.recheck.checking.Part",

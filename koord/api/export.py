@@ -17,7 +17,7 @@ from koord.api.progress import Cancellation, CancelledError, Listener, asker, te
 from koord.api.results import ArgumentError, Result
 from koord.api.robots import Robots, Seconds, delta_of, fleet_of, system_of
 from koord.api.verify import check_names, in_process
-from koord.syntax.budget import OutOfPatienceError, Patience
+from koord.syntax.budget import Budget, OutOfBudgetError
 from koord.syntax.diagnostics import KoordError, refusal
 from koord.syntax.source import NOWHERE, visible
 from koord.syntax.system import System
@@ -137,7 +137,7 @@ def exported(
 
     try:
         made = in_process(work, tell, interrupted)
-    except OutOfPatienceError:
+    except OutOfBudgetError:
         raise TimeoutError("the time was up, and nothing is written") from None
     return replace(made, notes=(*made.notes, *_left_out(wanted)))
 
@@ -156,11 +156,11 @@ def _check_names(wanted: Wanted) -> None:
 
 
 def _written(wanted: Wanted) -> Exported:
-    """The file, and what it says more loosely. Raises KoordError, and OutOfPatienceError."""
+    """The file, and what it says more loosely. Raises KoordError, and OutOfBudgetError."""
     from koord.verify.effort import Deadline
 
     deadline = Deadline.after(wanted.timeout_s)
-    system = replace(wanted.system, patience=Patience(deadline.passed))
+    system = replace(wanted.system, budget=Budget(deadline.passed))
     if wanted.form == "tla":
         return Exported(wanted.form, _module(wanted, system), ())
     from koord.semantics.every_number import NotFiniteError
@@ -233,6 +233,6 @@ def _takes(form: str, wanted: Wanted) -> bool | None:
         _written(trial)
     except KoordError:
         return False
-    except OutOfPatienceError:
+    except OutOfBudgetError:
         return None
     return True

@@ -21,7 +21,7 @@ from koord.sampling.policies import AtRandom, First, Play, Taken
 from koord.sampling.running import Moment, Run, new_run
 from koord.semantics.configurations import Configuration, Fault
 from koord.semantics.domain import Constant
-from koord.syntax.budget import OutOfPatienceError, Patience
+from koord.syntax.budget import Budget, OutOfBudgetError
 from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.traces.trace import Numbers, Tracer, Violation, ViolationKind
@@ -157,7 +157,7 @@ class Session(Struct):
                 if self.cancelled():
                     self.interrupted = True
                     return
-        except OutOfPatienceError:
+        except OutOfBudgetError:
             if self._kept is None:
                 raise CancelledError("while looking for a start") from None
             self.interrupted = True
@@ -252,7 +252,7 @@ def session_of(
     """A run that is to be made; who never cancels it says None."""
     rng = Random(seed)
     # A trace outlives whoever is asked whether to go on.
-    heard = system if cancelled is None else replace(system, patience=Patience(cancelled))
+    heard = system if cancelled is None else replace(system, budget=Budget(cancelled))
     run = new_run(heard, how.numbers, rng)
     policy = First() if how.policy is Policy.FIRST else AtRandom(rng)
     play = Play(run, policy, how.rounds, Watch(run.d, heard, run.inputs))

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from koord.semantics.recordings import Step
     from koord.syntax.analysis.premises import Premise
     from koord.verify.instants import Shadowed
-    from koord.verify.proof_core import Resting
+    from koord.verify.proof_core import ProofCore
 
 #: Changes when readers of the JSON have to change.
 VERDICTS_VERSION = 1
@@ -310,7 +310,7 @@ class VerifyReport(Result, frozen=True):
     at_ends: Report
     between: Report | None = None
     shadows: Shadowed | None = None
-    rests_on: Resting | None = None
+    rests_on: ProofCore | None = None
     failed: tuple[Failure, ...] = ()
     ends_at: float | None = None
 
@@ -505,7 +505,7 @@ def _vacuity(vacuity: Vacuity) -> dict[str, object]:
     }
 
 
-def _rests_on(found: Resting) -> dict[str, object]:
+def _rests_on(found: ProofCore) -> dict[str, object]:
     return {
         "claims": list(found.claims),
         "needed": [_premise(premise) for premise in found.needed],

@@ -27,7 +27,7 @@ from koord.verify import engine_names
 if TYPE_CHECKING:
     from koord.api.verdicts import VerifyReport
     from koord.verify.processes import Teller
-    from koord.verify.proof_core import Resting
+    from koord.verify.proof_core import ProofCore
     from koord.verify.verdicts import Bounds, Report
 
 T = TypeVar("T")
@@ -196,7 +196,7 @@ def verify_each(
         for question in questions:
             # Beside the last one nobody else has anything to do in the end.
             jobs = options.jobs if question is questions[-1] else 1
-            job = pool.hand_in(_named(question, questions), partial(answer, question, jobs))
+            job = pool.submit(_named(question, questions), partial(answer, question, jobs))
             work.append((question, job))
         for question, job in work:
             try:
@@ -258,7 +258,7 @@ def in_process(
     from koord.verify.processes import Pool
 
     with Pool(1, tell, interrupted) as pool:
-        job = pool.hand_in("", work)
+        job = pool.submit("", work)
         found = pool.answer(job)
     if found is None:
         raise MemoryError(job.end)
@@ -370,14 +370,14 @@ def _rests_on(
     options: Options,
     tell: Callable[[str], None],
     interrupted: Callable[[], bool],
-) -> Resting | None:
+) -> ProofCore | None:
     """What the proofs rest on; None where somebody ended the search for this."""
-    from koord.verify.proof_core import resting
+    from koord.verify.proof_core import proof_core
 
     bounds, seed = options.bounds, options.seed
 
-    def work(tell: Teller) -> Resting:
-        return resting(system, report.verdicts, bounds, seed=seed, progress=tell)
+    def work(tell: Teller) -> ProofCore:
+        return proof_core(system, report.verdicts, bounds, seed=seed, progress=tell)
 
     try:
         return in_process(work, tell, interrupted)

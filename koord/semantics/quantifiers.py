@@ -39,7 +39,7 @@ def quantified(m: Machine[V], e: core.Quantified) -> Value[V]:
     universal = e.quantifier is core.QuantifierKind.FORALL
     result = m.truth(universal)
     for label, here, value in instances(m, e):
-        m.system.patience.spend()
+        m.system.budget.spend()
         # As with ``and`` and ``or``: what is decided already is not looked at.
         undecided = result if universal else m.negated(result)
         if m.d.known(undecided) is False:
@@ -160,7 +160,7 @@ def integers(m: Machine[V], low: core.Expr, high: core.Expr) -> Iterator[tuple[i
     start, end = scalar(m.value(low)), scalar(m.value(high))
     first, last = limit(m, low, start, least=True), limit(m, high, end, least=False)
     for k in range(first, last):
-        m.system.patience.spend()
+        m.system.budget.spend()
         number = m.d.const(k, INT)
         above = m.d.binary(BinaryOp.LE, start, number)
         here = m.both(above, m.d.binary(BinaryOp.LT, number, end))

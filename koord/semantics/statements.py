@@ -73,7 +73,7 @@ def _nothing() -> None:
 
 def execute(m: Machine[V], s: core.Stmt) -> None:
     """One statement."""
-    m.system.patience.spend()
+    m.system.budget.spend()
     try:
         match s:
             case core.Assign():
@@ -315,7 +315,7 @@ def _loop(m: Machine[V], trips: Iterable[tuple[int, V, Callable[[], None]]]) -> 
     outer = m.memory.broke
     m.memory.broke = m.truth(False)
     for number, here, body in trips:
-        m.system.patience.spend()
+        m.system.budget.spend()
         left = m.either(m.memory.broke, m.memory.returned)
         if m.d.known(left) is True:
             break
@@ -419,7 +419,7 @@ def machine(
     view: Configuration[V] | None = None,
 ) -> Machine[V]:
     """A machine at the start of a body that needs ``bound`` bound slots."""
-    system.patience.spend()
+    system.budget.spend()
     never = d.const(False, BOOL)
     memory: Memory[V] = Memory(
         list(locals),

@@ -1,7 +1,7 @@
-"""For how long somebody waits: long work asks now and then whether to go on.
+"""Budgets of work: long work asks now and then whether to go on.
 
 Evaluation is bounded by what a program may cost, which can still be many seconds, and formulas by
-less. So a system carries the patience of whoever works with it, and evaluation spends it.
+less. So a system carries the budget of whoever works with it, and evaluation spends it.
 """
 
 from __future__ import annotations
@@ -14,33 +14,36 @@ from msgspec import Struct
 _EVERY = 100
 
 
-class OutOfPatienceError(Exception):
-    """Nobody waits for this any longer: the time is up, or it was interrupted."""
+class OutOfBudgetError(Exception):
+    """The budget is used up: the time is over, or the work was interrupted."""
 
 
-class Patience(Struct, eq=False):
-    """``is_over`` says whether to stop. What is half done by then is lost, so it must not count."""
+class Budget(Struct, eq=False):
+    """How much work may be done; ``is_over`` says whether to stop.
+
+    What is half done by then is lost, so it must not count.
+    """
 
     is_over: Callable[[], bool]
     _left: int = _EVERY
 
     def spend(self, steps: int = 1) -> None:
-        """Ask now and then whether to go on. Raises OutOfPatienceError."""
+        """Ask now and then whether to go on. Raises OutOfBudgetError."""
         self._left -= steps
         if self._left < 0:
             self._left = _EVERY
             if self.is_over():
-                raise OutOfPatienceError
+                raise OutOfBudgetError
 
-    def rationed(self, most: int) -> Patience:
+    def rationed(self, most: int) -> Budget:
         """The same for no more than about so much work, which is counted alike on every machine."""
-        return Patience(_Ration(self, most).is_over)
+        return Budget(_Ration(self, most).is_over)
 
 
 class _Ration(Struct):
-    """What is left of some work, of which others may grow tired sooner."""
+    """A part of a budget, which may be used up sooner."""
 
-    whole: Patience
+    whole: Budget
     left: int
 
     def is_over(self) -> bool:
@@ -52,5 +55,5 @@ def _never() -> bool:
     return False
 
 
-#: That of somebody who waits for ever. Its question has a name, so that systems can be pickled.
-ENDLESS = Patience(_never)
+#: A budget without end. Its question has a name, so that systems can be pickled.
+ENDLESS = Budget(_never)

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from msgspec import field
 
 from koord.syntax import core
-from koord.syntax.budget import ENDLESS, Patience
+from koord.syntax.budget import ENDLESS, Budget
 from koord.syntax.content import ByContent
 from koord.syntax.problem import fleet
 
@@ -26,16 +26,16 @@ class System(ByContent, frozen=True):
     """A program with its robots: ``kinds[i]`` is robot i's position in ``program.agents``.
 
     With a ``crowd`` the robots of ``kinds`` are only those that are looked at, and not all.
-    ``patience`` is no part of it: it ends what takes too long.
+    ``budget`` is no part of it: it ends what takes too long.
     """
 
-    ASIDE: ClassVar[frozenset[str]] = frozenset({"patience"})
+    ASIDE: ClassVar[frozenset[str]] = frozenset({"budget"})
 
     program: core.Program
     kinds: tuple[int, ...]
     delta_s: Fraction = core.USUAL_DELTA_S
     crowd: Any = None  #: a ``Crowd`` of ``semantics/every_number.py``, or no
-    patience: Patience = field(default_factory=lambda: ENDLESS)
+    budget: Budget = field(default_factory=lambda: ENDLESS)
 
     @property
     def robots(self) -> int:

@@ -12,7 +12,7 @@ from msgspec import Struct, field
 
 from koord.semantics.domain import disjunction
 from koord.semantics.every_number import NotFiniteError
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.core import UnaryOp
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
@@ -81,7 +81,7 @@ class BoundedCheck:
                 found, unreplayed, self.reason = _look(
                     self._unrolling, moment, pending, deadline, effort, self._started, self._judge
                 )
-            except OutOfPatienceError:
+            except OutOfBudgetError:
                 self.reason = "timeout"
                 break
             for claim, (shown, seconds) in found.items():
@@ -189,7 +189,7 @@ class Unroller(Struct):
         if self.late and not ledger.deadline.is_near():  # there is time again
             self.bounded, self.late = None, False
         if self.bounded is None:
-            self.bounded = BoundedCheck(ledger.system, ledger.subject.judge, ledger.seed)
+            self.bounded = BoundedCheck(ledger.system, ledger.problem.judge, ledger.seed)
         return self.bounded
 
     @property
@@ -205,7 +205,7 @@ class Unroller(Struct):
             self._through(bounded, ledger, rounds, effort)
         except NotFiniteError as error:
             bounded.beyond = str(error)
-        except (KoordError, OutOfPatienceError):
+        except (KoordError, OutOfBudgetError):
             raise
         except Exception:
             self.bounded = None  # it may be half done: nobody relies on it any more

@@ -42,7 +42,7 @@ def each_alone(
             work(own, claim)
         return own.said([claim])
 
-    jobs = {claim: pool.hand_in(claim.name, partial(ask, claim)) for claim in claims}
+    jobs = {claim: pool.submit(claim.name, partial(ask, claim)) for claim in claims}
     with ledger.waiting():
         for claim, said in pool.answers(jobs):
             if said is None:

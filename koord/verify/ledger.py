@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from koord.semantics.domain import NumberTooLongError
 from koord.semantics.every_number import NotFiniteError
 from koord.semantics.recordings import Recording
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.verify.claims import Claim, Phase
@@ -42,7 +42,7 @@ ANSWERED_ALL_S = 20.0
 Judge = Callable[[Recording, Claim, Phase], Counterexample]
 
 
-class Subject(Struct, frozen=True):
+class VerificationProblem(Struct, frozen=True):
     """What engines work on, and who replays what they find.
 
     ``original`` is the system without opaque values: the same as ``system`` if it has none.
@@ -90,7 +90,7 @@ class Said(Struct, frozen=True):
 class Ledger(Struct):
     """The state of one verification."""
 
-    subject: Subject
+    problem: VerificationProblem
     bounds: Bounds
     deadline: Deadline
     claims: tuple[Claim, ...]
@@ -108,7 +108,7 @@ class Ledger(Struct):
     in_the_way: tuple[Obstacle, ...] = ()  #: what stands in the way of all engines
     #: what was spent on claims before, in seconds
     before: Mapping[Claim, float] = field(default_factory=dict)
-    hurried: bool = False  #: whether it ends sooner, as all that was asked is answered
+    shortened: bool = False  #: whether it ends sooner, as all that was asked is answered
     clock: Callable[[], float] = time.monotonic
     _reaches: dict[Claim, dict[Engine, Reach]] = field(default_factory=dict)
     _spans: dict[Claim, list[Interval]] = field(default_factory=dict)
@@ -119,7 +119,7 @@ class Ledger(Struct):
 
     @property
     def system(self) -> System:
-        return self.subject.system
+        return self.problem.system
 
     def progress(self, text: str) -> None:
         """Say who is asked what of which claims, and what is known to be violated by now.
@@ -148,7 +148,7 @@ class Ledger(Struct):
         except NumberTooLongError as error:
             self.stopped = error.diagnostics[0].message
             self.in_the_way = (TooLong(Engine.NONE, error.names),)
-        except OutOfPatienceError:
+        except OutOfBudgetError:
             self.stopped = "timeout"
         except KeyboardInterrupt:
             self.stopped, self.interrupted = "interrupted", True
@@ -164,7 +164,7 @@ class Ledger(Struct):
             yield
         except NumberTooLongError as error:
             self.fail(Failure(who, error.diagnostics[0].message, names=error.names))
-        except (KoordError, NotFiniteError, OutOfPatienceError):
+        except (KoordError, NotFiniteError, OutOfBudgetError):
             raise  # nobody's mistake
         except Exception as error:
             if was_interrupted():
@@ -198,11 +198,11 @@ class Ledger(Struct):
         """The open claims that no engine saw hold through as many rounds as asked for."""
         return [claim for claim in self.open() if self.verdict(claim).outcome is Outcome.UNKNOWN]
 
-    def hurry(self) -> bool:
+    def is_overtime(self) -> bool:
         """Whether the time is up: nobody waits long once all that was asked is answered."""
-        if not self.hurried and self.open() and not self.wanting():
-            self.hurried, self.deadline = True, self.deadline.of_work(ANSWERED_ALL_S)
-        return self.hurried and self.deadline.passed()
+        if not self.shortened and self.open() and not self.wanting():
+            self.shortened, self.deadline = True, self.deadline.of_work(ANSWERED_ALL_S)
+        return self.shortened and self.deadline.passed()
 
     def proved(self) -> list[Claim]:
         """The claims that hold in all rounds: what else is asked may rely on them."""
@@ -277,10 +277,10 @@ class Ledger(Struct):
             _spans=spans,
         )
 
-    def about(self, subject: Subject, claims: tuple[Claim, ...]) -> Ledger:
-        """A ledger of another subject, on which nothing is known; what comes is noted nowhere."""
+    def about(self, problem: VerificationProblem, claims: tuple[Claim, ...]) -> Ledger:
+        """A ledger of another problem, on which nothing is known; what comes is noted nowhere."""
         return Ledger(
-            subject,
+            problem,
             self.bounds,
             self.deadline,
             claims,

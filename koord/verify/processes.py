@@ -160,7 +160,7 @@ class Pool(Struct):
             _end(job)
         self._running.clear()
 
-    def hand_in(
+    def submit(
         self,
         name: str,
         work: Callable[[Teller], T],

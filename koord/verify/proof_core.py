@@ -18,7 +18,7 @@ from koord.verify.claims import Claim, ClaimKind, Phase, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Workers
-from koord.verify.ledger import Ledger, Subject
+from koord.verify.ledger import Ledger, VerificationProblem
 from koord.verify.processes import Pool
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.strategy.table import INFERRING_AGAIN, PROVING_AGAIN
@@ -27,7 +27,7 @@ from koord.verify.verdicts import Bounds, Counterexample, Outcome, Verdict
 from koord.verify.witness import NotReplayedError
 
 
-class Resting(Struct, frozen=True):
+class ProofCore(Struct, frozen=True):
     """What the proofs of ``claims`` need, what they do not, and what was not tried in time."""
 
     claims: tuple[str, ...]
@@ -36,14 +36,14 @@ class Resting(Struct, frozen=True):
     untried: tuple[Premise, ...] = ()
 
 
-def resting(
+def proof_core(
     system: System,
     verdicts: Sequence[Verdict],
     bounds: Bounds,
     *,
     seed: int = 0,
     progress: Callable[[str], None] = lambda text: None,
-) -> Resting:
+) -> ProofCore:
     """What the verdicts that hold in every round rest on. The time of ``bounds`` counts anew.
 
     Verdicts on liveness name the fairness they need themselves.
@@ -53,7 +53,7 @@ def resting(
     names = tuple(v.claim.name for v in proved)
     asked = premises(system.program)
     if not names:
-        return Resting((), (), (), asked)
+        return ProofCore((), (), (), asked)
     deadline = Deadline.after(bounds.timeout_s)
     engines = {v.engine for v in proved}
     found = any(v.lemmas and v.engine is Engine.EVERY_N for v in proved)
@@ -63,11 +63,11 @@ def resting(
         trial = replace(system, program=without(system.program, [*spare, premise]))
         if deadline.passed():
             needed = tuple(p for p in asked[:number] if p not in spare)
-            return Resting(names, needed, tuple(spare), asked[number:])
+            return ProofCore(names, needed, tuple(spare), asked[number:])
         if _still_proved(trial, names, _turns(engines, found), bounds, deadline, seed):
             spare.append(premise)
     needed = tuple(p for p in asked if p not in spare)
-    return Resting(names, needed, tuple(spare))
+    return ProofCore(names, needed, tuple(spare))
 
 
 def _still_proved(
@@ -80,7 +80,7 @@ def _still_proved(
 ) -> bool:
     abstraction = abstracted(system.program)
     program = system.program if abstraction is None else abstraction.program
-    subject = Subject(replace(system, program=program), _unasked, system)
+    subject = VerificationProblem(replace(system, program=program), _unasked, system)
     claims = tuple(c for c in claims_of(subject.system) if c.name in names)
     ledger = Ledger(subject, bounds, deadline, claims, seed)
     for turn in turns:

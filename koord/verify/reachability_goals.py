@@ -38,7 +38,7 @@ class Aim(Enum):
     CONTRACT = "contract"  #: that what a contract supposes is, as the environment's turn begins
 
 
-class Wish(Struct, frozen=True):
+class ReachabilityGoal(Struct, frozen=True):
     """One wish. ``subject`` is the event, or the property or contract that supposes something.
 
     Where it is ``observed``, it may come true between the ends of rounds, too. If it never does,
@@ -60,33 +60,37 @@ class Wish(Struct, frozen=True):
 _Stated: TypeAlias = "tuple[Aim, str, core.Expr, int, Span, bool]"
 
 
-class Wishes(Struct, frozen=True):
+class ReachabilityGoals(Struct, frozen=True):
     """All that should be possible, and the system in which it is asked for."""
 
     system: System
-    all: tuple[Wish, ...]
+    all: tuple[ReachabilityGoal, ...]
 
 
-def wishes_of(system: System) -> Wishes:
+def reachability_goals_of(system: System) -> ReachabilityGoals:
     """All that should be possible in a system."""
     reading = Reading(system.program)
-    wishes = [
-        Wish(aim, subject, _never(system.program, f"never {n}", condition, bound), span, observed)
+    goals = [
+        ReachabilityGoal(
+            aim, subject, _never(system.program, f"never {n}", condition, bound), span, observed
+        )
         for n, (aim, subject, condition, bound, span, observed) in enumerate(
             [*_events(system), *_suppositions(reading)]
         )
     ]
     modules: dict[int, list[core.Contract]] = {}
     for key, denials in _of_contracts(system, reading).items():
-        name = f"never {len(wishes)}"
+        name = f"never {len(goals)}"
         never = Claim(f"contract {name}", ClaimKind.CONTRACT, None, name)
         subject = f"contract {key.contract}"
         still = _still(system.program, name, denials)
-        wish = Wish(Aim.CONTRACT, subject, never, key.span, promises=key.promises, still=still)
-        wishes.append(wish)
+        goal = ReachabilityGoal(
+            Aim.CONTRACT, subject, never, key.span, promises=key.promises, still=still
+        )
+        goals.append(goal)
         for kind, denial in denials.items():
             modules.setdefault(kind, []).append(replace(denial, name=name))
-    return Wishes(_with(system, wishes, reading.copies, modules), tuple(wishes))
+    return ReachabilityGoals(_with(system, goals, reading.copies, modules), tuple(goals))
 
 
 def supposes(program: core.Program, condition: core.Expr) -> bool:
@@ -96,7 +100,7 @@ def supposes(program: core.Program, condition: core.Expr) -> bool:
 
 def _with(
     system: System,
-    wishes: Sequence[Wish],
+    goals: Sequence[ReachabilityGoal],
     copies: Sequence[core.Function],
     modules: Mapping[int, Sequence[core.Contract]],
 ) -> System:
@@ -107,7 +111,7 @@ def _with(
         for kind, agent in enumerate(program.agents)
     )
     # Which robots may change places hangs on what is asked about them, so that is in it, too.
-    claims = [claim for wish in wishes for claim in (wish.never, wish.still) if claim is not None]
+    claims = [claim for goal in goals for claim in (goal.never, goal.still) if claim is not None]
     stated = [claim.stated for claim in claims if claim.stated is not None]
     program = replace(
         program,

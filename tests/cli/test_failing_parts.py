@@ -31,7 +31,7 @@ def fail(*words: object, **named: object) -> Any:
 
 
 PARTS = {
-    "rests on": (proof_core, "resting", ["--rests-on"], "what the proofs rest on"),
+    "rests on": (proof_core, "proof_core", ["--rests-on"], "what the proofs rest on"),
     "premises": (premises, "lines", ["--rests-on"], "what the proofs rest on"),
     "story": (counterexamples, "lines", [], "the story of Small"),
     "rerun": (compiled_replay, "rerun", [], "the story of Small"),

@@ -482,7 +482,7 @@ VERIFY = (
     ),
     Mutant(
         "a process that asks is asked as well",
-        "verify.processes.Pool.hand_in",
+        "verify.processes.Pool.submit",
         "self.jobs - 1",
         "self.jobs",
         ("tests/verify/test_processes.py",),

@@ -64,7 +64,7 @@ CONE = (
     Mutant(
         "cone: what only the shared slice breaks is not asked of the whole program",
         "verify.strategy.verification.verify",
-        "part is system and not subject.is_abstract",
+        "part is system and not problem.is_abstract",
         "not subject.is_abstract",
         (ASKING,),
     ),

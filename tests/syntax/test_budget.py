@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from koord.cli import run
 from koord.cli.exits import Exit
 from koord.cli.main import main
-from koord.syntax.budget import OutOfPatienceError, Patience
+from koord.syntax.budget import Budget, OutOfBudgetError
 from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
@@ -59,17 +59,17 @@ def system(text: str, robots: int = 2) -> System:
     return dealt(made, robots)
 
 
-def after(asks: int) -> Patience:
-    """The patience of somebody who waits for so many looks at the clock."""
+def after(asks: int) -> Budget:
+    """The budget of somebody who waits for so many looks at the clock."""
     looks = count()
-    return Patience(lambda: next(looks) >= asks)
+    return Budget(lambda: next(looks) >= asks)
 
 
 def test_a_turn_is_cut_short() -> None:
     driven = drive(system(LONG).program, 1)
-    driven.run.system = replace(driven.run.system, patience=after(3))
+    driven.run.system = replace(driven.run.system, budget=after(3))
     before = driven.run.configuration
-    with pytest.raises(OutOfPatienceError):
+    with pytest.raises(OutOfBudgetError):
         driven.go(0, "Count")
     assert driven.run.configuration is before
 
@@ -94,7 +94,7 @@ def test_a_verification_can_be_interrupted_while_it_writes(text: str) -> None:
 
 
 def test_a_search_ends_inside_of_a_state() -> None:
-    subject = replace(system(LONG), patience=after(3))
+    subject = replace(system(LONG), budget=after(3))
     found = search(subject, ())
     assert isinstance(found, OutOfBounds)
     assert found.reason == "out of time"

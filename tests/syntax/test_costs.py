@@ -14,7 +14,7 @@ from koord.syntax import core
 from koord.syntax.analysis.limits import count, excesses
 from koord.syntax.analysis.trips import starting_lengths
 from koord.syntax.analysis.work import MOST_DEEP, Ledger, Sizes
-from koord.syntax.budget import ENDLESS, Patience
+from koord.syntax.budget import ENDLESS, Budget
 from koord.syntax.diagnostics import Severity
 from koord.syntax.elaboration import ParamValue, Settings
 from koord.syntax.load import load
@@ -226,7 +226,7 @@ def test_numbers_are_shown_so_that_one_can_read_them() -> None:
 # --- what is counted ----------------------------------------------------------------------------
 
 
-class Counting(Patience, eq=False):
+class Counting(Budget, eq=False):
     """Counts how often evaluation asks whether to go on."""
 
     spent: int = 0
@@ -281,7 +281,7 @@ Go:
     assert culprit is None
     driven = drive(made, 3)
     counting = Counting(ENDLESS.is_over)
-    system = System(made, (0, 0, 0), patience=counting)
+    system = System(made, (0, 0, 0), budget=counting)
     state = driven.run.configuration.robots[0]
     assert isinstance(driven.run.inputs, SampledInputs)
     _, turned = program_turn(EXACT, system, 0, state, 0, driven.run.inputs)

@@ -11,7 +11,7 @@ from koord.syntax.system import System, dealt
 from koord.verify.claims import Claim, claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
-from koord.verify.ledger import Ledger, Reach, Subject
+from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.verdicts import Bounds, Outcome, Verdict
 
 TEXT = """
@@ -42,7 +42,7 @@ def begun(clock: Clock) -> tuple[Ledger, Claim, Claim]:
     def judge(*of: object) -> None:
         raise AssertionError
 
-    subject = Subject(system, judge, system)  # type: ignore[arg-type]
+    subject = VerificationProblem(system, judge, system)  # type: ignore[arg-type]
     ledger = Ledger(subject, Bounds(), Deadline(), claims, clock=clock)
     return ledger, claims[0], claims[1]
 

@@ -20,7 +20,7 @@ from koord.sampling.monitors import Watch
 from koord.sampling.policies import AtRandom, Play
 from koord.sampling.running import new_run
 from koord.syntax import core
-from koord.syntax.budget import OutOfPatienceError, Patience
+from koord.syntax.budget import Budget, OutOfBudgetError
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.load import load
 from koord.syntax.source import Source
@@ -88,7 +88,7 @@ RUN = [
 
 
 def patient(system: System) -> System:
-    """The system with a patience that ends after so many questions."""
+    """The system with a budget that ends after so many questions."""
     left = PATIENCE
 
     def is_over() -> bool:
@@ -96,7 +96,7 @@ def patient(system: System) -> System:
         left -= 1
         return left < 0
 
-    return replace(system, patience=Patience(is_over))
+    return replace(system, budget=Budget(is_over))
 
 
 def searched(system: System) -> dict[str, int]:
@@ -105,7 +105,7 @@ def searched(system: System) -> dict[str, int]:
     limits = Limits(states=3_000, rounds=ROUNDS)
     try:
         found = survey(patient(system), stated, limits, subjects=frozenset(Subject))
-    except OutOfPatienceError:
+    except OutOfBudgetError:
         return {}
     assert not isinstance(found.end, NotFinite)
     return {NAMES[v.claim.subject].format(v.claim.name): v.rounds for v in found.violated}
@@ -120,7 +120,7 @@ def ran(system: System) -> dict[str, int]:
         try:
             for _ in play.steps():
                 pass
-        except (KoordError, OutOfPatienceError):
+        except (KoordError, OutOfBudgetError):
             return {}
         if play.violation is not None:
             is_contract = play.violation.kind is ViolationKind.CONTRACT

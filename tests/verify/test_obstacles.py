@@ -24,7 +24,7 @@ from koord.verify.engines.bits import engine as bits_engine
 from koord.verify.engines.engine import Task
 from koord.verify.ledger import Ledger
 from koord.verify.obstacles import NotInductive, TimeUp, TooLong, Values, WholeRuns
-from koord.verify.reduction.problems import plain_subject
+from koord.verify.reduction.problems import plain_problem
 from koord.verify.strategy.table import SAFETY
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Verdict
@@ -125,7 +125,7 @@ invariant Odd: y != 7 or x != 9
 """
     system = dealt(program_of(text), 2)
     (odd, *_) = claims = claims_of(system)
-    ledger = Ledger(plain_subject(system), Bounds(rounds), Deadline.after(None), claims, 0, print)
+    ledger = Ledger(plain_problem(system), Bounds(rounds), Deadline.after(None), claims, 0, print)
     bits_engine.BitsEngine().work(ledger, Task(questions=0))
     verdict = ledger.verdict(odd)
     assert verdict.outcome is outcome

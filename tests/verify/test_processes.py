@@ -32,10 +32,10 @@ def squared(number: int) -> Callable[[Progress], int]:
 @pytest.mark.parametrize("jobs", [1, 2, 5])
 def test_answers_come_in_the_order_in_which_they_are_asked_for(jobs: int) -> None:
     with Pool(jobs) as pool:
-        work = {number: pool.hand_in("", squared(number)) for number in range(6)}
+        work = {number: pool.submit("", squared(number)) for number in range(6)}
         found = [*pool.answers(work)]
         assert found == [(n, n * n) for n in range(6)]
-        assert pool.answer(pool.hand_in("", squared(9))) == 81
+        assert pool.answer(pool.submit("", squared(9))) == 81
 
 
 @pytest.mark.parametrize("jobs", [1, 3])
@@ -48,7 +48,7 @@ def test_work_starts_with_what_is_known_when_it_is_asked_for(jobs: int) -> None:
         return known[0]
 
     with Pool(jobs) as pool:
-        work = {n: pool.hand_in("", counted) for n in range(3)}
+        work = {n: pool.submit("", counted) for n in range(3)}
         found = [*pool.answers(work)]
     assert found == [(0, 1), (1, 1), (2, 1)]
     assert known == [0]
@@ -68,7 +68,7 @@ def test_no_more_processes_than_jobs(tmp_path: Path) -> None:
         return work
 
     with Pool(1) as pool:
-        work = {name: pool.hand_in("", logged(name)) for name in "ab"}
+        work = {name: pool.submit("", logged(name)) for name in "ab"}
         assert multiprocessing.active_children() == []
         assert all(found for _, found in pool.answers(work))
     assert log.read_text().splitlines() == ["a begins", "a ends", "b begins", "b ends"]
@@ -77,8 +77,8 @@ def test_no_more_processes_than_jobs(tmp_path: Path) -> None:
 def test_nobody_does_work_that_was_dropped(tmp_path: Path) -> None:
     touched = tmp_path / "touched"
     with Pool(1) as pool:
-        dropped = pool.hand_in("", lambda tell: touched.touch())
-        kept = pool.hand_in("", squared(2))
+        dropped = pool.submit("", lambda tell: touched.touch())
+        kept = pool.submit("", squared(2))
         pool.drop(dropped)
         assert pool.answer(kept) == 4
     assert not touched.exists()
@@ -99,13 +99,13 @@ def test_what_goes_wrong_in_a_process_goes_wrong_here() -> None:
 
     with Pool(2) as pool:
         with pytest.raises(KoordError) as refusing:
-            pool.answer(pool.hand_in("", refused))
+            pool.answer(pool.submit("", refused))
         assert [d.code for d in refusing.value.diagnostics] == ["K901"]
         with pytest.raises(ZeroDivisionError) as dividing:
-            pool.answer(pool.hand_in("", mistaken))
+            pool.answer(pool.submit("", mistaken))
         assert "in mistaken" in dividing.value.__notes__[0]
         with pytest.raises(RuntimeError, match="in unsendable"):
-            pool.answer(pool.hand_in("", unsendable))
+            pool.answer(pool.submit("", unsendable))
 
 
 def test_of_a_process_that_dies_nothing_is_known() -> None:
@@ -114,7 +114,7 @@ def test_of_a_process_that_dies_nothing_is_known() -> None:
         return 0
 
     with Pool(2) as pool:
-        work = {"dies": pool.hand_in("", dies), "lives": pool.hand_in("", squared(3))}
+        work = {"dies": pool.submit("", dies), "lives": pool.submit("", squared(3))}
         found = {name: answer for name, answer in pool.answers(work)}
     assert found == {"dies": None, "lives": 9}
 
@@ -127,7 +127,7 @@ def test_processes_say_what_they_do() -> None:
         return True
 
     with Pool(1, told.append) as pool:
-        work = {name: pool.hand_in(name, talks) for name in ("Safe", "Live")}
+        work = {name: pool.submit(name, talks) for name in ("Safe", "Live")}
         assert all(found for _, found in pool.answers(work))
     assert told == ["0 of 2 done; Safe: round 1", "1 of 2 done; Live: round 1"]
 
@@ -144,7 +144,7 @@ def test_on_ctrl_c_processes_say_what_they_know_by_then(tmp_path: Path) -> None:
             return "known by then"
 
     with Pool(1, interrupted=begun.exists) as pool:
-        work = {name: pool.hand_in(name, waits) for name in ("first", "second")}
+        work = {name: pool.submit(name, waits) for name in ("first", "second")}
         answers = pool.answers(work)
         assert next(answers) == ("first", "known by then")
         with pytest.raises(KeyboardInterrupt):
@@ -161,7 +161,7 @@ def test_on_ctrl_c_nobody_waits_for_who_does_not_listen(tmp_path: Path) -> None:
             signal.pause()
 
     with Pool(1, interrupted=deaf.exists) as pool, pytest.raises(KeyboardInterrupt):
-        pool.answer(pool.hand_in("", sleeps))
+        pool.answer(pool.submit("", sleeps))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the kernel ends children of nobody else")

@@ -9,7 +9,7 @@ from koord.syntax.load import load
 from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.engine_names import Engine
-from koord.verify.proof_core import Resting, resting
+from koord.verify.proof_core import ProofCore, proof_core
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome
 
@@ -55,10 +55,10 @@ def system(text: str = ROVER, robots: int = 2) -> System:
     return dealt(made, robots)
 
 
-def found(of: System, choice: Engine | None = None) -> Resting:
+def found(of: System, choice: Engine | None = None) -> ProofCore:
     report = verify(of, Bounds(5), choice)
     assert report.outcome is Outcome.HOLDS
-    return resting(of, report.verdicts, Bounds(5))
+    return proof_core(of, report.verdicts, Bounds(5))
 
 
 def names(of: tuple[Premise, ...]) -> list[tuple[str, str, int]]:
@@ -118,7 +118,7 @@ def test_a_model_is_no_premise() -> None:
 def test_what_holds_for_some_rounds_rests_on_nothing_that_is_told() -> None:
     of = system()
     report = verify(of, Bounds(2), Engine.BMC)
-    told = resting(of, report.verdicts, Bounds(2))
+    told = proof_core(of, report.verdicts, Bounds(2))
     assert (told.claims, told.needed, told.spare) == ((), (), ())
     assert len(told.untried) == 6
 
@@ -126,6 +126,6 @@ def test_what_holds_for_some_rounds_rests_on_nothing_that_is_told() -> None:
 def test_out_of_time_says_what_was_not_tried() -> None:
     of = system()
     report = verify(of, Bounds(5))
-    told = resting(of, report.verdicts, Bounds(5, timeout_s=0.0))
+    told = proof_core(of, report.verdicts, Bounds(5, timeout_s=0.0))
     assert (told.needed, told.spare) == ((), ())
     assert len(told.untried) == 6

@@ -16,8 +16,8 @@ from koord.syntax.core import PropertyKind
 from koord.syntax.system import System
 from koord.verify.claims import Claim, Phase, claims_of
 from koord.verify.effort import Deadline, Effort
-from koord.verify.ledger import Ledger, Subject
-from koord.verify.reachability_goals import Wishes, wishes_of
+from koord.verify.ledger import Ledger, VerificationProblem
+from koord.verify.reachability_goals import ReachabilityGoals, reachability_goals_of
 from koord.verify.vacuity.analysis import look
 from koord.verify.vacuity.unreachable import unmet
 from koord.verify.verdicts import Bounds, Counterexample
@@ -27,9 +27,9 @@ from tests.verify.reference import Explorer, TooManyError
 ROUNDS = 2
 
 
-def observed(wished: Wishes) -> System:
+def observed(wished: ReachabilityGoals) -> System:
     """The system of the wishes, in which those about invariants are asked at all times."""
-    asked = {wish.never.name for wish in wished.all if wish.observed}
+    asked = {goal.never.name for goal in wished.all if goal.observed}
     program = wished.system.program
     properties = tuple(
         replace(p, kind=PropertyKind.INVARIANT) if p.name in asked else p
@@ -45,31 +45,34 @@ def unasked(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
 def agrees(seed: int) -> Counter[str] | None:
     """Compare what is told of one program with all its runs; None where there are too many."""
     made = system(Random(seed), FINITE)
-    wished = wishes_of(made)
+    wished = reachability_goals_of(made)
     try:
         ends = Explorer(wished.system).explore(ROUNDS).first
         ever = Explorer(observed(wished)).explore(ROUNDS + 1).first
     except (TooManyError, NotFiniteError):
         return None
     ledger = Ledger(
-        Subject(made, unasked, made), Bounds(ROUNDS), Deadline.after(60.0), claims_of(made)
+        VerificationProblem(made, unasked, made),
+        Bounds(ROUNDS),
+        Deadline.after(60.0),
+        claims_of(made),
     )
     looked = look(ledger)
     if looked.never is None or looked.never.stuck is not None or not looked.never.known:
         return Counter(["not asked"])
-    nevers = {wish.never.name for wish in wished.all}
+    nevers = {goal.never.name for goal in wished.all}
     left = {claim.name for claim in looked.never.claims}
     assert left == nevers - ends.keys(), seed
-    count: Counter[str] = Counter(wishes=len(nevers), fulfilled=len(nevers - left))
-    for wish in wished.all:
-        if wish.never in looked.never.claims:
-            (*told,) = unmet(ledger, [wish.never], Effort.of_seconds(5))
+    count: Counter[str] = Counter(goals=len(nevers), fulfilled=len(nevers - left))
+    for goal in wished.all:
+        if goal.never in looked.never.claims:
+            (*told,) = unmet(ledger, [goal.never], Effort.of_seconds(5))
             count.update(["certain" if v.certain else "not in time" for v in told] or ["between"])
             for vacuity in told:
                 if vacuity.certain and "no round" not in vacuity.detail:
-                    assert wish.never.name not in ever, (seed, wish)
+                    assert goal.never.name not in ever, (seed, goal)
             if not told:
-                assert wish.observed, seed
+                assert goal.observed, seed
     return count
 
 
@@ -80,7 +83,7 @@ def counted(first: int, last: int) -> Counter[str]:
 @pytest.mark.parametrize("last", sampled(8, [20]))
 def test_what_never_happens_is_told_of_generated_programs(last: int) -> None:
     found = counted(0, last)
-    assert found["wishes"] >= last // 2
+    assert found["goals"] >= last // 2
     assert found["certain"] >= last // 4
     assert found["fulfilled"] >= last // 8
 

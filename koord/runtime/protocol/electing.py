@@ -53,11 +53,11 @@ def canvass(turn: Turn) -> None:
     turn.tell(Canvass(epoch, state.position))
     if not standing:
         turn.await_answer()
-    turn.arm(Timer.SILENCE, _patience(turn, epoch))
+    turn.arm(Timer.SILENCE, _budget(turn, epoch))
     _stand_if_supported(turn)
 
 
-def _patience(turn: Turn, epoch: int) -> float:
+def _budget(turn: Turn, epoch: int) -> float:
     """Not the same for two robots, so that they do not go on disturbing each other."""
     timing, setup = turn.setup.timing, turn.setup
     return timing.silence_s / 2 + timing.slot_s * ((turn.state.pid + epoch) % setup.robots)
@@ -107,7 +107,7 @@ def _stand_if_supported(turn: Turn) -> None:
     turn.take(Candidate(frozenset()))
     turn.tell(Candidacy(office.epoch, state.position))
     turn.await_answer()
-    turn.arm(Timer.SILENCE, _patience(turn, office.epoch))
+    turn.arm(Timer.SILENCE, _budget(turn, office.epoch))
     _count(turn, state.pid, state.incarnation)
 
 

@@ -15,7 +15,7 @@ from typing import TypeAlias, assert_never
 import z3
 
 from koord.semantics.domain import Constant, binary_of_numbers, unary_of_numbers
-from koord.syntax.budget import ENDLESS, Patience
+from koord.syntax.budget import ENDLESS, Budget
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.types import (
     BoolType,
@@ -44,13 +44,13 @@ class Terms:
 
     It has a Z3 context of its own too: what a solver answers depends on the names and the age of
     all terms of its context, so with a shared one answers would depend on what was asked before.
-    Building terms spends ``patience``: formulas can take longer to write than to decide.
+    Building terms spends the ``budget``: formulas can take longer to write than to decide.
     """
 
-    def __init__(self, patience: Patience = ENDLESS) -> None:
+    def __init__(self, budget: Budget = ENDLESS) -> None:
         self.context = z3.Context()
         self._make = Maker(self.context)
-        self._patience = patience
+        self._budget = budget
         self._bool = z3.BoolSort(self.context)
         self._int = z3.IntSort(self.context)
         self._real = z3.RealSort(self.context)
@@ -77,7 +77,7 @@ class Terms:
     def unary(self, op: UnaryOp, operand: Term) -> Term:
         if not isinstance(operand, z3.ExprRef):
             return unary_of_numbers(op, operand, exact=True)
-        self._patience.spend()
+        self._budget.spend()
         match op:
             case UnaryOp.NOT:
                 return self._make.negation(operand)
@@ -92,7 +92,7 @@ class Terms:
     def binary(self, op: BinaryOp, left: Term, right: Term) -> Term:
         if not isinstance(left, z3.ExprRef) and not isinstance(right, z3.ExprRef):
             return binary_of_numbers(op, left, right)
-        self._patience.spend()
+        self._budget.spend()
         if op is BinaryOp.AND or op is BinaryOp.OR or op is BinaryOp.IMPLIES:
             return self._connective(op, left, right)
         return self._operation(op, *self._alike(left, right))
@@ -100,7 +100,7 @@ class Terms:
     def ite(self, condition: Term, then: Term, other: Term) -> Term:
         if not isinstance(condition, z3.ExprRef):
             return then if condition else other
-        self._patience.spend()
+        self._budget.spend()
         if self._same(then, other):
             return then
         if isinstance(then, bool) or isinstance(other, bool):
@@ -327,7 +327,7 @@ class Terms:
         """Whether a Boolean holds whatever its constants are, as far as a quick look tells."""
         if not isinstance(claim, z3.ExprRef):
             return bool(claim)
-        self._patience.spend(_QUICK_LOOK)
+        self._budget.spend(_QUICK_LOOK)
         solver = z3.Solver(ctx=self.context)
         solver.set("rlimit", 200_000)
         solver.add(z3.Not(claim))

@@ -27,7 +27,7 @@ class Unrolling:
         self.seed = seed
         self.movers = movers
         self.rounds: list[SymbolicRound] = []
-        d = Terms(self.system.patience)
+        d = Terms(self.system.budget)
         self.unknowns = Unknowns(d, self.system.program, self.system.robots)
         self.encoder = Encoder(self.system, self.unknowns, self.movers)
         self.solver = Solver(d, self.unknowns, self.seed)

@@ -30,7 +30,7 @@ def problem(
     """The claims about a system, or the named ones, for other tools.
 
     Values that merely flow are opaque. SMT-LIB has Booleans alone where these say everything, and
-    else integers and reals. Raises NotFiniteError for what cannot be said, and OutOfPatienceError.
+    else integers and reals. Raises NotFiniteError for what cannot be said, and OutOfBudgetError.
     """
     abstraction = abstracted(system.program)
     if abstraction is not None:

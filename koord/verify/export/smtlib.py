@@ -27,7 +27,7 @@ class Script(Struct, frozen=True):
 def script(system: System, claims: Sequence[Claim], rounds: int) -> Script:
     """The question about some claims, within so many rounds.
 
-    Raises NotFiniteError for what formulas cannot say, and OutOfPatienceError.
+    Raises NotFiniteError for what formulas cannot say, and OutOfBudgetError.
     """
     unrolling = Unrolling(system)
     d, layers = unrolling.encoder.d, list[Layer]()

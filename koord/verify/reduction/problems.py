@@ -16,7 +16,7 @@ from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
 from koord.traces.trace import Numbers
 from koord.verify.claims import Claim, ClaimKind, Phase, claims_of, liveness_of
-from koord.verify.ledger import Subject
+from koord.verify.ledger import VerificationProblem
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.reduction.concretion import Concretion
 from koord.verify.verdicts import Counterexample
@@ -33,27 +33,29 @@ def identity(claim: Claim) -> Identity:
     return claim.kind, claim.name, claim.subject
 
 
-def plain_subject(system: System, part: System | None = None) -> Subject:
+def plain_problem(system: System, part: System | None = None) -> VerificationProblem:
     """A system, or a slice of it; what is found of that is judged on the whole system."""
-    return _subject(system, part or system, lambda recording: recording)
+    return _problem(system, part or system, lambda recording: recording)
 
 
-def abstract_subject(system: System, part: System | None = None) -> Subject | None:
+def abstract_problem(system: System, part: System | None = None) -> VerificationProblem | None:
     """The same with values that merely flow made opaque, if there are any."""
     part = part or system
     abstraction = abstracted(part.program)
     if abstraction is None:
         return None
-    subject = _subject(system, part, lambda found: Concretion(abstraction, part).recording(found))
-    return replace(subject, system=replace(part, program=abstraction.program))
+    problem = _problem(system, part, lambda found: Concretion(abstraction, part).recording(found))
+    return replace(problem, system=replace(part, program=abstraction.program))
 
 
-def subject_of(system: System, part: System | None = None) -> Subject:
+def problem_of(system: System, part: System | None = None) -> VerificationProblem:
     """The same with opaque values where there are any, and plain where not."""
-    return abstract_subject(system, part) or plain_subject(system, part)
+    return abstract_problem(system, part) or plain_problem(system, part)
 
 
-def _subject(system: System, part: System, concrete: Callable[[Recording], Recording]) -> Subject:
+def _problem(
+    system: System, part: System, concrete: Callable[[Recording], Recording]
+) -> VerificationProblem:
     claims = {identity(c): c for c in (*claims_of(system), *liveness_of(system))}
     completing = _Completing(system)
 
@@ -69,7 +71,7 @@ def _subject(system: System, part: System, concrete: Callable[[Recording], Recor
             _lasso(part, real, meant)
             raise OnlyOfSliceError(str(error)) from error
 
-    return Subject(part, judge, part)
+    return VerificationProblem(part, judge, part)
 
 
 def _judged(system: System, recording: Recording, claim: Claim, phase: Phase) -> Counterexample:

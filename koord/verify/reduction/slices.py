@@ -14,7 +14,7 @@ from koord.syntax.core import Home
 from koord.syntax.source import Span
 from koord.syntax.system import System
 from koord.verify.claims import Claim, claims_of, liveness_of
-from koord.verify.reachability_goals import Aim, wishes_of
+from koord.verify.reachability_goals import Aim, reachability_goals_of
 from koord.verify.reduction.influence import Answers, Cone, Happens, Influence, Part
 from koord.verify.reduction.problems import Identity, identity
 from koord.verify.reduction.slicing import sliced
@@ -129,4 +129,4 @@ class Slices(Struct, frozen=True, dict=True):
 
 def _aims(system: System) -> set[tuple[Aim, str, Span]]:
     """What should happen in a system."""
-    return {(wish.aim, wish.subject, wish.span) for wish in wishes_of(system).all}
+    return {(goal.aim, goal.subject, goal.span) for goal in reachability_goals_of(system).all}

@@ -77,7 +77,7 @@ class EachClaimTurn(Struct, frozen=True):
         proving = self._proving(ledger, open_, 0) if self.proofs else None
         slices = _slices(ledger)
         alone = not wanting or (not self.proofs and len(wanting) < 2)
-        jobs = {} if alone else self._handed_in(ledger, wanting, slices[0])
+        jobs = {} if alone else self._submitted(ledger, wanting, slices[0])
         while proving is not None:
             for _, said in self.pool.answers({None: proving}):
                 if said is not None:
@@ -91,17 +91,17 @@ class EachClaimTurn(Struct, frozen=True):
             for job in jobs.values():
                 self.pool.drop(job)
             slices = _slices(ledger)
-            jobs = self._handed_in(ledger, ledger.wanting(), slices[0])
+            jobs = self._submitted(ledger, ledger.wanting(), slices[0])
         tired = self._taken(ledger, jobs)
         for slice_ in slices[1:]:
             if ledger.is_violated or not tired:
                 break
-            tired = self._taken(ledger, self._handed_in(ledger, tired, slice_))
+            tired = self._taken(ledger, self._submitted(ledger, tired, slice_))
 
     def _proving(self, ledger: Ledger, claims: Sequence[Claim], first: int) -> Job[Said]:
         """The proofs from one of them on, in a process of their own."""
         proofs = list(enumerate(self.proofs))[first:]
-        return self.pool.hand_in("", partial(asked, ledger, claims, proofs))
+        return self.pool.submit("", partial(asked, ledger, claims, proofs))
 
     def _behind(self, ledger: Ledger, claims: Sequence[Claim], died: Job[Said]) -> Job[Said] | None:
         """Where the process of proofs died, what it had told of counts, and the next one is asked.
@@ -123,7 +123,7 @@ class EachClaimTurn(Struct, frozen=True):
             return None
         return self._proving(ledger, claims, begun[-1] + 1)
 
-    def _handed_in(
+    def _submitted(
         self, ledger: Ledger, claims: Sequence[Claim], slice_: _Slice
     ) -> dict[Claim, Job[_Looked]]:
         def look(claim: Claim, tell: Progress) -> _Looked:
@@ -136,7 +136,7 @@ class EachClaimTurn(Struct, frozen=True):
             return _Looked(own.said([claim]), bounded.unreplayed.get(claim), bounded.tired)
 
         until = ledger.deadline.at_last()
-        return {c: self.pool.hand_in(c.name, partial(look, c), until=until) for c in claims}
+        return {c: self.pool.submit(c.name, partial(look, c), until=until) for c in claims}
 
     def _taken(self, ledger: Ledger, jobs: Mapping[Claim, Job[_Looked]]) -> list[Claim]:
         """Put down what was found out; the claims of which there is more to be found."""

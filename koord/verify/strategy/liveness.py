@@ -18,13 +18,13 @@ from koord.verify.ledger import Ledger, Reach, Said
 from koord.verify.obstacles import Unreplayed, WholeRuns, what
 from koord.verify.processes import Pool, Progress
 from koord.verify.reduction.influence import Cone, Part
-from koord.verify.reduction.problems import abstract_subject, identity, plain_subject
+from koord.verify.reduction.problems import abstract_problem, identity, plain_problem
 from koord.verify.reduction.slices import Slices
 from koord.verify.strategy.resumption import Steps
 from koord.verify.strategy.slices_turn import Doubts
 from koord.verify.strategy.table import FIRST_LASSOS, AskEngine
 from koord.verify.strategy.turns import EngineTurn
-from koord.verify.vacuity.vacuous_goals import hollow
+from koord.verify.vacuity.vacuous_goals import vacuous_goals
 from koord.verify.verdicts import Bounds, Outcome, Vacuity, Verdict
 
 
@@ -60,7 +60,7 @@ def settled(
     if not claims:
         return Settled(())
     pool = pool or Pool()
-    ledger = Ledger(plain_subject(system), bounds, deadline, claims, seed, pool.progress)
+    ledger = Ledger(plain_problem(system), bounds, deadline, claims, seed, pool.progress)
     steps = steps or Steps()
     steps.follow(ledger)
     ledger.before = {c: before.get(c.name, 0.0) for c in claims} if before else {}
@@ -82,7 +82,7 @@ def settled(
         with ledger.stopping(), ledger.enduring(VACUITY):
             for part in parts:
                 of = [verdict for verdict in verdicts if verdict.claim in part.claims]
-                empty += hollow(part.system, of, deadline, seed)
+                empty += vacuous_goals(part.system, of, deadline, seed)
     unique = tuple(dict.fromkeys(empty))
     return Settled(verdicts, unique, ledger.interrupted, tuple(ledger.failures))
 
@@ -154,8 +154,8 @@ class _Asking(Struct):
         if len(asked) < len(inner.claims) or not is_whole:
             inner = inner.of(asked, inner.report)
         if not is_whole:
-            subject = plain_subject(self.ledger.system, part.system)
-            inner.subject = self.doubts.watching(subject)
+            problem = plain_problem(self.ledger.system, part.system)
+            inner.problem = self.doubts.watching(problem)
         is_last = turn == len(self.rows) - 1
         if inner is self.ledger:
             self.steps.take(part.stage, turn, name, work, inner, is_last=is_last)
@@ -169,20 +169,20 @@ class _Asking(Struct):
     def _on_circuit(self, part: _Part, turn: EngineTurn, ledger: Ledger) -> None:
         """Ask the circuit of a slice, with opaque values where there are any."""
         whole = self.ledger.system
-        subject = abstract_subject(whole, part.system)
-        if subject is None:
-            subject = ledger.subject
+        problem = abstract_problem(whole, part.system)
+        if problem is None:
+            problem = ledger.problem
         elif part.system is not whole:
-            subject = self.doubts.watching(subject)
+            problem = self.doubts.watching(problem)
         outer = {identity(claim): claim for claim in ledger.open()}
         originals = {
             claim: outer[identity(claim)]
-            for claim in liveness_of(subject.system)
+            for claim in liveness_of(problem.system)
             if identity(claim) in outer
         }
         known = {identity(claim) for claim in self.proved if claim.is_state_property}
-        lemmas = tuple(c for c in claims_of(subject.system) if identity(c) in known)
-        inner = replace(ledger.about(subject, tuple(originals)), report=ledger.progress)
+        lemmas = tuple(c for c in claims_of(problem.system) if identity(c) in known)
+        inner = replace(ledger.about(problem, tuple(originals)), report=ledger.progress)
         inner.noted = lambda verdict: _put_down(ledger, verdict, originals[verdict.claim], inner)
         with ledger.waiting():
             try:
@@ -221,7 +221,7 @@ def _without_lemmas_first(
     (_, *others), ahead = ledger.open(), None
     helped = replace(turn, task=replace(turn.task, lemmas=lemmas))
     if lemmas and not others and pool.jobs > 1:
-        ahead = pool.hand_in("", partial(_asked, ledger, helped))
+        ahead = pool.submit("", partial(_asked, ledger, helped))
     if lemmas:
         replace(turn, task=FIRST_LASSOS).work(ledger)
     if ahead is None:

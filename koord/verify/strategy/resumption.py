@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.verify.engine_names import engine_named
 from koord.verify.failures import Failure
 from koord.verify.ledger import Ledger, Reach, reach_of
@@ -106,11 +106,11 @@ class Steps(Struct):
             try:
                 with ledger.enduring(who):
                     work(ledger)
-            except OutOfPatienceError:
+            except OutOfBudgetError:
                 late = True
         self.lasting(None)
         if late and ledger.deadline.passed():
-            raise OutOfPatienceError
+            raise OutOfBudgetError
         if late:
             engine = engine_named(who)
             over = Reach(engine, None, "timeout", 0.0, obstacle=TimeUp(engine))
@@ -119,7 +119,7 @@ class Steps(Struct):
     def follow(self, ledger: Ledger, original: Callable[[Verdict], Verdict] | None = None) -> None:
         """Put down what is known, and be told of what becomes known.
 
-        ``original`` is for verdicts on a subject with opaque values.
+        ``original`` is for verdicts on a problem with opaque values.
         """
         for claim in ledger.open():
             verdict = self.past.verdict(claim.name)

@@ -11,9 +11,9 @@ from msgspec.structs import replace
 from koord.semantics.recordings import Recording
 from koord.syntax.analysis.auxiliary import Var
 from koord.verify.claims import Claim, Phase, claims_of, liveness_of
-from koord.verify.ledger import Ledger, Subject
+from koord.verify.ledger import Ledger, VerificationProblem
 from koord.verify.reduction.influence import Cone, Part
-from koord.verify.reduction.problems import Identity, identity, subject_of
+from koord.verify.reduction.problems import Identity, identity, problem_of
 from koord.verify.reduction.slices import Slices
 from koord.verify.strategy.each_claim_turn import EachClaimTurn
 from koord.verify.strategy.resumption import Steps
@@ -29,17 +29,17 @@ class Doubts(Struct):
 
     rounds: dict[Identity, int] = field(default_factory=dict)
 
-    def watching(self, subject: Subject) -> Subject:
-        """The subject, whose judge tells of what does not replay."""
+    def watching(self, problem: VerificationProblem) -> VerificationProblem:
+        """The problem, whose judge tells of what does not replay."""
 
         def judge(recording: Recording, claim: Claim, phase: Phase) -> Counterexample:
             try:
-                return subject.judge(recording, claim, phase)
+                return problem.judge(recording, claim, phase)
             except NotReplayedError:
                 self.rounds[identity(claim)] = len(recording.rounds)
                 raise
 
-        return replace(subject, judge=judge)
+        return replace(problem, judge=judge)
 
 
 class _Part(Struct):
@@ -85,7 +85,7 @@ class _Asking(Struct):
                 )
         finally:
             self._tell(ledger)
-        over = ledger.hurry()
+        over = ledger.is_overtime()
         self.inner.deadline = ledger.deadline
         return not over
 
@@ -181,7 +181,7 @@ class SlicesTurn(Struct, frozen=True):
     def _asking(self, ledger: Ledger, part: _Part) -> _Asking:
         system, doubts = self.slices.system, Doubts()
         smaller = self.slices.slice_of(part.cone)
-        inner = _inner(ledger, doubts.watching(subject_of(system, smaller)), part)
+        inner = _inner(ledger, doubts.watching(problem_of(system, smaller)), part)
         engines = self.engines() if part.is_alone else self.shared()
         followed = bool(liveness_of(system))
         return _Asking(part, inner, doubts, enumerate(engines), self.steps, self.alone, followed)
@@ -191,18 +191,18 @@ def on_slice(slices: Slices, ledger: Ledger, claim: Claim) -> tuple[Ledger, Clai
     """A ledger of the slice of one claim, on which nothing is known, and the claim there."""
     system, meant = slices.system, identity(claim)
     smaller = slices.slice_of(slices.cone([slices.claims[meant]]))
-    subject = subject_of(system, smaller)
-    claims = tuple(each for each in claims_of(subject.system) if identity(each) == meant)
-    return ledger.about(subject, claims), claims[0]
+    problem = problem_of(system, smaller)
+    claims = tuple(each for each in claims_of(problem.system) if identity(each) == meant)
+    return ledger.about(problem, claims), claims[0]
 
 
-def _inner(ledger: Ledger, subject: Subject, part: _Part) -> Ledger:
+def _inner(ledger: Ledger, problem: VerificationProblem, part: _Part) -> Ledger:
     """A ledger of a slice, with what is known of it, and other claims that may be lemmas."""
     proved = {identity(claim): ledger.verdicts[claim] for claim in ledger.proved()}
     lemmas = {identity(c) for c in ledger.claims if c.is_state_property and _serves(ledger, c)}
     wanted = lemmas | part.claims.keys()
-    claims = tuple(claim for claim in claims_of(subject.system) if identity(claim) in wanted)
-    inner = ledger.about(subject, claims)
+    claims = tuple(claim for claim in claims_of(problem.system) if identity(claim) in wanted)
+    inner = ledger.about(problem, claims)
     for claim in claims:
         if identity(claim) in proved:
             inner.settle({claim: replace(proved[identity(claim)], claim=claim)})

@@ -86,7 +86,7 @@ class _Asking(Struct, frozen=True):
         with Pool(1, self.progress, self.interrupted) as pool:
             while report is None:
                 lasts_s = _with_grace(deadline.left_s())
-                job = pool.hand_in("", partial(work, past), lasts_s=lasts_s)
+                job = pool.submit("", partial(work, past), lasts_s=lasts_s)
                 try:
                     report = pool.answer(job)
                 except KeyboardInterrupt:
@@ -131,7 +131,7 @@ class _Asking(Struct, frozen=True):
             try:
                 while pasts:
                     work = {
-                        name: pool.hand_in(
+                        name: pool.submit(
                             name,
                             partial(alone, name, past, left_s[name]),
                             lasts_s=_with_grace(left_s[name]),

@@ -10,7 +10,7 @@ from typing import assert_never
 from msgspec import Struct
 from msgspec.structs import replace
 
-from koord.syntax.budget import Patience
+from koord.syntax.budget import Budget
 from koord.syntax.system import System
 from koord.verify.bounded_check import Unroller
 from koord.verify.claims import Claim, claims_of, liveness_of
@@ -19,9 +19,9 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc.counterexample_enumeration import others
 from koord.verify.engines.engine import Workers
 from koord.verify.failures import VACUITY, Failure, failure_of
-from koord.verify.ledger import Ledger, Subject, reach_of
+from koord.verify.ledger import Ledger, VerificationProblem, reach_of
 from koord.verify.processes import Job, Pool, Progress, was_interrupted
-from koord.verify.reduction.problems import identity, plain_subject, subject_of
+from koord.verify.reduction.problems import identity, plain_problem, problem_of
 from koord.verify.reduction.slices import Slices
 from koord.verify.strategy.each_claim_turn import EachClaimTurn
 from koord.verify.strategy.resumption import Past, Steps
@@ -81,7 +81,7 @@ def verify(
 
     started = time.monotonic()
     deadline = Deadline.after(bounds.timeout_s)
-    system = replace(system, patience=Patience(is_over))
+    system = replace(system, budget=Budget(is_over))
     steps = Steps(past or Past(), noted, lasting)
     failures: list[Failure] = []
     with Pool(jobs, progress, interrupted) as pool:
@@ -98,21 +98,21 @@ def verify(
         )
         slices, doubts = Slices(system), Doubts()
         part = slices.common()
-        subject = subject_of(system, part)
+        problem = problem_of(system, part)
         every_n = choice is Engine.EVERY_N
         seen = slices.happening() if not known else system
-        happens = subject if seen is part else subject_of(system, seen)
+        happens = problem if seen is part else problem_of(system, seen)
         beside = _Beside(
             pool, steps, failures, system, happens, wanted=not known, of_any_number=every_n
         )
         before = _before(system, known, names) if known else None
-        found, ledger = ask(doubts.watching(subject), before, beside, slices=slices)
+        found, ledger = ask(doubts.watching(problem), before, beside, slices=slices)
         found, last = found.doubting(doubts), ledger
-        is_whole = part is system and not subject.is_abstract
+        is_whole = part is system and not problem.is_abstract
         if not is_whole and found.suspected is not None and not ledger.interrupted:
             # Opaque values let something happen that real ones do not, or what was left out
             # stands in the way of it: look at everything.
-            found, last = ask(plain_subject(system), found, beside)
+            found, last = ask(plain_problem(system), found, beside)
         every = [
             replace(verdict, claim=claim)
             for claim, verdict in zip(claims_of(system), found.verdicts, strict=True)
@@ -122,12 +122,12 @@ def verify(
         empty: tuple[Vacuity, ...] = ()
         cut = last.interrupted
         beside.wanted &= not cut and not ledger.stopped
-        hollow = _Hollow()
+        vacuous_goals = _Vacuities()
         if of_runs := [c for c in liveness_of(system) if not names or c.name in names]:
             beside.begin(ledger)
         if beside.job is None:
-            hollow = beside.end(ledger, names)
-            cut = cut or hollow.interrupted
+            vacuous_goals = beside.end(ledger, names)
+            cut = cut or vacuous_goals.interrupted
         if of_runs:
             from koord.verify.strategy.liveness import settled
 
@@ -152,16 +152,16 @@ def verify(
             )
             empty, cut = live.vacuities, cut or live.interrupted
         if beside.job is not None and not cut:
-            hollow = beside.end(ledger, names)
+            vacuous_goals = beside.end(ledger, names)
     seconds = time.monotonic() - started
-    cut = cut or hollow.interrupted
+    cut = cut or vacuous_goals.interrupted
     failed = tuple(dict.fromkeys([*ledger.failures, *last.failures, *failures]))
-    vacuities_ = hollow.vacuities + empty
-    return Report(verdicts, vacuities_, seconds, cut, failed, every_n, hollow.unlooked)
+    vacuities_ = vacuous_goals.vacuities + empty
+    return Report(verdicts, vacuities_, seconds, cut, failed, every_n, vacuous_goals.unlooked)
 
 
 class _Known(Struct, frozen=True):
-    """The verdicts on a subject's claims, in order.
+    """The verdicts on a problem's claims, in order.
 
     ``suspected`` is the last round in which something seemed violated and was not. ``left`` are
     the positions of claims that are left as they are, known or not.
@@ -183,7 +183,7 @@ class _Known(Struct, frozen=True):
         return replace(self, suspected=max(rounds, default=None))
 
 
-class _Hollow(Struct, frozen=True):
+class _Vacuities(Struct, frozen=True):
     """What makes verdicts say less than they seem to, as far as Ctrl-C did not end the search."""
 
     vacuities: tuple[Vacuity, ...] = ()
@@ -198,7 +198,7 @@ class _Beside(Struct):
     steps: Steps
     failures: list[Failure]
     system: System
-    happens: Subject  #: what is looked at, whatever engines left out
+    happens: VerificationProblem  #: what is looked at, whatever engines left out
     wanted: bool
     of_any_number: bool = False
     job: Job[tuple[Looked | str, tuple[Failure, ...]]] | None = None
@@ -215,9 +215,9 @@ class _Beside(Struct):
                     found = look(own)
                 return found, tuple(own.failures)
 
-            self.job = self.pool.hand_in("", looked)
+            self.job = self.pool.submit("", looked)
 
-    def end(self, ledger: Ledger, names: Collection[str]) -> _Hollow:
+    def end(self, ledger: Ledger, names: Collection[str]) -> _Vacuities:
         """What makes the verdicts of a ledger say less than they seem to."""
         found: Hollow | None = None
         ledger = self._of_what_happens(ledger)
@@ -234,8 +234,8 @@ class _Beside(Struct):
         self.failures += own.failures
         if found is None:
             missing = unlooked(ledger.system) if self.wanted else ()
-            return _Hollow((), own.interrupted, missing)
-        return _Hollow(found.vacuities, own.interrupted, found.unlooked)
+            return _Vacuities((), own.interrupted, missing)
+        return _Vacuities(found.vacuities, own.interrupted, found.unlooked)
 
     def _looked(self, own: Ledger) -> Looked | str:
         """What was found out beside, or is now."""
@@ -269,7 +269,7 @@ def _before(system: System, known: Sequence[Verdict], names: Sequence[str]) -> _
 
 
 def _ask(
-    subject: Subject,
+    problem: VerificationProblem,
     known: _Known | None,
     beside: _Beside,
     *,
@@ -282,16 +282,16 @@ def _ask(
     steps: Steps,
     slices: Slices | None = None,
 ) -> tuple[_Known, Ledger]:
-    """Verdicts on the claims about a subject; if there are ``names``, until those are settled.
+    """Verdicts on the claims about a problem; if there are ``names``, until those are settled.
 
     Of ``known`` ones only the unknown are asked, suspected rounds first; how far those were seen to
     hold counts even if the time is up. With ``slices`` claims are asked of theirs, too.
     """
-    claims = claims_of(subject.system)
+    claims = claims_of(problem.system)
     stated = {identity(claim): claim for claim in claims_of(beside.system)}
     before = known.verdicts if known is not None else ()
     ledger = Ledger(
-        subject,
+        problem,
         bounds,
         deadline,
         claims,
@@ -330,9 +330,9 @@ def _ask(
                 ends = isinstance(turn, EachClaimTurn) and not liveness_of(beside.system)
                 is_last = choice is not None or ends
                 steps.take(stage, number, turn.name, turn.work, ledger, is_last=is_last)
-            if ledger.hurry():
+            if ledger.is_overtime():
                 break
-    if ledger.hurried and not ledger.interrupted and not deadline.passed():
+    if ledger.shortened and not ledger.interrupted and not deadline.passed():
         ledger.deadline, ledger.stopped = deadline, ""
     with ledger.stopping():
         _find_others(ledger, asked, pool, slices)
@@ -381,7 +381,7 @@ def _find_others(ledger: Ledger, asked: Sequence[Claim], pool: Pool, slices: Sli
             return (), Ways(complete=False, reason=str(failure_of(Engine.BMC.value, error)))
 
     jobs = {
-        claim: pool.hand_in(claim.name, partial(find, claim, verdict.counterexample))
+        claim: pool.submit(claim.name, partial(find, claim, verdict.counterexample))
         for claim, verdict in ledger.verdicts.items()
         if claim in asked and wanted > 0 and verdict.counterexample is not None
     }

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from koord.syntax import core
 from koord.syntax.analysis.footprint import footprint
-from koord.syntax.budget import OutOfPatienceError, Patience
+from koord.syntax.budget import Budget, OutOfBudgetError
 from koord.syntax.core import Home
 from koord.syntax.system import System
 from koord.syntax.walk import reached
@@ -22,7 +22,13 @@ from koord.verify.encoding.symbols import SymbolicInputs
 from koord.verify.encoding.unrolling import Unrolling, violations
 from koord.verify.engines.induction.representatives import representatives
 from koord.verify.ledger import Ledger
-from koord.verify.reachability_goals import Aim, Wish, Wishes, supposes, wishes_of
+from koord.verify.reachability_goals import (
+    Aim,
+    ReachabilityGoal,
+    ReachabilityGoals,
+    reachability_goals_of,
+    supposes,
+)
 from koord.verify.vacuity import any_number
 from koord.verify.vacuity.contradictory_summaries import unanswerable
 from koord.verify.vacuity.dead_ends import dead_end
@@ -71,13 +77,13 @@ def look(ledger: Ledger) -> Looked:
     """Find out what hangs on no verdict: it can be done beside other work."""
     started = time.process_time()
     effort = Effort.of_seconds(WISHES_S)
-    wished = wishes_of(ledger.system)
+    wished = reachability_goals_of(ledger.system)
     tell(ledger, wished.all)
     own = _limited(ledger, _worth(ledger))
     try:
-        looked = _look(own, wishes_of(own.system), effort)
-    except OutOfPatienceError:
-        nevers = frozenset(wish.never for wish in wished.all)
+        looked = _look(own, reachability_goals_of(own.system), effort)
+    except OutOfBudgetError:
+        nevers = frozenset(goal.never for goal in wished.all)
         looked = Looked((), Unbroken(nevers, known=False), effort)
     return replace(looked, spent_s=time.process_time() - started)
 
@@ -89,21 +95,21 @@ def _worth(ledger: Ledger) -> float:
 
 def _limited(ledger: Ledger, seconds: float) -> Ledger:
     """The ledger for at most so many seconds of work. Past them, evaluation ends as well."""
-    deadline, whole = ledger.deadline.of_work(seconds), ledger.system.patience
-    patience = Patience(lambda: deadline.passed() or whole.is_over())
-    subject = replace(
-        ledger.subject,
-        system=replace(ledger.system, patience=patience),
-        original=replace(ledger.subject.original, patience=patience),
+    deadline, whole = ledger.deadline.of_work(seconds), ledger.system.budget
+    budget = Budget(lambda: deadline.passed() or whole.is_over())
+    problem = replace(
+        ledger.problem,
+        system=replace(ledger.system, budget=budget),
+        original=replace(ledger.problem.original, budget=budget),
     )
-    if not ledger.subject.is_abstract:
-        subject = replace(subject, original=subject.system)
-    return replace(ledger, subject=subject, deadline=deadline)
+    if not ledger.problem.is_abstract:
+        problem = replace(problem, original=problem.system)
+    return replace(ledger, problem=problem, deadline=deadline)
 
 
-def tell(ledger: Ledger, wishes: Sequence[Wish]) -> None:
+def tell(ledger: Ledger, goals: Sequence[ReachabilityGoal]) -> None:
     """Say what is looked for."""
-    asked = list(dict.fromkeys(words(_aim(wish), wish.subject) for wish in wishes))
+    asked = list(dict.fromkeys(words(_aim(goal), goal.subject) for goal in goals))
     more = f" and {len(asked) - 2} more" if len(asked) > 2 else ""
     ledger.say(f"looking for what never happens: {', '.join(asked[:2])}{more}")
 
@@ -114,30 +120,30 @@ def words(what: Emptiness, subject: str) -> str:
     return f"what {subject} supposes" if supposed else f"{what.value} {subject}"
 
 
-def _aim(wish: Wish) -> Emptiness:
-    return Emptiness.EVENT if wish.aim is Aim.EVENT else Emptiness.SUPPOSITION
+def _aim(goal: ReachabilityGoal) -> Emptiness:
+    return Emptiness.EVENT if goal.aim is Aim.EVENT else Emptiness.SUPPOSITION
 
 
 def unlooked(system: System, nevers: Collection[Claim] | None = None) -> tuple[Unlooked, ...]:
     """What is not known to happen: all that should, or what denies it."""
-    wishes = (w for w in wishes_of(system).all if nevers is None or w.never in nevers)
-    return tuple(dict.fromkeys(Unlooked(_aim(wish), wish.subject) for wish in wishes))
+    goals = (w for w in reachability_goals_of(system).all if nevers is None or w.never in nevers)
+    return tuple(dict.fromkeys(Unlooked(_aim(goal), goal.subject) for goal in goals))
 
 
-def _look(ledger: Ledger, wished: Wishes, effort: Effort) -> Looked:
+def _look(ledger: Ledger, wished: ReachabilityGoals, effort: Effort) -> Looked:
     system, deadline, seed = ledger.system, ledger.deadline, ledger.seed
     start = _start(system, seed, deadline, effort)
     if start is not None:
         return Looked((start,), None, effort)
     silent = tuple(_silent(ledger, deadline, effort))
-    nevers = [wish.never for wish in wished.all]
+    nevers = [goal.never for goal in wished.all]
     rounds = ledger.bounds.rounds
     # Making up positions and paths that meet assumptions can cost more than it spares.
-    runs = 0 if ledger.subject.is_abstract else max(rounds, TURNS // system.robots)
+    runs = 0 if ledger.problem.is_abstract else max(rounds, TURNS // system.robots)
     never = unbroken(
         wished.system, nevers, rounds, deadline, effort, seed=seed, runs=runs, runs_s=RUNS_S
     )
-    ended = None if never.stuck is not None else dead_end(ledger.subject.original, deadline, seed)
+    ended = None if never.stuck is not None else dead_end(ledger.problem.original, deadline, seed)
     return Looked(silent if ended is None else (*silent, ended), never, effort)
 
 
@@ -165,13 +171,16 @@ def vacuities(
         return Hollow(looked.empty)
     later = looked.never.later if of_all_rounds else frozenset()
     left = replace(looked.never, claims=looked.never.claims - later)
-    tell(ledger, [wish for wish in wishes_of(ledger.system).all if wish.never in left.claims])
+    tell(
+        ledger,
+        [goal for goal in reachability_goals_of(ledger.system).all if goal.never in left.claims],
+    )
     own = _limited(ledger, max(0.0, _worth(ledger) - looked.spent_s))
     missing: list[Vacuity] = []
     given_up: tuple[Unlooked, ...] = ()
     try:
         missing += _missing(own, left, looked.effort, of_any_number)
-    except OutOfPatienceError:
+    except OutOfBudgetError:
         given_up = unlooked(ledger.system, left.claims)
     if not left.known:
         given_up = unlooked(ledger.system, left.claims)
@@ -181,7 +190,7 @@ def vacuities(
     try:
         untouched += _untouched(own)
         unbreakable += _unbreakable(own, [*untouched, *missing], of_any_number)
-    except OutOfPatienceError:
+    except OutOfBudgetError:
         pass  # it is seldom so, and each verdict says how far it holds in any case
     return Hollow((*looked.empty, *missing, *untouched, *unbreakable), given_up)
 
@@ -204,7 +213,7 @@ def _unbreakable(
 
 def _silent(ledger: Ledger, deadline: Deadline, effort: Effort) -> Iterator[Vacuity]:
     """External functions whose summaries contradict themselves."""
-    original = ledger.subject.original
+    original = ledger.problem.original
     for external, detail in unanswerable(original, ledger.seed, deadline, effort):
         yield Vacuity(Emptiness.SUMMARIES, "", detail, certain=True, span=external.span)
 

@@ -22,7 +22,7 @@ from koord.verify.effort import Effort
 from koord.verify.engines.every_n.candidates import FEW, candidates
 from koord.verify.engines.every_n.proving import SPARING, infer, prove
 from koord.verify.ledger import Ledger
-from koord.verify.reachability_goals import idle, wishes_of
+from koord.verify.reachability_goals import idle, reachability_goals_of
 from koord.verify.vacuity.reachability import broken_between, inside_rounds, unbroken
 from koord.verify.vacuity.unreachable import told
 from koord.verify.verdicts import Vacuity
@@ -39,9 +39,9 @@ def examples(system: System) -> list[System]:
 
 def with_robots_of(system: System, ledger: Ledger) -> Ledger:
     """The ledger, with the robots of another system."""
-    subject = ledger.subject
-    original = replace(subject.original, kinds=system.kinds) if subject.is_abstract else system
-    return replace(ledger, subject=replace(subject, system=system, original=original))
+    problem = ledger.problem
+    original = replace(problem.original, kinds=system.kinds) if problem.is_abstract else system
+    return replace(ledger, problem=replace(problem, system=system, original=original))
 
 
 def fleets(system: System) -> str:
@@ -86,19 +86,19 @@ def never_ends(ledger: Ledger) -> bool:
 
 def unmet_by_any(ledger: Ledger, unbroken_: Collection[Claim], effort: Effort) -> Iterator[Vacuity]:
     """Of the wishes that no run of a few robots fulfils: those that more do not fulfil either."""
-    wished = wishes_of(ledger.system)
-    wishes = {wish.never: wish for wish in wished.all if wish.never in unbroken_}
+    wished = reachability_goals_of(ledger.system)
+    goals = {goal.never: goal for goal in wished.all if goal.never in unbroken_}
     rounds, deadline, seed = ledger.bounds.rounds, ledger.deadline, ledger.seed
     for system in examples(wished.system):
-        left = unbroken(system, list(wishes), rounds, deadline, effort, seed=seed)
-        observed = [n for n, wish in wishes.items() if wish.observed and n in left.claims]
+        left = unbroken(system, list(goals), rounds, deadline, effort, seed=seed)
+        observed = [n for n, goal in goals.items() if goal.observed and n in left.claims]
         met, _ = broken_between(system, observed, rounds, deadline, effort, seed=seed, ending=True)
-        wishes = {n: wish for n, wish in wishes.items() if n in left.claims and n not in met}
-    asked = {n: inside_rounds(n) if wish.observed else n for n, wish in wishes.items()}
-    still = [inside_rounds(wish.still) for wish in wishes.values() if wish.still is not None]
+        goals = {n: goal for n, goal in goals.items() if n in left.claims and n not in met}
+    asked = {n: inside_rounds(n) if goal.observed else n for n, goal in goals.items()}
+    still = [inside_rounds(goal.still) for goal in goals.values() if goal.still is not None]
     sure = proved(ledger, wished.system, [*asked.values(), *still])
-    for never, wish in wishes.items():
-        found = told(wish, rounds, certain=asked[never] in sure, blocked=False)
+    for never, goal in goals.items():
+        found = told(goal, rounds, certain=asked[never] in sure, blocked=False)
         yield found if found.certain else among(ledger, found)
 
 

@@ -81,7 +81,7 @@ def _may_end(system: System, robot: int, deadline: Deadline, seed: int) -> bool:
     open_ = any(isinstance(node, core.ExternalCall | core.Choose) for node in below)
     if not contracts or models or open_ or not all(map(is_flat, types)):
         return False
-    d = Terms(system.patience)
+    d = Terms(system.budget)
     unknowns = Unknowns(d, system.program, system.robots)
     values = [(x.declaration.variable, x.declaration.length) for x in agent.ports]
     ports = tuple(
@@ -107,7 +107,7 @@ def _has_readings(
     system: System, robot: int, state: Robot[Term], deadline: Deadline, seed: int
 ) -> bool:
     """Whether some readings meet the contracts of a robot, as far as is known."""
-    d = Terms(system.patience)
+    d = Terms(system.budget)
     unknowns = Unknowns(d, system.program, system.robots)
     turned = environment_turn(d, system, robot, state, SymbolicInputs(unknowns, "readings"))
     solver = Solver(d, unknowns, seed)

@@ -14,7 +14,7 @@ from koord.sampling.policies import AtRandom, First, Play, Policy
 from koord.sampling.running import Run, new_run
 from koord.semantics.domain import disjunction
 from koord.semantics.recordings import Recording, Step
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.core import PropertyKind
 from koord.syntax.diagnostics import KoordError
 from koord.syntax.system import System
@@ -183,7 +183,7 @@ def _unbroken(
 ) -> Unbroken:
     """With ``ending`` what is broken after program turns counts only if the round can end."""
     pending = list(claims)
-    with suppress(OutOfPatienceError):
+    with suppress(OutOfBudgetError):
         unrolling = Unrolling(system, seed, movers)
         return _round_by_round(unrolling, pending, rounds, deadline, effort, ending=ending)
     return Unbroken(frozenset(pending), known=False)
@@ -316,7 +316,7 @@ def never_broken(
             )
             found |= set(result.proved)
             pending = [claim for claim in pending if claim not in found]
-    if pending and not ledger.subject.is_abstract:
+    if pending and not ledger.problem.is_abstract:
         from koord.verify.engines.explicit.exhaustive import exhaust
 
         few = Limits(states=FEW_STATES)

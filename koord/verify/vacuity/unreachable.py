@@ -16,7 +16,7 @@ from koord.syntax.system import System
 from koord.verify.claims import Claim
 from koord.verify.effort import Effort
 from koord.verify.ledger import Ledger
-from koord.verify.reachability_goals import Aim, Wish, wishes_of
+from koord.verify.reachability_goals import Aim, ReachabilityGoal, reachability_goals_of
 from koord.verify.vacuity.reachability import (
     Unbroken,
     broken_between,
@@ -32,26 +32,26 @@ _FIRST = 2
 
 def unmet(ledger: Ledger, unbroken_: Collection[Claim], effort: Effort) -> Iterator[Vacuity]:
     """Of the wishes that no run fulfils at the end of a round: those in vain, and why."""
-    wished = wishes_of(ledger.system)
+    wished = reachability_goals_of(ledger.system)
     asking = _Asking(ledger, wished.system, effort)
-    wishes = {wish.never: wish for wish in wished.all if wish.never in unbroken_}
-    sure = asking.never_begun(wishes)
-    left = {never: wish for never, wish in wishes.items() if never not in sure}
-    met, is_all = asking.between([n for n, wish in left.items() if wish.observed], ending=True)
-    left = {never: wish for never, wish in left.items() if never not in met}
-    blocked = asking.blocked([n for n, wish in left.items() if wish.aim is not Aim.CONTRACT])
+    goals = {goal.never: goal for goal in wished.all if goal.never in unbroken_}
+    sure = asking.never_begun(goals)
+    left = {never: goal for never, goal in goals.items() if never not in sure}
+    met, is_all = asking.between([n for n, goal in left.items() if goal.observed], ending=True)
+    left = {never: goal for never, goal in left.items() if never not in met}
+    blocked = asking.blocked([n for n, goal in left.items() if goal.aim is not Aim.CONTRACT])
     # What is before the end of a round that contracts rule out is as good as never there.
     lasting = [
         never
-        for never, wish in left.items()
-        if not wish.observed or (is_all and never in blocked and not never.reads_ports)
+        for never, goal in left.items()
+        if not goal.observed or (is_all and never in blocked and not never.reads_ports)
     ]
     proved = asking.proved(asking.system, lasting)
-    blocked |= {n for n in proved if asking.is_kept_off(wishes[n])}
-    for never, wish in wishes.items():
+    blocked |= {n for n in proved if asking.is_kept_off(goals[n])}
+    for never, goal in goals.items():
         if never not in met:
             rounds = ledger.bounds.rounds
-            yield told(wish, rounds, certain=never in sure | proved, blocked=never in blocked)
+            yield told(goal, rounds, certain=never in sure | proved, blocked=never in blocked)
 
 
 class _Asking(Struct, frozen=True):
@@ -61,18 +61,18 @@ class _Asking(Struct, frozen=True):
     system: System
     effort: Effort
 
-    def never_begun(self, wishes: dict[Claim, Wish]) -> set[Claim]:
+    def never_begun(self, goals: dict[Claim, ReachabilityGoal]) -> set[Claim]:
         """Those that nothing ever fulfils, not even in rounds that cannot end."""
-        inside = [never for never, wish in wishes.items() if wish.aim is not Aim.CONTRACT]
+        inside = [never for never, goal in goals.items() if goal.aim is not Aim.CONTRACT]
         soon, is_all = self.between(inside, ending=False, rounds=_FIRST)
         asked = {inside_rounds(never): never for never in inside if is_all and never not in soon}
         found = {asked[claim] for claim in self.proved(self.system, asked)}
         # Up to the first turn that begins as contracts suppose, nothing hangs on what they promise
         # of it: what is proved of the program serves there, too.
-        begun = [wish for wish in wishes.values() if wish.aim is Aim.CONTRACT]
-        still = [inside_rounds(wish.still) for wish in begun if wish.still is not None]
+        begun = [goal for goal in goals.values() if goal.aim is Aim.CONTRACT]
+        still = [inside_rounds(goal.still) for goal in begun if goal.still is not None]
         free = self._freed(begun)
-        first = self._left(free, [*(wish.never for wish in begun), *still], _FIRST)
+        first = self._left(free, [*(goal.never for goal in begun), *still], _FIRST)
         return found | self.proved(free, first.claims if first.known else ())
 
     def between(
@@ -97,12 +97,12 @@ class _Asking(Struct, frozen=True):
             return set()
         return self.between(nevers, ending=False)[0]
 
-    def is_kept_off(self, wish: Wish) -> bool:
+    def is_kept_off(self, goal: ReachabilityGoal) -> bool:
         """Whether some turn begins as a contract supposes, and what it promises lets none end."""
-        if not wish.promises:
+        if not goal.promises:
             return False
-        left = self._left(self._freed([wish]), [wish.never], self.ledger.bounds.rounds)
-        return wish.never not in left.claims
+        left = self._left(self._freed([goal]), [goal.never], self.ledger.bounds.rounds)
+        return goal.never not in left.claims
 
     def proved(self, system: System, nevers: Collection[Claim]) -> set[Claim]:
         """Those that nothing fulfils in any round, as far as a short attempt can tell."""
@@ -115,20 +115,20 @@ class _Asking(Struct, frozen=True):
         at_most = min(rounds, ledger.bounds.rounds)
         return unbroken(system, nevers, at_most, ledger.deadline, self.effort, seed=ledger.seed)
 
-    def _freed(self, wishes: Collection[Wish]) -> System:
+    def _freed(self, goals: Collection[ReachabilityGoal]) -> System:
         """The system without what rests on the wishes."""
-        promises = [promise for wish in wishes for promise in wish.promises]
+        promises = [promise for goal in goals for promise in goal.promises]
         return replace(self.system, program=without(self.system.program, promises))
 
 
-def told(wish: Wish, rounds: int, *, certain: bool, blocked: bool) -> Vacuity:
+def told(goal: ReachabilityGoal, rounds: int, *, certain: bool, blocked: bool) -> Vacuity:
     """What is told of a wish in vain."""
-    what = Emptiness.EVENT if wish.aim is Aim.EVENT else Emptiness.SUPPOSITION
-    verb = "run" if wish.aim is Aim.EVENT else "come true"
+    what = Emptiness.EVENT if goal.aim is Aim.EVENT else Emptiness.SUPPOSITION
+    verb = "run" if goal.aim is Aim.EVENT else "come true"
     if blocked:
         detail = f"can {verb}, but no round in which it does can end: contracts rule it out"
     elif certain:
         detail = f"can never {verb}"
     else:
         detail = f"cannot {verb} within {rounds} rounds"
-    return Vacuity(what, wish.subject, detail, certain, wish.span)
+    return Vacuity(what, goal.subject, detail, certain, goal.span)

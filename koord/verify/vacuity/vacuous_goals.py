@@ -19,7 +19,7 @@ from koord.verify.verdicts import Emptiness, Outcome, Vacuity, Verdict
 _START_S = 0.5
 
 
-def hollow(
+def vacuous_goals(
     system: System, verdicts: Iterable[Verdict], deadline: Deadline, seed: int
 ) -> Iterator[Vacuity]:
     """Those of the verdicts on whole runs that hold whatever the runs are."""

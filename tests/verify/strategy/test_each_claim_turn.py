@@ -21,7 +21,7 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.bits import liveness_engine
 from koord.verify.engines.bmc.engine import BmcEngine
 from koord.verify.engines.engine import Task
-from koord.verify.ledger import Ledger, Reach, Subject
+from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.processes import Pool, can_fork
 from koord.verify.strategy import each_claim_turn
 from koord.verify.strategy.each_claim_turn import EachClaimTurn
@@ -188,7 +188,7 @@ class Proves:
 def looked(
     system: System, says: dict[str, str], jobs: int, proofs: Sequence[AnyTurn] = ()
 ) -> tuple[Ledger, Looks]:
-    subject = Subject(system, lambda *given: pytest.fail("nothing to replay"), system)
+    subject = VerificationProblem(system, lambda *given: pytest.fail("nothing to replay"), system)
     ledger = Ledger(subject, Bounds(8), Deadline.after(None), claims_of(system))
     looks = Looks(says)
     with Pool(jobs) as of:

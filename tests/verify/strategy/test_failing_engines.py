@@ -16,7 +16,7 @@ from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Purpose
-from koord.verify.ledger import Ledger, Subject
+from koord.verify.ledger import Ledger, VerificationProblem
 from koord.verify.strategy import resumption
 from koord.verify.strategy.each_claim_turn import EachClaimTurn
 from koord.verify.strategy.time_limits import verify_apart
@@ -266,7 +266,7 @@ def test_unrolling_that_failed_begins_anew(monkeypatch: pytest.MonkeyPatch) -> N
         raise AssertionError("half done")
 
     system = of_text(PROGRAM, robots=1)
-    subject = Subject(system, partial(judged, system), system)
+    subject = VerificationProblem(system, partial(judged, system), system)
     ledger = Ledger(subject, Bounds(3), Deadline(), claims_of(system))
     unrolling = Unroller()
     with monkeypatch.context() as patched:

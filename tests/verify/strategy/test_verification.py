@@ -20,7 +20,7 @@ from koord.verify.engines.bmc import counterexample_enumeration
 from koord.verify.engines.engine import Purpose, Task
 from koord.verify.engines.explicit import engine as explicit
 from koord.verify.engines.explicit.limits import FEW_STATES, HANDFUL, Limits
-from koord.verify.ledger import Ledger, Reach, Subject, reach_of
+from koord.verify.ledger import Ledger, Reach, VerificationProblem, reach_of
 from koord.verify.obstacles import GaveUp, WholeRuns
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import (
@@ -394,7 +394,9 @@ def test_what_holds_for_some_rounds_is_no_lemma() -> None:
     """Other claims may rely only on what holds in every round."""
     system = dealt(growing().program(), 1)
     claims = claims_of(system)
-    ledger = Ledger(Subject(system, _judge, system), Bounds(9), Deadline.after(None), claims)
+    ledger = Ledger(
+        VerificationProblem(system, _judge, system), Bounds(9), Deadline.after(None), claims
+    )
     some, every = claims
     ledger.settle({some: Verdict(some, Outcome.HOLDS, Engine.BMC, 0.0, rounds=4)})
     ledger.settle({every: Verdict(every, Outcome.HOLDS, Engine.INDUCTION, 0.0, rounds=None)})
@@ -407,7 +409,7 @@ def test_how_far_an_engine_came_is_not_forgotten() -> None:
     system = dealt(growing().program(), 1)
     first, *_ = claims = claims_of(system)
     ledger = Ledger(
-        Subject(system, _judge, system),
+        VerificationProblem(system, _judge, system),
         Bounds(9),
         Deadline.after(None),
         claims,
@@ -435,7 +437,9 @@ def test_what_was_not_looked_at_whole_does_not_hold() -> None:
     """All rounds were looked at, but for something: then there is a reason."""
     system = dealt(growing().program(), 1)
     first, *_ = claims = claims_of(system)
-    ledger = Ledger(Subject(system, _judge, system), Bounds(9), Deadline.after(None), claims)
+    ledger = Ledger(
+        VerificationProblem(system, _judge, system), Bounds(9), Deadline.after(None), claims
+    )
     ledger.leave([first], Reach(Engine.BMC, 9, "not covered: long lists", 0.1))
     assert ledger.verdict(first).outcome is Outcome.UNKNOWN
     assert ledger.verdict(first).reason == "not covered: long lists"

@@ -71,7 +71,7 @@ class Joining(Struct):
 
     d: BitDomain
     landmarks: tuple[int, ...]
-    hurry: bool = False  #: whether ranges that grow go on to the next landmark
+    is_overtime: bool = False  #: whether ranges that grow go on to the next landmark
     forgets: bool = False  #: whether a number of which nothing was known stays one
 
     def joined(self, leaf: Leaf | None, value: Bits) -> Leaf:
@@ -116,7 +116,7 @@ class Joining(Struct):
         new_low, new_high = b.low * _factor(scale, b), b.high * _factor(scale, b)
         least, most = self.landmarks[0] * (scale or 1), self.landmarks[-1] * (scale or 1)
         bottom, top = min(low, new_low), max(a_high, new_high)
-        if self.hurry:
+        if self.is_overtime:
             marks = [mark * (scale or 1) for mark in self.landmarks]
             if new_low < low:
                 bottom = max((m for m in marks if m <= new_low), default=min(least, low))

@@ -23,7 +23,7 @@ def keeps(g: Graph, question: Question, statements: Sequence[int], deadline: Dea
     """Whether statements about latches hold in every run, and nothing bad happens.
 
     That is: they hold of INIT, a round leads from where all of them hold to where all of them do,
-    and there nothing is bad. Raises OutOfPatienceError where the deadline passes first.
+    and there nothing is bad. Raises OutOfBudgetError where the deadline passes first.
     """
     init = {latch.literal >> 1: latch.init for latch in question.latches}
     next_ = {latch.literal >> 1: latch.next for latch in question.latches}

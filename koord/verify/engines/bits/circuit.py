@@ -141,13 +141,13 @@ class _Builder(Struct):
         self, leaves: Configuration[Leaf] | None, values: Configuration[Bits]
     ) -> Configuration[Leaf]:
         most, room = LEVELS[self.level]
-        hurry = self.tries > PASSES[0]
+        is_overtime = self.tries > PASSES[0]
         self.marks = self.marks or _landmarks(self.system, most)
         marks = self.marks
         leaps = self.tries > PASSES[1]
         if leaps:
             marks = (marks[0], marks[-1])
-        joining = Joining(self.d, marks, hurry, forgets=leaps)
+        joining = Joining(self.d, marks, is_overtime, forgets=leaps)
 
         def pair(path: str, leaf: Leaf | None, value: Bits | None) -> Leaf:
             if value is None:

@@ -10,7 +10,7 @@ from typing import Any, cast
 import pysolvers
 from pysat.solvers import Solver
 
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.verify.effort import Deadline
 from koord.verify.encoding.solver import Answer
 from koord.verify.engines.bits.graph import Graph
@@ -29,7 +29,7 @@ AT_ONCE = 2_000
 OTHER = "glucose4"
 
 
-class NoAnswerError(OutOfPatienceError):
+class NoAnswerError(OutOfBudgetError):
     """A solver came to no answer within its limits."""
 
 

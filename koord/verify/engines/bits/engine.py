@@ -208,7 +208,7 @@ class _Run:
         ledger = self.ledger
         try:
             shown = recording(self.circuit, ledger.system, run, phase)
-            counterexample = ledger.subject.judge(shown, claim, phase)
+            counterexample = ledger.problem.judge(shown, claim, phase)
         except NotReplayedError as error:
             self.astray[claim] = f"a candidate violation did not replay: {error}"
             return

@@ -8,7 +8,7 @@ from typing import cast
 from msgspec.structs import replace
 
 from koord.semantics.recordings import Recording
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.system import System
 from koord.verify.claims import Phase
 from koord.verify.effort import Deadline
@@ -49,7 +49,7 @@ class Loops:
     def lassos(self, system: System, deadline: Deadline) -> Iterator[Recording]:
         """Some lassos of all rounds that are looked at: each runs other events than those before.
 
-        Raises OutOfPatienceError when the time is up.
+        Raises OutOfBudgetError when the time is up.
         """
         unrolled = self.unrolled
         copy = unrolled.rounds[-1]
@@ -65,7 +65,7 @@ class Loops:
         for _ in range(_MOST_MENDED):
             answer = unrolled.asked(g.all_of(wanted), deadline)
             if answer is Answer.UNKNOWN:
-                raise OutOfPatienceError
+                raise OutOfBudgetError
             if answer is not Answer.SAT:
                 return
             lasso, told = self._witnessed(system, choices)

@@ -14,7 +14,7 @@ from koord.semantics.liveness import Response, expected, reads_ran, responses
 from koord.semantics.recordings import Recording
 from koord.syntax import core
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.core import QuantifierKind
 from koord.syntax.system import System
 from koord.syntax.walk import asks
@@ -240,14 +240,14 @@ class _Run(Struct):
                 for lasso in loops.lassos(ledger.system, ledger.deadline):
                     if self._is_violated_by(lasso):
                         return False
-            except OutOfPatienceError:
+            except OutOfBudgetError:
                 return False
         return not ledger.deadline.passed()
 
     def _is_violated_by(self, lasso: Recording) -> bool:
         """Settle the claim if the lasso replays; whether its slice needs no more lassos."""
         try:
-            shown = self.ledger.subject.judge(lasso, self.claim, Phase.END)
+            shown = self.ledger.problem.judge(lasso, self.claim, Phase.END)
         except NotReplayedError as error:
             self.astray = f"a candidate violation did not replay: {error}"
             self.only_of_slice = isinstance(error, OnlyOfSliceError)

@@ -10,7 +10,7 @@ from itertools import islice, permutations, product
 
 from koord.semantics.domain import conjunction
 from koord.semantics.recordings import Recording
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.core import BinaryOp, UnaryOp
 from koord.syntax.system import System
 from koord.verify.claims import Claim, Phase
@@ -49,7 +49,7 @@ def others(
                 return tuple(found), Ways(complete=False)
     except _OpenError as error:
         return tuple(found), Ways(complete=False, reason=str(error))
-    except OutOfPatienceError:
+    except OutOfBudgetError:
         return tuple(found), Ways(complete=False, reason=_LATE)
     return tuple(found), Ways(complete=True)
 
@@ -62,7 +62,7 @@ _LATE = "the time was up"
 
 
 def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Counterexample]:
-    """All of them within the bound. Raises _OpenError, and OutOfPatienceError."""
+    """All of them within the bound. Raises _OpenError, and OutOfBudgetError."""
     unrolling = Unrolling(ledger.system, ledger.seed)
     solver, effort = unrolling.solver, Effort.of_seconds(_SECONDS)
     known, open_ = [first.recording], list[str]()
@@ -112,7 +112,7 @@ def _read(
     reader = Reader(unrolling.solver.model(), ledger.system)
     recording = recording_of(reader, unrolling.opening, unrolling.rounds, moment.phase)
     try:
-        return ledger.subject.judge(recording, claim, moment.phase)
+        return ledger.problem.judge(recording, claim, moment.phase)
     except NotReplayedError:
         return None
 

@@ -104,7 +104,7 @@ class World(Struct):
     @staticmethod
     def of(system: System) -> World:
         """The system, but with any number of robots."""
-        d, program = FunctionTerms(system.patience), system.program
+        d, program = FunctionTerms(system.budget), system.program
         unknowns = Functions(d, program, 0)
         book = Book(unknowns)
         count = d.fresh("N", INT)

@@ -14,7 +14,7 @@ from koord.semantics.storage import Many, Storage, many_of
 from koord.semantics.values import Family, Value, family_of, scalar
 from koord.syntax import core
 from koord.syntax.analysis.footprint import Written
-from koord.syntax.budget import ENDLESS, Patience
+from koord.syntax.budget import ENDLESS, Budget
 from koord.syntax.core import Home
 from koord.syntax.source import NOWHERE
 from koord.syntax.types import INT, ArrayType, Robots, Type
@@ -29,8 +29,8 @@ class FunctionTerms(Terms):
     that everything new depends on otherwise.
     """
 
-    def __init__(self, patience: Patience = ENDLESS) -> None:
-        super().__init__(patience)
+    def __init__(self, budget: Budget = ENDLESS) -> None:
+        super().__init__(budget)
         self.arguments: tuple[Term, ...] | None = None
         self.open: tuple[Term, ...] = ()
 

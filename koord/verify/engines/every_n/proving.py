@@ -17,7 +17,7 @@ from koord.semantics.domain import conjunction, disjunction
 from koord.semantics.every_number import NotFiniteError
 from koord.syntax import core
 from koord.syntax.analysis.footprint import footprint, stops_show
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.core import Home
 from koord.syntax.system import System
 from koord.syntax.types import BOOL, INT, ArrayType, Robots, within
@@ -128,8 +128,8 @@ def infer(
     best = nothing = Inferred((), ())
     if _beyond(system.program):
         return nothing
-    whole, steps = system.patience, int(thrift.seconds * _STEPS_PER_SECOND)
-    system = replace(system, patience=whole.rationed(steps))
+    whole, steps = system.budget, int(thrift.seconds * _STEPS_PER_SECOND)
+    system = replace(system, budget=whole.rationed(steps))
     means = _Means(deadline, effort, thrift, seed)
     try:
         start = _Start(system, means)
@@ -148,7 +148,7 @@ def infer(
                 break
     except NotFiniteError:
         return nothing
-    except OutOfPatienceError:
+    except OutOfBudgetError:
         if whole.is_over():
             raise
     return best

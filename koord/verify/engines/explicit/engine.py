@@ -11,12 +11,12 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from koord.syntax import core
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.verify.claims import Claim
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Purpose, Task, Tools, Worker
 from koord.verify.engines.explicit.limits import Limits
-from koord.verify.ledger import Ledger, Reach, Subject
+from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.obstacles import Unreplayed, Values, gave_up
 from koord.verify.verdicts import Outcome
 
@@ -38,7 +38,7 @@ class ExplicitEngine(Struct, frozen=True):
     def suits(self, ledger: Ledger, task: Task) -> bool:
         if task.purpose is not Purpose.REFUTE:
             return True
-        if ledger.subject.is_abstract:
+        if ledger.problem.is_abstract:
             return False
         from koord.verify.engines.explicit.finiteness import not_finite
 
@@ -50,8 +50,8 @@ class ExplicitEngine(Struct, frozen=True):
         if task.purpose is Purpose.REFUTE:
             self._refute(ledger, claims, task)
             return
-        if ledger.subject.is_abstract:
-            names = _flowing(ledger.subject)
+        if ledger.problem.is_abstract:
+            names = _flowing(ledger.problem)
             reason = f"search: {', '.join(names)} may have infinitely many values"
             obstacle = Values(Engine.SEARCH, names)
             ledger.leave(claims, Reach(Engine.SEARCH, None, reason, 0.0, obstacle=obstacle))
@@ -61,7 +61,7 @@ class ExplicitEngine(Struct, frozen=True):
 
         found, started, ended = Searching(), time.monotonic(), False
         try:
-            judge = ledger.subject.judge
+            judge = ledger.problem.judge
             limits = limits_of(task)
             exhaust(ledger.system, claims, limits, ledger.deadline, judge, ledger.progress, found)
             ended = True
@@ -71,10 +71,10 @@ class ExplicitEngine(Struct, frozen=True):
     def _refute(self, ledger: Ledger, claims: Sequence[Claim], task: Task) -> None:
         from koord.verify.engines.explicit.exhaustive import Searching, exhaust
 
-        system, judge, found = ledger.system, ledger.subject.judge, Searching()
+        system, judge, found = ledger.system, ledger.problem.judge, Searching()
         if task.evaluations is not None:
-            system = replace(system, patience=system.patience.rationed(task.evaluations))
-        with suppress(OutOfPatienceError):  # whoever has no patience for others finds that out
+            system = replace(system, budget=system.budget.rationed(task.evaluations))
+        with suppress(OutOfBudgetError):  # others find out whether their budget is used up
             exhaust(system, claims, limits_of(task), ledger.deadline, judge, ledger.progress, found)
         ledger.settle({c: v for c, v in found.verdicts.items() if v.outcome is Outcome.VIOLATED})
 
@@ -107,9 +107,9 @@ def _leave(ledger: Ledger, found: Searching, seconds: float, *, failed: bool) ->
         ledger.leave([claim], Reach(Engine.SEARCH, None, reason, seconds, obstacle=astray))
 
 
-def _flowing(subject: Subject) -> tuple[str, ...]:
+def _flowing(problem: VerificationProblem) -> tuple[str, ...]:
     """The variables whose values merely flow."""
-    plain, abstract = subject.original.program, subject.system.program
+    plain, abstract = problem.original.program, problem.system.program
     pairs: list[tuple[str, core.Declaration, core.Declaration]] = [
         (old.variable.name, old, new)
         for old, new in zip(

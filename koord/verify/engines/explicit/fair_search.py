@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from koord.semantics.liveness import Response, expected, locks_of, reads_ran, responses
 from koord.semantics.recordings import Recording, Round
 from koord.syntax import core
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
 from koord.traces.enumeration import UnboundedError
@@ -168,7 +168,7 @@ class _Search:
             self._build()
         except _LimitError as limit:
             end = OutOfBounds(str(limit), len(nodes.states), self._depth)
-        except OutOfPatienceError:
+        except OutOfBudgetError:
             return Lively({}, {}, OutOfBounds(OUT_OF_TIME, len(nodes.states), self._depth))
         except TooLargeError:
             reached = f"more than {MOST_SCALARS} values in one variable"
@@ -182,7 +182,7 @@ class _Search:
         nodes.asks += [0] * (len(nodes.states) - len(nodes.asks))
         try:
             return self._answered(properties, end)
-        except OutOfPatienceError:
+        except OutOfBudgetError:
             return Lively({}, {}, OutOfBounds(OUT_OF_TIME, len(nodes.states), self._depth))
 
     # --- the graph ------------------------------------------------------------------------------
@@ -225,12 +225,12 @@ class _Search:
         menus = self._joints.menus(state)
         found: dict[int, list[Edge]] = {}
         for joint in self._joints.joints(state, menus):
-            self._system.patience.spend()
+            self._system.budget.spend()
             if not joint.is_whole:
                 continue
             meets, grants = self._label_of(node, menus, joint)
             for robots, shared in joint.successors():
-                self._system.patience.spend()
+                self._system.budget.spend()
                 self._edges += 1
                 if self._most_edges is not None and self._edges > self._most_edges:
                     raise _LimitError(f"more than {self._most_edges} ways to go on")
@@ -288,7 +288,7 @@ class _Search:
                 violated[stated.name] = lasso
             elif isinstance(end, Exhausted):
                 needs[stated.name] = self._least(regions, everything)
-        spend, every = self._system.patience.spend, range(len(self._nodes.states))
+        spend, every = self._system.budget.spend, range(len(self._nodes.states))
         is_empty = isinstance(end, Exhausted) and not fair_set(
             self._graph, every, self._wanted(everything), spend
         )
@@ -303,7 +303,7 @@ class _Search:
 
     def _is_broken(self, regions: list[_Region], fairness: Fairness) -> bool:
         """Whether a fair run breaks one of the responses."""
-        wanted, spend = self._wanted(fairness), self._system.patience.spend
+        wanted, spend = self._wanted(fairness), self._system.budget.spend
         return any(fair_set(self._graph, r.nodes, wanted, spend) is not None for r in regions)
 
     def _lasso(self, regions: list[_Region], fairness: Fairness) -> Recording | None:
@@ -311,7 +311,7 @@ class _Search:
 
         It is a short one, and one with the fewest rounds unless it takes long to find that.
         """
-        graph, wanted, spend = self._graph, self._wanted(fairness), self._system.patience.spend
+        graph, wanted, spend = self._graph, self._wanted(fairness), self._system.budget.spend
         best: _Lasso | None = None
         for region in regions:
             part = fair_set(graph, region.nodes, wanted, spend)
@@ -391,7 +391,7 @@ class _Region(Struct, frozen=True):
         seen = set(starts)
         queue = deque(starts)
         while queue:
-            search._system.patience.spend()
+            search._system.budget.spend()
             for edge in nodes.edges[queue.popleft()]:
                 if wanting[edge.target] and edge.target not in seen:
                     seen.add(edge.target)

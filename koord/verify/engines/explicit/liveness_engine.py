@@ -76,7 +76,7 @@ def _settled(
         lasso = found.violated.get(claim.name)
         if lasso is not None:
             try:
-                shown = ledger.subject.judge(lasso, claim, Phase.END)
+                shown = ledger.problem.judge(lasso, claim, Phase.END)
             except NotReplayedError as error:
                 unreplayed[claim] = f"search: a candidate violation did not replay: {error}"
                 continue

@@ -18,7 +18,7 @@ from msgspec import Struct
 from koord.semantics.recordings import Recording, Round
 from koord.syntax import core
 from koord.syntax.analysis.symmetry import Symmetry, symmetry_of
-from koord.syntax.budget import OutOfPatienceError
+from koord.syntax.budget import OutOfBudgetError
 from koord.syntax.core import PropertyKind
 from koord.syntax.source import NOWHERE
 from koord.syntax.system import System
@@ -218,7 +218,7 @@ class Search:
                         raise _LimitError(NOTHING_LEFT)
         except _LimitError as limit:
             self._end = OutOfBounds(str(limit), len(self._seen), self._through)
-        except OutOfPatienceError:
+        except OutOfBudgetError:
             self._end = OutOfBounds(OUT_OF_TIME, len(self._seen), self._through)
         except TooLargeError:
             reached = f"more than {MOST_SCALARS} values in one variable"
@@ -258,7 +258,7 @@ class Search:
         count = self._system.robots
         most = _STARTS_PER_STATE * self._meter.limits.states
         for tried, opened in enumerate(openings(self._system, self._vault, self._commits)):
-            self._system.patience.spend()
+            self._system.budget.spend()
             self._tick(0)
             if tried > most:
                 raise _LimitError(f"more than {most} ways to start")
@@ -286,13 +286,13 @@ class Search:
         yield from self._failures(state, menus)
         seen, representative = self._seen, self._representative
         for joint in self._joints.joints(state, menus):
-            self._system.patience.spend()
+            self._system.budget.spend()
             yield from self._looked_inside(state, joint)
             if not joint.is_whole:
                 continue
             yield from self._evolved(state, joint)
             for robots, shared in joint.successors():
-                self._system.patience.spend()
+                self._system.budget.spend()
                 after = representative(robots, shared)
                 if after not in seen:
                     yield from self._entered(after, state, waiting)

@@ -129,7 +129,7 @@ class HornEngine(Struct):
             reader = Reader(unrolling.solver.model(), ledger.system)
             recording = recording_of(reader, unrolling.opening, unrolling.rounds, moment.phase)
             try:
-                shown = ledger.subject.judge(recording, claim, moment.phase)
+                shown = ledger.problem.judge(recording, claim, moment.phase)
             except NotReplayedError:
                 continue
             seconds = time.monotonic() - started
@@ -272,7 +272,7 @@ def _first(ledger: Ledger, claim: Claim, shown: Counterexample) -> _First:
     fewest = has_fewest(shown, seen)
     if fewest or before > SOONER_ROUNDS:
         return _First(shown, fewest)
-    bounded = BoundedCheck(ledger.system, ledger.subject.judge, ledger.seed)
+    bounded = BoundedCheck(ledger.system, ledger.problem.judge, ledger.seed)
     effort = Effort.of_seconds(SOONER_S)
     found = bounded.check([claim], ledger.proved(), before, ledger.deadline, effort).get(claim)
     if found is None or found.counterexample is None:

@@ -24,7 +24,7 @@ from koord.verify.engine_names import Engine
 from koord.verify.engines.bmc import counterexample_enumeration
 from koord.verify.engines.bmc.counterexample_enumeration import is_variant, others
 from koord.verify.ledger import Ledger
-from koord.verify.reduction.problems import plain_subject
+from koord.verify.reduction.problems import plain_problem
 from koord.verify.reduction.slices import Slices
 from koord.verify.strategy.slices_turn import on_slice
 from koord.verify.strategy.verification import verify
@@ -181,7 +181,7 @@ def test_what_a_slice_leaves_out_makes_no_other_way(beside: tuple[System, Verdic
         first, events=tuple(2 if i == robot else e for i, e in enumerate(first.events))
     )
     shown = replace(small.counterexample, recording=replace(recording, rounds=(looking, *rest)))
-    ledger = Ledger(plain_subject(system), Bounds(3), Deadline(), claims_of(system))
+    ledger = Ledger(plain_problem(system), Bounds(3), Deadline(), claims_of(system))
     counts = {
         len(others(*on_slice(Slices(system), ledger, small.claim), each, 40)[0])
         for each in (shown, small.counterexample)

@@ -95,11 +95,11 @@ def test_a_moment_inside_a_round_counts() -> None:
 def test_at_round_means_after_init_and_after_the_environments_turn() -> None:
     """[PROP-ROUND]: a port that the model puts right again in the same round."""
     b = Build()
-    heat, wish = b.sensor("heat", INT, 0), b.actuator("wish", INT, 0)
-    b.module("Unit", [heat.set(wish), wish.set(0)])
-    b.event("Ask", TRUE, wish.set(3))
-    b.invariant("Calm", forall(I, wish.at(I).eq(0)))
-    b.invariant("CalmAtRound", forall(I, wish.at(I).eq(0)), at_round=True)
+    heat, goal = b.sensor("heat", INT, 0), b.actuator("wish", INT, 0)
+    b.module("Unit", [heat.set(goal), goal.set(0)])
+    b.event("Ask", TRUE, goal.set(3))
+    b.invariant("Calm", forall(I, goal.at(I).eq(0)))
+    b.invariant("CalmAtRound", forall(I, goal.at(I).eq(0)), at_round=True)
     b.invariant("Cold", forall(I, heat.at(I) < 3), at_round=True)
     checked = bounded(b.program(), robots=1)
     assert checked.rounds == {"Calm": 1, "Cold": 1}

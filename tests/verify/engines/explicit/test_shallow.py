@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from koord.syntax.budget import Patience
+from koord.syntax.budget import Budget
 from koord.syntax.system import System
 from koord.verify.claims import claims_of
 from koord.verify.effort import Deadline, Effort
@@ -18,7 +18,7 @@ from koord.verify.engines.every_n.proving import SPARING, infer
 from koord.verify.engines.explicit.engine import ExplicitEngine
 from koord.verify.engines.explicit.limits import HANDFUL
 from koord.verify.ledger import Ledger
-from koord.verify.reduction.problems import plain_subject
+from koord.verify.reduction.problems import plain_problem
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report
 from tests.verify.asking import of_text
@@ -85,7 +85,7 @@ def test_a_shallow_search_says_nothing_of_what_holds() -> None:
         "local:\n    int x = 0\nUp:\n    pre: x < 2\n    eff: x = 2\n"
         "invariant Fine: forall i: x@i != 1\ninvariant Low: forall i: x@i < 2\n"
     )
-    ledger = Ledger(plain_subject(system), Bounds(20), Deadline(), claims_of(system))
+    ledger = Ledger(plain_problem(system), Bounds(20), Deadline(), claims_of(system))
     ExplicitEngine().work(ledger, shallow(3_000))
     fine, low, _ = (ledger.verdict(claim) for claim in ledger.claims)
     assert low.outcome is Outcome.VIOLATED
@@ -93,20 +93,20 @@ def test_a_shallow_search_says_nothing_of_what_holds() -> None:
 
 
 def counting(system: System) -> tuple[System, list[int]]:
-    """The system, and how often somebody asked whether there is patience left."""
+    """The system, and how often somebody asked whether there is budget left."""
     asked = [0]
 
     def is_over() -> bool:
         asked[0] += 1
         return False
 
-    return replace(system, patience=Patience(is_over)), asked
+    return replace(system, budget=Budget(is_over)), asked
 
 
 @pytest.mark.parametrize("steps", [500, 1_000])
 def test_a_shallow_search_keeps_to_its_steps(steps: int) -> None:
     system, asked = counting(of_text((EXAMPLES / "fischer.krd").read_text("utf-8"), robots=3))
-    ledger = Ledger(plain_subject(system), Bounds(20), Deadline(), claims_of(system))
+    ledger = Ledger(plain_problem(system), Bounds(20), Deadline(), claims_of(system))
     ExplicitEngine().work(ledger, shallow(steps))
     assert 0 < asked[0] <= steps // 100 + 1
 

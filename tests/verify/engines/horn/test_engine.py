@@ -16,7 +16,7 @@ from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.horn.clauses import Clauses, Reached, Safe
 from koord.verify.engines.horn.engine import _first
-from koord.verify.ledger import Ledger, Reach, Subject
+from koord.verify.ledger import Ledger, Reach, VerificationProblem
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome, Report, Verdict
 from tests.verify.asking import bounded, judged, of_text
@@ -188,7 +188,7 @@ def test_a_violation_is_shown_with_the_fewest_rounds() -> None:
     system = of_text(
         "local:\n    int x = 0\n\nGrow:\n    eff: x = x + 1\n\ninvariant Few: x < 3\n", 1
     )
-    subject = Subject(system, partial(judged, system), system)
+    subject = VerificationProblem(system, partial(judged, system), system)
     claim, *_ = claims = claims_of(system)
     ledger = Ledger(subject, Bounds(9), Deadline(), claims)
     first = bounded(system, rounds=5).violated["Few"]
@@ -211,7 +211,7 @@ def test_nobody_says_that_rounds_are_the_fewest_that_could_not_be_looked_at() ->
     )
     claim, *_ = claims = claims_of(system)
     later = replace(bounded(system, rounds=5).violated["Few"], round=5)
-    subject = Subject(system, partial(judged, system), system)
+    subject = VerificationProblem(system, partial(judged, system), system)
     ledger = Ledger(subject, Bounds(9), Deadline.after(0), claims)
     found = _first(ledger, claim, later)
     assert found.counterexample is later

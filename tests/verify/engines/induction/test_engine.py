@@ -18,8 +18,8 @@ from koord.verify.engines.engine import Task
 from koord.verify.engines.induction import engine as induction
 from koord.verify.engines.induction.engine import ANSWERED_S, PROOF_S, InductionEngine
 from koord.verify.engines.induction.proving import Inductive, prove
-from koord.verify.ledger import Ledger, Subject
-from koord.verify.reduction.problems import plain_subject
+from koord.verify.ledger import Ledger, VerificationProblem
+from koord.verify.reduction.problems import plain_problem
 from koord.verify.verdicts import Bounds, Counterexample
 from tests.semantics import programs
 from tests.semantics.building import (
@@ -121,7 +121,7 @@ def test_a_step_of_three_rounds_rests_on_two_that_were_looked_at(
     b.invariant("NotTwo", forall(I, n.at(I).ne(2)))
     system = dealt(b.program(), 1)
     claims = claims_of(system)
-    ledger = Ledger(Subject(system, _unasked, system), Bounds(9), Deadline(), claims)
+    ledger = Ledger(VerificationProblem(system, _unasked, system), Bounds(9), Deadline(), claims)
     look = BoundedCheck.check
 
     def tired(self: BoundedCheck, claims: Any, proved: Any, rounds: int, *rest: Any) -> Any:
@@ -143,11 +143,11 @@ def _unasked(recording: Recording, claim: Claim, phase: Phase) -> Counterexample
 def test_what_breaks_in_the_middle_of_a_round_only_is_not_proved() -> None:
     """[PROP-INVARIANT] [PROP-ROUND]: the model puts the port right again."""
     b = Build()
-    wish = b.actuator("wish", INT, 0)
-    b.module("Unit", [wish.set(0)])
-    b.event("Ask", TRUE, wish.set(3))
-    b.invariant("Calm", forall(I, wish.at(I).eq(0)))
-    b.invariant("CalmAtRound", forall(I, wish.at(I).eq(0)), at_round=True)
+    goal = b.actuator("wish", INT, 0)
+    b.module("Unit", [goal.set(0)])
+    b.event("Ask", TRUE, goal.set(3))
+    b.invariant("Calm", forall(I, goal.at(I).eq(0)))
+    b.invariant("CalmAtRound", forall(I, goal.at(I).eq(0)), at_round=True)
     system = dealt(b.program(), 2)
     # Asked of the middle too, though the end is all right.
     claims = claims_of(system)
@@ -369,7 +369,7 @@ def test_where_all_is_answered_proofs_cost_little(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(induction, "prove", attempt)
     for rounds in (2, 20):
-        ledger = Ledger(plain_subject(system), Bounds(rounds), Deadline(), claims_of(system))
+        ledger = Ledger(plain_problem(system), Bounds(rounds), Deadline(), claims_of(system))
         unrolling = Unroller()
         unrolling.through(ledger, 2)
         InductionEngine(unrolling).work(ledger, Task(rounds=1))
