@@ -176,7 +176,7 @@ def test_processes_end_with_the_one_that_asks_however_it_ends() -> None:
             time.sleep(600)
 
         with Pool(3, lambda text: os.kill(os.getpid(), signal.SIGKILL)) as pool:
-            work = [pool.hand_in("", waits) for _ in range(3)]
+            work = [pool.submit("", waits) for _ in range(3)]
             pool.answer(work[0])
     """
     done = subprocess.run(
