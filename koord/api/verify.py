@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
 from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, TypeVar
 
 from msgspec import Struct
@@ -31,6 +32,26 @@ if TYPE_CHECKING:
     from koord.verify.verdicts import Bounds, Report
 
 T = TypeVar("T")
+
+#: What asks a solver, with all that it is made of.
+_NEEDED = (
+    "koord.verify.strategy.time_limits",
+    "koord.verify.strategy.liveness",
+    "koord.verify.engines.bits.engine",
+    "koord.verify.engines.bits.liveness_engine",
+    "koord.verify.engines.bmc.engine",
+    "koord.verify.engines.every_n.engine",
+    "koord.verify.engines.explicit.engine",
+    "koord.verify.engines.explicit.exhaustive",
+    "koord.verify.engines.explicit.liveness_engine",
+    "koord.verify.engines.horn.engine",
+    "koord.verify.lasso_witness",
+    "koord.verify.certificates",
+    "koord.verify.export.problems",
+    "koord.verify.export.tla.module",
+    "koord.verify.instants",
+    "koord.verify.proof_core",
+)
 
 
 class Engine(Enum):
@@ -244,7 +265,8 @@ def load_for_threads() -> None:
 
 
 def _load_engines() -> None:
-    pass
+    for name in _NEEDED:
+        import_module(name)
 
 
 def in_process(

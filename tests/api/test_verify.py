@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -195,6 +197,26 @@ def test_a_certificate_has_what_was_shown(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "c.json").read_text()) == certificate.to_dict()
     bounded = koord.verify(COUNTER, robots=1, rounds=1, engine="bmc")
     assert koord.certify(bounded) is None
+
+
+def test_nothing_is_left_to_load_once_there_are_threads() -> None:
+    script = """
+import sys, threading
+from pathlib import Path
+import koord.api.verify
+thread = threading.Thread(target=koord.api.verify.load_for_threads)
+thread.start()
+thread.join()
+here = Path(koord.__file__).parent
+found = (here / "verify").rglob("*.py")
+names = {".".join(path.relative_to(here.parent).with_suffix("").parts) for path in found}
+modules = {name.removesuffix(".__init__") for name in names}
+print(*sorted(modules - set(sys.modules)))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["koord.verify.fairness_suggestions"]  # asked where no other is
 
 
 def outcomes(name: str) -> list[tuple[str, str]]:
