@@ -342,6 +342,12 @@ class VerifyReport(Result, frozen=True):
         return self.report.vacuities
 
     @property
+    def engines(self) -> tuple[Engine, ...]:
+        """The engines that gave its verdicts."""
+        used = (verdict.engine for verdict in self.report.verdicts)
+        return tuple(dict.fromkeys(engine for engine in used if engine is not Engine.NONE))
+
+    @property
     def not_looked_at(self) -> tuple[str, ...]:
         """Of what nobody knows whether it ever happens: looking for that was given up."""
         from koord.verify.vacuity.analysis import words

@@ -96,6 +96,7 @@ def tell_sweep(
     told: list[dict[str, object]],
 ) -> Exit:
     """One number of robots after the other; Ctrl-C ends it with those that are done."""
+    from koord.api import pictures
     from koord.api.verdicts import Parts, failure_dict
     from koord.cli import sweeps
 
@@ -115,7 +116,7 @@ def tell_sweep(
             break
     if request.plot is not None and points:
         with Parts(_complain).enduring("the plot"):
-            sweeps.draw(request.plot, of_all, points)
+            pictures.draw_sweep(request.plot, of_all, points)
     if len(points) < len(request.fleets):
         return Exit.INTERRUPTED
     return gravest(_exit(point) for point in points)

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from koord.api import certify, cones
-from koord.cli import counterexamples, premises, slices, sweeps, verified
+from koord.api import certify, cones, pictures
+from koord.cli import counterexamples, premises, slices, verified
 from koord.cli.exits import Exit
 from koord.cli.main import main
 from koord.refinement import compiled_replay
@@ -87,7 +87,7 @@ def test_documents_have_the_verdicts_and_what_failed(
 def test_a_plot_that_fails_costs_no_verdict(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sweeps, "draw", fail)
+    monkeypatch.setattr(pictures, "draw_sweep", fail)
     words = ["verify", "p.krd", "--robots", "1..2", "--rounds", "2", "--plot", "p.svg"]
     assert main([*words, "--jobs", "1", "--engine", "bmc"]) == Exit.VIOLATED
     assert "the plot failed: AssertionError: made to fail" in capsys.readouterr().err
