@@ -18,10 +18,9 @@ from typing import Any
 
 from koord.semantics.configurations import NO_EVENT, Configuration
 from koord.semantics.domain import Constant
-from koord.semantics.recordings import Concrete, Step, execute
+from koord.semantics.recordings import Step, execute
 from koord.semantics.rounds import IllegalStepError
 from koord.semantics.storage import Cell, Storage
-from koord.semantics.values import Rec, Seq, Table
 from koord.syntax.diagnostics import refusal
 from koord.syntax.system import Status
 from koord.syntax.types import (
@@ -29,17 +28,14 @@ from koord.syntax.types import (
     EnumType,
     FloatType,
     MapType,
-    RecordType,
-    SequenceType,
     SetType,
     Type,
-    part_types,
 )
 from koord.traces.codec import Load, decode_document, to_json
 from koord.traces.json_reader import FormError, JsonNode
 from koord.traces.names import Named, Names, distinct
 from koord.traces.trace import Trace
-from koord.traces.value_codec import Json, encode_value
+from koord.traces.value_codec import Form, Json, encode_value
 
 #: Where the document's ``#meta`` holds the trace.
 EMBEDDED = "koord"
@@ -180,43 +176,26 @@ def _integer(value: int) -> Json:
     return {"#bigint": str(value)}
 
 
-def itf_storage(storage: Storage[Constant], type_: Type) -> Json:
-    """What a variable holds, as an ITF expression."""
-    if isinstance(storage, Cell):
-        if not storage.is_set:
-            return {"#unserializable": "unset"}
-        return itf_value(storage.value, type_)
-    types = part_types(type_, len(storage.parts))
-    parts = [itf_storage(part, t) for part, t in zip(storage.parts, types, strict=True)]
-    if isinstance(type_, RecordType):
-        return {name: part for (name, _), part in zip(type_.fields, parts, strict=True)}
-    return list[Json](parts)
-
-
-def itf_value(value: Concrete, type_: Type) -> Json:
-    """A value as an ITF expression."""
-    match value:
-        case Rec(fields=parts):
-            assert isinstance(type_, RecordType)
-            pairs = zip(type_.fields, parts, strict=True)
-            return {name: itf_value(part, t) for (name, t), part in pairs}
-        case Seq(items=items):
-            assert isinstance(type_, SequenceType)
-            return [itf_value(item, type_.element) for item in items]
-        case Table(entries=entries):
-            assert isinstance(type_, MapType)
-            if isinstance(type_, SetType):
-                return {"#set": [itf_value(k, type_.key) for k, _ in entries]}
-            pairs_of = [[itf_value(k, type_.key), itf_value(v, type_.value)] for k, v in entries]
-            return {"#map": list[Json](pairs_of)}
-        case _:
-            encoded = encode_value(value, type_)
+def _scalar(value: Constant, type_: Type) -> Json:
+    encoded = encode_value(value, type_)
     if isinstance(type_, FloatType):
         return {"#unserializable": str(encoded)}
     if isinstance(encoded, bool) or isinstance(type_, EnumType) or isinstance(value, str):
         return encoded
     assert isinstance(value, int)
     return {"#bigint": _decimal(value)}
+
+
+def _table(type_: MapType, pairs: list[tuple[Json, Json]]) -> Json:
+    if isinstance(type_, SetType):
+        return {"#set": [key for key, _ in pairs]}
+    return {"#map": [[key, held] for key, held in pairs]}
+
+
+_FORM = Form(_scalar, _table, {"#unserializable": "unset"})
+
+itf_value = _FORM.value
+itf_storage = _FORM.storage
 
 
 def _decimal(value: int) -> str:

@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from typing import TypeAlias, assert_never
+
+from msgspec import Struct
 
 from koord.semantics.domain import LONGEST_NUMBER_BITS, Constant
 from koord.semantics.storage import Cell, Storage, Tree
@@ -121,23 +123,44 @@ def _decode_double(node: JsonNode) -> float:
 # --- values -------------------------------------------------------------------------------------
 
 
-def encode_value(value: Value[Constant], type_: Type) -> Json:
-    """A value of a type as JSON."""
-    match value:
-        case Rec(fields=parts):
-            assert isinstance(type_, RecordType)
-            pairs = zip(type_.fields, parts, strict=True)
-            return {name: encode_value(part, t) for (name, t), part in pairs}
-        case Seq(items=items):
-            assert isinstance(type_, SequenceType)
-            return [encode_value(item, type_.element) for item in items]
-        case Table(entries=entries):
-            assert isinstance(type_, MapType)
-            if isinstance(type_, SetType):
-                return [encode_value(k, type_.key) for k, _ in entries]
-            return [[encode_value(k, type_.key), encode_value(v, type_.value)] for k, v in entries]
-        case _:
-            return _encode_scalar(value, type_)
+class Form(Struct, frozen=True):
+    """A form of values as JSON. In each, records are objects, and sequences arrays.
+
+    ``scalar`` and ``table`` say what else there is: that of a scalar, and that of a map's entries.
+    ``unset`` stands for atoms that are not set.
+    """
+
+    scalar: Callable[[Constant, Type], Json]
+    table: Callable[[MapType, list[tuple[Json, Json]]], Json]
+    unset: Json
+
+    def value(self, value: Value[Constant], type_: Type) -> Json:
+        """A value of a type in this form."""
+        match value:
+            case Rec(fields=parts):
+                assert isinstance(type_, RecordType)
+                pairs_of = zip(type_.fields, parts, strict=True)
+                return {name: self.value(part, t) for (name, t), part in pairs_of}
+            case Seq(items=items):
+                assert isinstance(type_, SequenceType)
+                return [self.value(item, type_.element) for item in items]
+            case Table(entries=entries):
+                assert isinstance(type_, MapType)
+                key, held = type_.key, type_.value
+                pairs = [(self.value(k, key), self.value(v, held)) for k, v in entries]
+                return self.table(type_, pairs)
+            case _:
+                return self.scalar(value, type_)
+
+    def storage(self, storage: Storage[Constant], type_: Type) -> Json:
+        """Storage of a type in this form: as its value, with marks where nothing is set."""
+        if isinstance(storage, Cell):
+            return self.value(storage.value, type_) if storage.is_set else self.unset
+        types = part_types(type_, len(storage.parts))
+        parts = [self.storage(part, t) for part, t in zip(storage.parts, types, strict=True)]
+        if isinstance(type_, RecordType):
+            return {name: part for (name, _), part in zip(type_.fields, parts, strict=True)}
+        return list(parts)
 
 
 def _encode_scalar(value: Constant, type_: Type) -> Json:
@@ -151,6 +174,17 @@ def _encode_scalar(value: Constant, type_: Type) -> Json:
         return encode_int(value)
     assert not isinstance(value, Fraction)
     return value
+
+
+def _entries(type_: MapType, pairs: list[tuple[Json, Json]]) -> Json:
+    return [key if isinstance(type_, SetType) else [key, held] for key, held in pairs]
+
+
+#: The form of traces.
+_OF_TRACES = Form(_encode_scalar, _entries, UNSET)
+
+encode_value = _OF_TRACES.value
+encode_storage = _OF_TRACES.storage
 
 
 def decode_value(node: JsonNode, type_: Type, robots: int, numbers: Numbers) -> Value[Constant]:
@@ -242,17 +276,6 @@ def decode_param(node: JsonNode, depth: int = 0) -> ParamValue:
 
 
 # --- storage ------------------------------------------------------------------------------------
-
-
-def encode_storage(storage: Storage[Constant], type_: Type) -> Json:
-    """Storage of a type as JSON: as its value, with marks where nothing is set."""
-    if isinstance(storage, Cell):
-        return encode_value(storage.value, type_) if storage.is_set else UNSET
-    types = part_types(type_, len(storage.parts))
-    parts = [encode_storage(part, t) for part, t in zip(storage.parts, types, strict=True)]
-    if isinstance(type_, RecordType):
-        return {name: part for (name, _), part in zip(type_.fields, parts, strict=True)}
-    return list(parts)
 
 
 def decode_storage(node: JsonNode, type_: Type, robots: int, numbers: Numbers) -> Storage[Constant]:
