@@ -114,7 +114,7 @@ class BoundedCheck:
     @property
     def limits(self) -> list[str]:
         """What the unrolling does not cover."""
-        return sorted(set(self._unrolling.unknowns.limits))
+        return self._unrolling.unknowns.uncovered
 
     def _take_for_granted(self, moment: Moment, proved: Sequence[Claim]) -> None:
         d, solver = self._unrolling.encoder.d, self._unrolling.solver

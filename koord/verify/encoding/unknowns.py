@@ -68,6 +68,11 @@ class Unknowns:
         self._asked_of_all = asked_of_all(self.program)
         self._vouched = frozenset(e.name for e in self.program.externals if vouched(e))
 
+    @property
+    def uncovered(self) -> list[str]:
+        """What the terms do not cover, in order, for people to read."""
+        return sorted(set(self.limits))
+
     def value(
         self,
         name: str,

@@ -40,5 +40,5 @@ def script(system: System, claims: Sequence[Claim], rounds: int) -> Script:
         is_end = moment.phase in (Phase.INIT, Phase.END)
         if is_end and moment.configuration.round >= rounds:
             break
-    limits = tuple(sorted(set(unrolling.unknowns.limits)))
+    limits = tuple(unrolling.unknowns.uncovered)
     return Script(unrolling.solver.layered(layers), limits)

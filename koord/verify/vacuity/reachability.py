@@ -215,16 +215,14 @@ def _round_by_round(
                 if unrolling.movers is not None:
                     break  # others may get further
                 stuck = _stuck(unrolling, moment.configuration.round, deadline)
-                return Unbroken(frozenset(pending), stuck, limits=_limits(unrolling))
+                return Unbroken(
+                    frozenset(pending), stuck, limits=tuple(unrolling.unknowns.uncovered)
+                )
         if answer is Answer.UNKNOWN:
             return Unbroken(frozenset(pending), known=False)
         if moment.phase is Phase.END and (not pending or moment.configuration.round >= rounds):
-            return Unbroken(frozenset(pending), limits=_limits(unrolling))
+            return Unbroken(frozenset(pending), limits=tuple(unrolling.unknowns.uncovered))
     return Unbroken(frozenset(pending), known=False)
-
-
-def _limits(unrolling: Unrolling) -> tuple[str, ...]:
-    return tuple(sorted(set(unrolling.unknowns.limits)))
 
 
 def _strike(

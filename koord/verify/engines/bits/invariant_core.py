@@ -47,8 +47,8 @@ def needed(
 
     Raises UnsaidError if the orbits are no invariant, or time runs out.
     """
-    core = _Core(circuit, table, orbits, [*claims, *given])
-    kept = core.of(claims, deadline)
+    core = _Core(circuit, table, orbits, [*claims, *given], deadline)
+    kept = core.of(claims)
     chosen = [orbits[k] for k in sorted(kept)]
     held = [circuit.held[claim] for claim in given if claim in circuit.held]
     # Ranges are what a circuit is made with; to ask of them again costs little.
@@ -64,32 +64,36 @@ class _Core:
     """A solver that knows a round, and on request each part of an invariant."""
 
     def __init__(
-        self, circuit: Circuit, table: Table, orbits: Sequence[Orbit], known: Sequence[Claim]
+        self,
+        circuit: Circuit,
+        table: Table,
+        orbits: Sequence[Orbit],
+        known: Sequence[Claim],
+        deadline: Deadline,
     ) -> None:
         self.circuit = circuit
         self.table = table
         self.orbits = orbits
         self.known = known
-        self.clauses: Clauses
-        self._then: dict[int, int]
-        self._phase: dict[Phase, int]
-        self._parts: dict[int, int]  #: positions of orbits, by what turns them on
-
-    def of(self, claims: Sequence[Claim], deadline: Deadline) -> set[int]:
-        """The positions of orbits that the claims need: few, if not as few as can be."""
-        g, circuit = self.circuit.d.graph, self.circuit
+        self.deadline = deadline
+        g = circuit.d.graph
         self.clauses = Clauses(g, QUICK, deadline)
-        self._then = {latch.literal >> 1: latch.next for latch in circuit.latches}
-        for claim in self.known:
+        for claim in known:
             if claim in circuit.held:
                 self.clauses.require(circuit.held[claim])
-        for fact in facts(self.table):
+        for fact in facts(table):
             self.clauses.require(fact)
+        self._then = {latch.literal >> 1: latch.next for latch in circuit.latches}
         self._phase = {phase: self._on(g.all_of(x)) for phase, x in self._phases()}
-        self._parts = {self._on(self.table.left_out(o)): k for k, o in enumerate(self.orbits)}
+        #: positions of orbits, by what turns them on
+        self._parts = {self._on(table.left_out(o)): k for k, o in enumerate(orbits)}
+
+    def of(self, claims: Sequence[Claim]) -> set[int]:
+        """The positions of orbits that the claims need: few, if not as few as can be."""
+        circuit = self.circuit
         goals = [(phase, x) for claim in claims for phase, x in circuit.broken[claim]]
         goals = [(phase, x) for phase, x in (*goals, (Phase.END, circuit.lost)) if x != FALSE]
-        found = self._closed(goals, deadline)
+        found = self._closed(goals)
         left = MOST_TRIALS
         for k in sorted(found, key=lambda k: complexity(self.orbits[k]), reverse=True):
             asked = [*goals, *(self._broken(other) for other in found if other != k)]
@@ -103,11 +107,11 @@ class _Core:
     def _on(self, literal: int) -> int:
         return self.clauses.of(literal, TRUE_SIDE)
 
-    def _closed(self, goals: Sequence[Goal], deadline: Deadline) -> set[int]:
+    def _closed(self, goals: Sequence[Goal]) -> set[int]:
         """The orbits that goals need, and those that these need to be kept."""
         pending, found = list(goals), set[int]()
         while pending:
-            if deadline.passed():
+            if self.deadline.passed():
                 raise UnsaidError("there was no time to say it in Koord")
             if not self._is_kept(pending.pop(), list(self._parts)):
                 raise UnsaidError("what can be said of it is not inductive")

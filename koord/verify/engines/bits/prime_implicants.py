@@ -150,24 +150,24 @@ class Primes:
         question: Question,
         cubes: Sequence[Cube],
         deadline: Deadline,
-        unsaid: str = "",
     ) -> None:
         self.table = table
         self.question = question
         self.cubes = cubes
         self.deadline = deadline
-        self.unsaid = unsaid  #: why some of its clauses are left out
+        self.unsaid = ""  #: why some of its clauses are left out
+        graph = table.d.graph
         self._of_latch: dict[int, list[int]] = {}
-        self._inside: Clauses  #: states of the invariant
-        self._outside: Clauses  #: states that no cube which was found leaves out
+        for k, place in enumerate(table.places):
+            for node in graph.cone([place.inside, *place.latches]):
+                self._of_latch.setdefault(node, []).append(k)
+        self._inside = Clauses(graph, QUICK, deadline)  #: states of the invariant
+        #: states that no cube which was found leaves out
+        self._outside = Clauses(graph, QUICK, deadline)
 
     def orbits(self) -> list[Orbit]:
         """Orbits that cover the cubes of an invariant. Raises UnsaidError if there are none."""
         graph, latches = self.table.d.graph, self.question.latches
-        self._inside, self._outside = (Clauses(graph, QUICK, self.deadline) for _ in range(2))
-        for k, place in enumerate(self.table.places):
-            for node in graph.cone([place.inside, *place.latches]):
-                self._of_latch.setdefault(node, []).append(k)
         for required in facts(self.table):
             self._inside.require(required)
             self._outside.require(required)

@@ -103,7 +103,7 @@ def _others(ledger: Ledger, claim: Claim, first: Counterexample) -> Iterator[Cou
         if ledger.deadline.passed() or effort.left <= 0:
             raise _OpenError(_LATE)
     if open_ or unrolling.unknowns.limits:
-        raise _OpenError((open_ or sorted(set(unrolling.unknowns.limits)))[0])
+        raise _OpenError((open_ or unrolling.unknowns.uncovered)[0])
 
 
 def _read(

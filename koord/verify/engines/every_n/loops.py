@@ -70,7 +70,7 @@ class Loop:
         self._old: dict[Path, Term] = {}  #: what the changed scalars held before
         self._any: dict[Path, Term] = {}  #: the new terms in their place
         self._trips: dict[tuple[object, ...], tuple[tuple[Term, ...], Machine[Term]]] = {}
-        self._kept: Memory[Term]
+        self._kept = m.memory  #: what each trip starts from
 
     def run(self) -> None:
         """Do to the machine what the loop does. [S-FOR] [S-BREAK]"""

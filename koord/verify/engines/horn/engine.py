@@ -195,7 +195,7 @@ class Question(Struct, frozen=True):
             for violated, needed in violations(system, d, moment, claims).values()
         ]
         if unknowns.limits:
-            raise NotFiniteError(NOWHERE, "; ".join(sorted(set(unknowns.limits))))
+            raise NotFiniteError(NOWHERE, "; ".join(unknowns.uncovered))
         always = [*known, *unknowns.constraints[begun:]]
         calm = d.unary(UnaryOp.NOT, taken.end.findings.fault)
         goes = [*always, *turns, *taken.until(d, taken.end), calm]

@@ -119,7 +119,7 @@ class _Step:
     @property
     def limits(self) -> list[str]:
         """What the step and the questions asked of it so far do not cover."""
-        return sorted(set(self._unrolling.unknowns.limits))
+        return self._unrolling.unknowns.uncovered
 
     def _go_on(self, moment: Moment) -> None:
         self._unrolling.solver.add([self._d.unary(UnaryOp.NOT, moment.findings.fault)])
