@@ -35,16 +35,22 @@ def schema_text(document: str) -> str:
 
 
 #: Documents whose schema is made of structs, and published beside this file.
-GENERATED = ("trace",)
+GENERATED = ("diagnostics", "replay", "trace")
 
 
 def generated(document: str) -> dict[str, Any]:
     """The JSON Schema of a document, made of the structs that it is written from."""
     from msgspec.json import schema_components
 
+    from koord.api import forms
     from koord.traces import form
 
+    head: dict[str, str]
+    whole: type
+    others: dict[str, Any]
     head, whole, others = {
+        "diagnostics": ({"title": "Diagnostics of koord"}, forms.Diagnostics, {}),
+        "replay": ({"title": "Verdicts of koord on a trace"}, forms.Replay, forms.VALUES),
         "trace": (
             {"$id": "koord-trace-3", "title": "koord trace, versions 1 to 3"},
             form.File,

@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
+from msgspec import convert, to_builtins
 from msgspec.structs import replace
 
+from koord.api import forms
 from koord.api.files import read_written
 from koord.api.programs import Text, source_of
 from koord.api.progress import Listener, Progress
-from koord.api.rerun import rerun_dict
+from koord.api.rerun import compiled_form
 from koord.api.results import Result, html_table
 from koord.api.robots import exact_number
 from koord.api.trace import Trace
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
     from koord.semantics.recordings import Step
 
 #: Raised when the JSON changes in a way that its readers must know of.
-REPLAY_VERSION = 1
+REPLAY_VERSION: Final = 1
 
 
 class ReplayReport(Result, frozen=True):
@@ -69,31 +71,21 @@ class ReplayReport(Result, frozen=True):
     def to_dict(self) -> dict[str, object]:
         """As ``koord replay --json`` prints it, rounds from 0; the schema is ``replay``."""
         recorded, found, refused = self.trace.recorded, self.found, self.found.refused
-        return {
-            "version": REPLAY_VERSION,
-            "program": recorded.problem.texts[0],
-            "problem": recorded.problem.document(),
-            "legal": refused is None,
-            "steps": found.steps,
-            "rounds": found.rounds,
-            "refused": None
-            if refused is None
-            else {
-                "rule": refused.rule,
-                "round": refused.step.round,
-                "robot": refused.step.robot,
-                "event": refused.step.event,
-                "reason": refused.reason,
-                "differences": [
-                    {"robot": c.robot, "location": c.name, "expected": c.old, "recorded": c.new}
-                    for c in refused.differences
-                ],
-            },
-            "slack": float(recorded.slack),
-            "trusted": list(found.trusted),
-            "cut_off": recorded.cut_off,
-            "compiled": rerun_dict(self.departure, first=0) if self.compared else None,
-        }
+        made = forms.Replay(
+            version=REPLAY_VERSION,
+            program=recorded.problem.texts[0],
+            problem=convert(recorded.problem.document(), forms.Problem),
+            legal=refused is None,
+            steps=found.steps,
+            rounds=found.rounds,
+            refused=None if refused is None else _refusal(refused),
+            slack=float(recorded.slack),
+            trusted=list(found.trusted),
+            cut_off=recorded.cut_off,
+            compiled=compiled_form(self.departure, first=0) if self.compared else None,
+        )
+        plain: dict[str, object] = to_builtins(made)
+        return plain
 
     def __repr__(self) -> str:
         refused = self.found.refused
@@ -111,6 +103,17 @@ class ReplayReport(Result, frozen=True):
         columns = ("robot", "location", "by the rules", "recorded")
         rows = [(c.robot, c.name, c.old, c.new) for c in refused.differences]
         return html_table(repr(self), columns, rows)
+
+
+def _refusal(refused: Refused) -> forms.Refusal:
+    step = refused.step
+    differences = [
+        forms.Difference(change.robot, change.name, change.old, change.new)
+        for change in refused.differences
+    ]
+    return forms.Refusal(
+        refused.rule, step.round, step.robot, step.event, refused.reason, differences
+    )
 
 
 def load_trace(path: str | os.PathLike[str], *, program: Text | None = None) -> Trace:

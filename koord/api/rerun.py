@@ -4,24 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from koord.api import forms
+
 if TYPE_CHECKING:
     from koord.refinement.compiled_replay import Rerun
 
 
-def rerun_dict(departure: Rerun, first: int) -> dict[str, object]:
-    """It as plain data; rounds count from ``first``, and the one before is the start."""
+def compiled_form(departure: Rerun, first: int) -> forms.Compiled:
+    """It as JSON has it; rounds count from ``first``, and the one before is the start."""
     from koord.refinement.rounding import Unjudged
 
-    departs = unjudged = None
+    if departure is None:
+        return forms.Compiled(True, None, None)
     if isinstance(departure, Unjudged):
-        unjudged = departure.reason
-    elif departure is not None:
-        departs = {
-            "round": departure.round + first,
-            "reason": departure.reason,
-            "differences": [
-                {"robot": c.robot, "location": c.name, "recorded": c.old, "compiled": c.new}
-                for c in departure.changes
-            ],
-        }
-    return {"agrees": departs is None, "departs": departs, "unjudged": unjudged}
+        return forms.Compiled(True, None, departure.reason)
+    differences = [
+        forms.CompiledDifference(change.robot, change.name, change.old, change.new)
+        for change in departure.changes
+    ]
+    departs = forms.Departure(departure.round + first, departure.reason, differences)
+    return forms.Compiled(False, departs, None)

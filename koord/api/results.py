@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from html import escape
+from typing import Final
 
-from msgspec import Struct
+from msgspec import Struct, to_builtins
 
 from koord.syntax.diagnostics import Diagnostic, KoordError, Severity
 from koord.syntax.source import Span, is_whole_file, whole_file
 
 #: Raised when the JSON of diagnostics changes in a way that its readers must know of.
-DIAGNOSTICS_VERSION = 1
+DIAGNOSTICS_VERSION: Final = 1
 
 
 class Result(Struct, frozen=True):
@@ -54,34 +55,30 @@ def html_table(heading: str, columns: Sequence[str], rows: Iterable[Sequence[obj
 
 def diagnostics_dict(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:
     """Diagnostics as plain data; the schema is ``diagnostics``."""
+    from koord.api import forms
+
+    def span(one: Span) -> forms.Span | None:
+        if is_whole_file(one):
+            return None
+        return forms.Span(one.line, one.column, one.end_line, one.end_column)
+
     errors = sum(d.severity is Severity.ERROR for d in diagnostics)
-    return {
-        "version": DIAGNOSTICS_VERSION,
-        "errors": errors,
-        "warnings": len(diagnostics) - errors,
-        "diagnostics": [
-            {
-                "code": diagnostic.code,
-                "severity": diagnostic.severity.value,
-                "message": diagnostic.message,
-                "hint": diagnostic.hint,
-                **_place(diagnostic.span),
-                "notes": [
-                    {"message": note.message, **_place(note.span)} for note in diagnostic.notes
-                ],
-            }
-            for diagnostic in diagnostics
+    made = forms.Diagnostics(
+        DIAGNOSTICS_VERSION,
+        errors,
+        len(diagnostics) - errors,
+        [
+            forms.Diagnostic(
+                one.code,
+                one.severity.value,
+                one.message,
+                one.hint,
+                one.span.file,
+                span(one.span),
+                [forms.Note(note.message, note.span.file, span(note.span)) for note in one.notes],
+            )
+            for one in diagnostics
         ],
-    }
-
-
-def _place(span: Span) -> dict[str, object]:
-    if is_whole_file(span):
-        return {"file": span.file, "span": None}
-    place = {
-        "line": span.line,
-        "column": span.column,
-        "end_line": span.end_line,
-        "end_column": span.end_column,
-    }
-    return {"file": span.file, "span": place}
+    )
+    found: dict[str, object] = to_builtins(made)
+    return found

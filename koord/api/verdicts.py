@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from msgspec import Struct, field
+from msgspec import Struct, field, to_builtins
 from msgspec.structs import replace
 
 from koord.api.programs import Program
@@ -244,7 +244,7 @@ class Verdict(Result, frozen=True):
         }
 
     def _violation(self, run: Counterexample, parts: Parts) -> dict[str, object]:
-        from koord.api.rerun import rerun_dict
+        from koord.api.rerun import compiled_form
         from koord.refinement.compiled_replay import Departure
 
         # Where it fails, nothing says that the compiled program does the same.
@@ -269,7 +269,7 @@ class Verdict(Result, frozen=True):
             else {"kind": run.fault.kind.value, "place": str(run.fault.span)},
             "loop": None if run.recording.loop is None else run.recording.loop + 1,
             "fair": fair,
-            "compiled": rerun_dict(departure, first=1),
+            "compiled": to_builtins(compiled_form(departure, first=1)),
         }
 
     def __repr__(self) -> str:

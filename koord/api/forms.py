@@ -1,0 +1,207 @@
+"""The forms of JSON that commands print: what `koord schema` describes is made of these structs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+from msgspec import Meta, Struct
+
+Natural: TypeAlias = Annotated[int, Meta(ge=0)]
+FromOne: TypeAlias = Annotated[int, Meta(ge=1)]
+Told: TypeAlias = Annotated[str, Meta(min_length=1)]
+#: Rounds count from 0, as in traces; -1 is the start.
+Round: TypeAlias = Annotated[int, Meta(ge=-1)]
+Version: TypeAlias = Annotated[
+    Literal[1], Meta(description="Changes when readers of this object have to change.")
+]
+Exact: TypeAlias = Annotated[str, Meta(extra_json_schema={"$ref": "#/$defs/Fraction"})]
+Value: TypeAlias = Annotated[Any, Meta(extra_json_schema={"$ref": "#/$defs/Value"})]
+
+#: The schemas of values of params, by the names that forms refer to.
+VALUES: dict[str, Any] = {
+    "Fraction": {"type": "string", "pattern": "^-?[0-9]+(/[0-9]+)?$"},
+    "Value": {
+        "description": "An int, a bool, a string or member of an enumeration, a float as a "
+        "fraction, a list; a pos is a list of three.",
+        "oneOf": [
+            {"type": "integer"},
+            {"type": "boolean"},
+            {"type": "string"},
+            {"type": "array", "items": {"$ref": "#/$defs/Value"}},
+            {
+                "type": "object",
+                "additionalProperties": False,
+                "required": ["fraction"],
+                "properties": {"fraction": {"$ref": "#/$defs/Fraction"}},
+            },
+        ],
+    },
+}
+
+
+class Form(Struct, forbid_unknown_fields=True):
+    """An object without further fields."""
+
+
+# --- what something is said about -----------------------------------------------------------------
+
+
+class InText(Form):
+    """What the text states of them; null where it states nothing."""
+
+    robots: FromOne | None
+    kinds: list[str] | None
+    delta: Exact | None
+
+
+class Parameter(Form):
+    value: Value
+    in_text: Annotated[Value | None, Meta(description="Null if the text gives none.")]
+
+
+class Problem(Form):
+    """What is said is about the program with these robots and values."""
+
+    robots: Annotated[FromOne | None, Meta(description="How many; null for every number of them.")]
+    kinds: Annotated[
+        list[str] | None,
+        Meta(
+            description="Of which kind each robot is; null if there is one kind, or every number "
+            "of robots."
+        ),
+    ]
+    delta: Annotated[Exact, Meta(description="The length of a round in seconds, exactly.")]
+    in_text: InText
+    params: Annotated[
+        dict[str, Parameter],
+        Meta(description="All params by name: the value, and the one that the text gives."),
+    ]
+    tasks: Annotated[
+        list[tuple[Exact, Exact, Exact]] | None,
+        Meta(description="Where the world's tasks are that a variable starts with; null: nowhere."),
+    ]
+    properties: Annotated[
+        list[str], Meta(description="Files of properties that were read with the program.")
+    ]
+
+
+# --- koord replay ---------------------------------------------------------------------------------
+
+
+class Difference(Form):
+    robot: Natural | None
+    location: str
+    expected: str
+    recorded: str
+
+
+class Refusal(Form):
+    """The first step that no rule allows."""
+
+    rule: Annotated[str, Meta(description="As in specs/semantics.")]
+    round: Round
+    robot: Annotated[Natural | None, Meta(description="Null for the start and the environment.")]
+    event: Annotated[str | None, Meta(description="Null for a skip.")]
+    reason: Told
+    differences: list[Difference]
+
+
+class CompiledDifference(Form):
+    robot: Natural | None
+    location: str
+    recorded: str
+    compiled: str
+
+
+class Departure(Form):
+    """Where the compiled program does something else."""
+
+    round: Round
+    reason: Told
+    differences: list[CompiledDifference]
+
+
+class Compiled(Form):
+    """What the compiled program does of the same run."""
+
+    agrees: bool
+    departs: Departure | None
+    unjudged: Annotated[
+        Told | None,
+        Meta(description="Why nobody knows whether it breaks the claim on doubles, too."),
+    ]
+
+
+class Replay(Form):
+    """What `koord replay --json` prints. Rounds count from 0, as in traces; -1 is the start."""
+
+    version: Version
+    program: Annotated[str, Meta(description="The name of the program's file.")]
+    problem: Problem
+    legal: bool
+    steps: Annotated[Natural, Meta(description="How many were legal.")]
+    rounds: Annotated[Natural, Meta(description="How many were legal as a whole.")]
+    refused: Refusal | None
+    slack: Annotated[
+        float,
+        Meta(ge=0, description="By how much floats could be off in assumptions and contracts."),
+    ]
+    trusted: Annotated[
+        list[str],
+        Meta(description="What speaks of all values of a type, and was not tried."),
+    ]
+    cut_off: Annotated[
+        bool,
+        Meta(
+            description="Whether the file ends in the middle: nothing is known of the run after "
+            "its rounds."
+        ),
+    ]
+    compiled: Annotated[Compiled | None, Meta(description="With --compiled, of a legal trace.")]
+
+
+# --- diagnostics ----------------------------------------------------------------------------------
+
+
+class Span(Form):
+    """A half-open range of characters, counted from 1; null means the file as a whole."""
+
+    line: FromOne
+    column: FromOne
+    end_line: FromOne
+    end_column: FromOne
+
+
+class Note(Form):
+    message: str
+    file: str
+    span: Span | None
+
+
+class Diagnostic(Form):
+    code: Annotated[
+        str,
+        Meta(
+            extra_json_schema={"pattern": "^K[0-9]{3}$"},
+            description="Stable; `koord explain CODE` tells its story.",
+        ),
+    ]
+    severity: Literal["error", "warning"]
+    message: Told
+    hint: Annotated[str | None, Meta(description="The cure, where one is known.")]
+    file: Annotated[
+        str, Meta(description="As named on the command line; <stdin> for standard input.")
+    ]
+    span: Span | None
+    notes: list[Note]
+
+
+class Diagnostics(Form):
+    """What `koord check --json` prints, and every other command with --json when its input has
+    errors.
+    """
+
+    version: Version
+    errors: Annotated[Natural, Meta(description="How many diagnostics are errors.")]
+    warnings: Annotated[Natural, Meta(description="How many are warnings.")]
+    diagnostics: list[Diagnostic]
