@@ -11,14 +11,33 @@ from msgspec.structs import replace
 from koord.syntax import core
 from koord.syntax.types import BaseType
 
-#: The fields of statements that hold blocks.
-_BLOCKS = ("then", "otherwise", "body")
-
 #: What stands in a statement and is not evaluated by it.
 _NO_OPERANDS = (core.Variable, *get_args(core.Stmt))
 
-#: What was looked up, by class: a program has many nodes of few classes.
-_BELOW: dict[type, tuple[str, ...] | None] = {}
+_CALLS = (core.Call, core.ExternalCall)
+
+
+class _Below(dict[type, tuple[str, ...] | None]):
+    """The fields of each class of nodes that may hold parts; None for what is no node."""
+
+    def __missing__(self, class_: type) -> tuple[str, ...] | None:
+        found = None
+        if issubclass(class_, Struct) and not issubclass(class_, BaseType):
+            found = tuple(name for name in class_.__struct_fields__ if name != "span")
+        self[class_] = found
+        return found
+
+
+class _Blocks(dict[type, tuple[str, ...]]):
+    """The fields of each class of statements that hold blocks."""
+
+    def __missing__(self, class_: type) -> tuple[str, ...]:
+        names = ("then", "otherwise", "body")
+        self[class_] = found = tuple(name for name in names if hasattr(class_, name))
+        return found
+
+
+_BELOW, _BLOCKS = _Below(), _Blocks()
 
 
 def nodes(node: object) -> Iterator[object]:
@@ -29,20 +48,22 @@ def nodes(node: object) -> Iterator[object]:
         if isinstance(part, tuple):
             waiting += reversed(part)
             continue
-        names = _below(type(part))
+        names = _BELOW[type(part)]
         if names is not None:
             yield part
-            waiting += _parts(part)
+            waiting += [getattr(part, name) for name in reversed(names)]
 
 
 def children(node: object) -> Iterator[Any]:
     """The nodes directly below a node (or a tuple of them), in the order of the text."""
-    waiting: list[Any] = [node] if isinstance(node, tuple) else _parts(node)
+    names = _BELOW[type(node)] or ()
+    parts = node if isinstance(node, tuple) else [getattr(node, name) for name in names]
+    waiting: list[Any] = list(reversed(parts))
     while waiting:
         part = waiting.pop()
         if isinstance(part, tuple):
             waiting += reversed(part)
-        elif _below(type(part)) is not None:
+        elif _BELOW[type(part)] is not None:
             yield part
 
 
@@ -53,7 +74,7 @@ def rebuilt(node: Any, part: Callable[[Any], Any]) -> Any:
     """
     if isinstance(node, tuple):
         return tuple(part(each) for each in node)
-    names = _below(type(node))
+    names = _BELOW[type(node)]
     if not names:
         return node
     return replace(node, **{name: part(getattr(node, name)) for name in names})
@@ -77,18 +98,18 @@ def reached(program: core.Program, part: object, *, duties: bool = False) -> Ite
     while pending:
         for node in nodes(pending.pop()):
             yield node
-            if isinstance(node, core.Call | core.ExternalCall) and node.function in bodies:
+            if isinstance(node, _CALLS) and node.function in bodies:
                 pending.append(bodies.pop(node.function))
 
 
 def blocks(s: core.Stmt) -> tuple[core.Block, ...]:
     """The blocks directly in a statement; all other parts of it are :func:`operands`."""
-    return tuple(getattr(s, name) for name in _BLOCKS if hasattr(s, name))
+    return tuple(getattr(s, name) for name in _BLOCKS[type(s)])
 
 
 def with_blocks(s: core.Stmt, of: Callable[[core.Block], core.Block]) -> core.Stmt:
     """The statement with something else in the place of each block directly in it."""
-    made = {name: of(getattr(s, name)) for name in _BLOCKS if hasattr(s, name)}
+    made = {name: of(getattr(s, name)) for name in _BLOCKS[type(s)]}
     return replace(s, **made) if made else s
 
 
@@ -128,21 +149,6 @@ def written(statement: object) -> Iterator[core.Place]:
                 yield into
         case _:
             pass
-
-
-def _parts(node: object) -> list[Any]:
-    """The values of the fields that may hold parts of a node, the last first."""
-    return [getattr(node, name) for name in reversed(_below(type(node)) or ())]
-
-
-def _below(class_: type) -> tuple[str, ...] | None:
-    """The fields of a node that hold parts of it; None for what is no node."""
-    if class_ not in _BELOW:
-        known = None
-        if issubclass(class_, Struct) and not issubclass(class_, BaseType):
-            known = tuple(name for name in class_.__struct_fields__ if name != "span")
-        _BELOW[class_] = known
-    return _BELOW[class_]
 
 
 def asks(program: core.Program, part: core.Expr | core.Block) -> bool:
