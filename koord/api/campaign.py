@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from os import PathLike, fspath
 from statistics import fmean, stdev
 
@@ -205,7 +205,8 @@ def make_campaign(
         left = [order for order in orders if order.key not in known]
         _check_sweep(left)
         tell(Progress(f"{len(rows)} of {len(orders)} runs"))
-        for row in rows_of(left, request.jobs, request.cluster, is_cancelled):
+        made = rows_of(left, request.jobs, request.cluster, is_cancelled)
+        for row in stack.enter_context(closing(made)):
             rows.append(row)
             if kept is not None:
                 kept.add(row)
@@ -214,15 +215,15 @@ def make_campaign(
         rows.sort(key=lambda row: numbers[row.key])
         if kept is not None and len(rows) == len(orders):
             kept.finish(rows)
-    made = Campaign(
+    found = Campaign(
         program=wanted.source.name,
         swept=request.swept or "robots",
         runs=tuple(rows),
         interrupted=is_cancelled(),
     )
     if request.plot is not None and rows:
-        _draw(request.plot, made)
-    return made
+        _draw(request.plot, found)
+    return found
 
 
 def _check_sweep(orders: Sequence[Order]) -> None:

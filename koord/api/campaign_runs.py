@@ -5,8 +5,9 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from contextlib import closing
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any, TypeAlias
@@ -44,28 +45,30 @@ class Order(Struct, frozen=True):
 
 def rows_of(
     orders: Sequence[Order], jobs: int, cluster: str | None, is_enough: Callable[[], bool]
-) -> Iterator[Row]:
+) -> Generator[Row, None, None]:
     """The rows of runs as they come: so many at a time, or as many as a cluster has workers.
 
     Raises KoordError.
     """
+    outcomes: Generator[Row | Refusal | None, None, None]
     if cluster is not None:
         outcomes = _on_cluster(orders, cluster, is_enough)
     elif jobs > 1 and len(orders) > 1:
         outcomes = _in_processes(orders, jobs, is_enough)
     else:
         outcomes = (row_of(order, is_enough) for order in orders)
-    for outcome in outcomes:
-        if isinstance(outcome, tuple):
-            raise KoordError(outcome)
-        if outcome is None:
-            return
-        yield outcome
+    with closing(outcomes):
+        for outcome in outcomes:
+            if isinstance(outcome, tuple):
+                raise KoordError(outcome)
+            if outcome is None:
+                return
+            yield outcome
 
 
 def _in_processes(
     orders: Sequence[Order], jobs: int, is_enough: Callable[[], bool]
-) -> Iterator[Row | Refusal | None]:
+) -> Generator[Row | Refusal | None, None, None]:
     """So many runs at a time on this machine."""
     # A fresh interpreter for each worker: libraries with threads do not survive a fork.
     context = get_context("spawn")
@@ -74,8 +77,8 @@ def _in_processes(
         pool = ProcessPoolExecutor(
             min(jobs, len(orders)), context, initializer=_begin_worker, initargs=(line,)
         )
+        waiting = {pool.submit(_tried, order) for order in orders}
         try:
-            waiting = {pool.submit(_tried, order) for order in orders}
             while waiting:
                 done, waiting = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
                 for future in done:
@@ -83,7 +86,8 @@ def _in_processes(
                 if is_enough():
                     return
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+            # Nobody waits for what they are at.
+            pool.shutdown(wait=not waiting, cancel_futures=True)
 
 
 def _begin_worker(line: Connection) -> None:
@@ -99,7 +103,7 @@ def _begin_worker(line: Connection) -> None:
 
 def _on_cluster(
     orders: Sequence[Order], address: str, is_enough: Callable[[], bool]
-) -> Iterator[Row | Refusal | None]:
+) -> Generator[Row | Refusal | None, None, None]:
     """As many runs at a time as a Dask cluster has workers. Raises KoordError."""
     import distributed
 

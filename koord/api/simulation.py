@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from os import PathLike, fspath
-from typing import TYPE_CHECKING
 
 from koord.api.files import read_written
 from koord.api.fitting import Configurable, Fitted, fit, fit_request
@@ -13,16 +12,11 @@ from koord.api.programs import Loadable, Program, Value, source_of
 from koord.api.progress import Cancellation, Listener
 from koord.api.results import ArgumentError
 from koord.api.robots import Seconds
-from koord.api.sim_report import (
-    Simulated,
-)
+from koord.api.sim_report import Simulated
 from koord.api.sim_run import SimulationRequest as SimulationRequest
 from koord.api.sim_run import play
 from koord.api.sim_setup import check_can_begin, simulation
 from koord.sim.running import Simulation
-
-if TYPE_CHECKING:
-    pass
 
 
 def simulate(

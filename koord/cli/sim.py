@@ -222,8 +222,7 @@ def main(arguments: argparse.Namespace) -> int:
         return Exit.BAD_INPUT
     if is_campaign:
         return campaign(arguments, wanted, many, found.scene.seed)
-    shown = Shown(arguments)
-    with shown:
+    with Shown(arguments) as shown:
         simulated = simulate_fitted(found, request, shown.hear, shown.cancellation)
     return _concluded(arguments, simulated)
 
@@ -289,8 +288,7 @@ def _rehearse(arguments: argparse.Namespace) -> int:
     request.outputs.check()
     source = read_program(arguments.file).source
     raw, name = read_written(arguments.schedule), arguments.schedule
-    shown = Shown(arguments)
-    with shown:
+    with Shown(arguments) as shown:
         simulated = rehearse(source, raw, name, request, shown.hear, shown.cancellation)
     return _concluded(arguments, simulated)
 
