@@ -12,8 +12,8 @@ import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from koord.sim.packing import Cursor, cursor_of, pack
-from koord.sim.run_log import RunLog
+from koord.sim.packing import pack
+from koord.sim.run_log import LogSizes, RunLog
 from koord.sim.viewing import live_page
 
 #: Nobody else is to see the run: only this machine.
@@ -119,9 +119,9 @@ class Live:
                 self._change.notify_all()
 
     def _send_all(self, request: BaseHTTPRequestHandler) -> None:
-        sent = Cursor()
+        sent = LogSizes()
         while not sent.ended and not self._over.is_set():
-            now = cursor_of(self._recording)
+            now = self._recording.sizes
             if now != sent:
                 packed = base64.b64encode(pack(self._recording, sent, now))
                 request.wfile.write(b"event: pack\ndata: " + packed + b"\n\n")

@@ -13,7 +13,6 @@ import json
 from typing import Any, assert_never
 
 import numpy as np
-from msgspec import Struct
 from numpy.typing import NDArray
 
 from koord.runtime.motion.world import Box, Disc, Obstacle, Polygon, World
@@ -33,6 +32,7 @@ from koord.sim.run_log import (
     LoggedAgent,
     LoggedRobot,
     LoggedVariable,
+    LogSizes,
     RunLog,
     map_variable,
 )
@@ -56,33 +56,7 @@ _SPELLED = {"Pos": "pos"}
 _UNKNOWN_MM = 0xFFFF
 
 
-class Cursor(Struct, frozen=True):
-    """How much of a recording was packed already."""
-
-    times: int = 0
-    rounds: int = 0
-    paths: int = 0
-    tasks: int = 0
-    violations: int = 0
-    still: int = 0
-    ended: bool = False
-
-
-def cursor_of(recording: RunLog) -> Cursor:
-    """The end of what is recorded now."""
-    ended = recording.ending is not None
-    return Cursor(
-        len(recording.times_s),
-        len(recording.rounds),
-        len(recording.paths),
-        len(recording.tasks),
-        len(recording.violations),
-        len(recording.still),
-        ended,
-    )
-
-
-def pack(recording: RunLog, since: Cursor, until: Cursor) -> bytes:
+def pack(recording: RunLog, since: LogSizes, until: LogSizes) -> bytes:
     """What was recorded between two points; the header if it is from the beginning."""
     header = recording.header
     rounds = recording.rounds[since.rounds : until.rounds]
@@ -112,7 +86,7 @@ def pack(recording: RunLog, since: Cursor, until: Cursor) -> bytes:
         ],
         "ending": recording.ending if until.ended else None,
     }
-    if since == Cursor():
+    if since == LogSizes():
         document["header"] = described(header)
     planes = {
         **_poses(recording, since.times, until.times),

@@ -202,6 +202,7 @@ class LogSizes(NamedTuple):
     tasks: int = 0
     violations: int = 0
     still: int = 0
+    ended: bool = False  #: whether that is all of it
 
 
 class RunLog(Struct):
@@ -243,6 +244,7 @@ class RunLog(Struct):
             len(self.tasks),
             len(self.violations),
             len(self.still),
+            self.ending is not None,
         )
 
     def stacked(self) -> Pose:

@@ -9,8 +9,8 @@ import zlib
 from importlib.resources import files
 from typing import BinaryIO
 
-from koord.sim.packing import Cursor, cursor_of, pack
-from koord.sim.run_log import RunLog
+from koord.sim.packing import pack
+from koord.sim.run_log import LogSizes, RunLog
 
 #: The parts of the script, in their order; each may use what stands in those before it.
 _SCRIPTS = (
@@ -30,7 +30,7 @@ _SCRIPTS = (
 
 def page_of(recording: RunLog) -> bytes:
     """A run as one HTML file."""
-    packed = zlib.compress(pack(recording, Cursor(), cursor_of(recording)))
+    packed = zlib.compress(pack(recording, LogSizes(), recording.sizes))
     return _page(recording.header.program, base64.b64encode(packed).decode())
 
 
@@ -46,12 +46,12 @@ class PartPage:
     """
 
     def __init__(self, recording: RunLog, file: BinaryIO) -> None:
-        self._recording, self._file, self._kept = recording, file, Cursor()
+        self._recording, self._file, self._kept = recording, file, LogSizes()
         file.write(_page(recording.header.program, "packs"))
 
     def grow(self) -> None:
         """Write what is new."""
-        now = cursor_of(self._recording)
+        now = self._recording.sizes
         if now != self._kept:
             packed = base64.b64encode(pack(self._recording, self._kept, now))
             self._file.write(b'<script type="text/plain" class="pack">' + packed + b"</script>\n")

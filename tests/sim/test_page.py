@@ -15,13 +15,14 @@ from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.bodies import Car, Drone
 from koord.runtime.motion.world import Disc, World
 from koord.runtime.shapes import FLOAT
-from koord.sim.packing import Cursor, cursor_of, pack
+from koord.sim.packing import pack
 from koord.sim.run_log import (
     Header,
     LoggedAgent,
     LoggedChange,
     LoggedHome,
     LoggedVariable,
+    LogSizes,
     RunLog,
     RunLogger,
     TaskState,
@@ -79,11 +80,11 @@ def test_the_header_is_json_that_says_all_shapes(recording: RunLog) -> None:
 
 
 def test_packs_in_pieces_are_one_pack(recording: RunLog) -> None:
-    whole = unpacked(pack(recording, Cursor(), cursor_of(recording)))
-    until = Cursor(50, 40, 3, 2, 0)
-    first = unpacked(pack(recording, Cursor(), until))
+    whole = unpacked(pack(recording, LogSizes(), recording.sizes))
+    until = LogSizes(50, 40, 3, 2, 0)
+    first = unpacked(pack(recording, LogSizes(), until))
     header = first.document["header"]
-    second = unpacked(pack(recording, until, cursor_of(recording)), header)
+    second = unpacked(pack(recording, until, recording.sizes), header)
     assert "header" not in second.document
     assert first.document["ending"] is None
     assert second.document["ending"] == "all robots have stopped"
@@ -99,7 +100,7 @@ def test_headings_may_turn_any_number_of_times() -> None:
     for k, angle in enumerate(turns):
         wrapped = np.angle(np.exp(1j * angle))
         recorder.sample(0.1 * k, np.array([[1.0, 2.0, 0.5]]), np.array([wrapped]))
-    found = unpacked(pack(recorder.recording, Cursor(), cursor_of(recorder.recording)))
+    found = unpacked(pack(recorder.recording, LogSizes(), recorder.recording.sizes))
     assert np.abs(np.angle(np.exp(1j * (found.poses[:, 0, 3] - turns)))).max() < 2e-3
 
 

@@ -18,7 +18,7 @@ from koord.syntax.source import Source
 from koord.syntax.system import System, dealt
 from koord.verify.engine_names import Engine
 from koord.verify.engines.explicit.findings import OutOfBounds
-from koord.verify.engines.explicit.search import search
+from koord.verify.engines.explicit.search import survey
 from koord.verify.strategy.verification import verify
 from koord.verify.verdicts import Bounds, Outcome
 from tests.semantics.driving import drive
@@ -95,7 +95,7 @@ def test_a_verification_can_be_interrupted_while_it_writes(text: str) -> None:
 
 def test_a_search_ends_inside_of_a_state() -> None:
     subject = replace(system(LONG), budget=after(3))
-    found = search(subject, ())
+    found = survey(subject, ()).end
     assert isinstance(found, OutOfBounds)
     assert found.reason == "out of time"
 

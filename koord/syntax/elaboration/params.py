@@ -110,22 +110,12 @@ def _constant(body: Body, found: core.Expr, decl: ast.VarDecl) -> core.Expr | No
 
 def _reduced(found: core.Expr) -> core.Expr | None:
     match found:
-        case core.MakeList(items=items):
-            reduced = [_reduced(item) for item in items]
-            kept = tuple(item for item in reduced if item is not None)
-            return (
-                core.MakeList(kept, found.type, span=found.span)
-                if len(kept) == len(items)
-                else None
-            )
-        case core.MakeRecord(fields=fields):
-            reduced = [_reduced(field) for field in fields]
-            kept = tuple(field for field in reduced if field is not None)
-            return (
-                core.MakeRecord(kept, found.type, span=found.span)
-                if len(kept) == len(fields)
-                else None
-            )
+        case core.MakeList(items=parts) | core.MakeRecord(fields=parts):
+            kept = tuple(part for part in map(_reduced, parts) if part is not None)
+            if len(kept) < len(parts):
+                return None
+            make = core.MakeList if isinstance(found, core.MakeList) else core.MakeRecord
+            return make(kept, found.type, span=found.span)
         case _:
             value = folded(found)
             return value if isinstance(value, core.Const) else None

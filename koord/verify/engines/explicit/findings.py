@@ -63,9 +63,6 @@ class Violated(Struct, frozen=True):
         return len(self.recording.rounds)
 
 
-Outcome = Exhausted | Violated | OutOfBounds | NotFinite
-
-
 class Survey(Struct, frozen=True):
     """All claims that do not hold, each once, and how the search ended."""
 

@@ -28,7 +28,6 @@ from koord.verify.engines.explicit.commits import Commits
 from koord.verify.engines.explicit.findings import (
     Claim,
     Exhausted,
-    Outcome,
     OutOfBounds,
     Subject,
     Survey,
@@ -57,38 +56,6 @@ Progress = Callable[[int, int, int], None]
 
 #: What is looked for without being asked.
 ALWAYS = frozenset({Subject.FAULT, Subject.CONTRACT})
-
-
-def search(
-    system: System,
-    properties: Sequence[core.Property],
-    limits: Limits | None = None,
-    *,
-    subjects: frozenset[Subject] = ALWAYS,
-    symmetry: bool = True,
-    order_reduction: bool = True,
-    progress: Progress | None = None,
-    clock: Callable[[], float] = time.monotonic,
-) -> Outcome:
-    """Look for a violation, and stop at the first.
-
-    ``properties`` are invariants, at all times or at rounds. ``symmetry`` and ``order_reduction``
-    can be switched off; that changes how long it takes, and no verdict.
-    """
-    made = begun(
-        system,
-        properties,
-        limits,
-        subjects=subjects,
-        symmetry=symmetry,
-        order_reduction=order_reduction,
-        progress=progress,
-        clock=clock,
-    )
-    if isinstance(made, NotFinite):
-        return made
-    violated = next(made.violations(), None)
-    return violated if violated is not None else made.end
 
 
 def survey(
