@@ -63,9 +63,9 @@ if TYPE_CHECKING:
     from koord.api.stepping import step as step
     from koord.api.trace import Trace as Trace
     from koord.api.verdicts import Verdict as Verdict
-    from koord.api.verdicts import VerifyReport as VerifyReport
     from koord.api.verify import Engine as Engine
     from koord.api.verify import verify as verify
+    from koord.api.verify_report import VerifyReport as VerifyReport
     from koord.syntax.diagnostics import Diagnostic as Diagnostic
     from koord.syntax.diagnostics import KoordError as KoordError
     from koord.syntax.source import Source as Source
@@ -98,7 +98,8 @@ _HOMES = {
     "koord.api.simulation": ("simulate",),
     "koord.api.stepping": ("Stepper", "step"),
     "koord.api.trace": ("Trace",),
-    "koord.api.verdicts": ("Verdict", "VerifyReport"),
+    "koord.api.verdicts": ("Verdict",),
+    "koord.api.verify_report": ("VerifyReport",),
     "koord.api.verify": ("Engine", "verify"),
     "koord.syntax.diagnostics": ("Diagnostic", "KoordError"),
     "koord.syntax.source": ("Source", "Span"),

@@ -13,7 +13,7 @@ from koord.api.verify import in_process
 from koord.version import __version__
 
 if TYPE_CHECKING:
-    from koord.api.verdicts import VerifyReport
+    from koord.api.verify_report import VerifyReport
     from koord.verify.certificates import Certificate as Made
 
 

@@ -16,7 +16,7 @@ from koord.syntax.problem import Problem
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from koord.api.verdicts import VerifyReport
+    from koord.api.verify_report import VerifyReport
 
 
 def check_drawable(path: str) -> None:

@@ -1,22 +1,19 @@
-"""Verdicts on a program: the answer to each claim, the runs that break it, what is told beside."""
+"""Verdicts: the answer to a claim, the runs that break it, what is told beside."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from msgspec import Struct, field, to_builtins
-from msgspec.structs import replace
 
 from koord.api.programs import Program
 from koord.api.results import Result, html_table
 from koord.api.trace import Trace
 from koord.syntax.diagnostics import KoordError
-from koord.syntax.problem import Problem
-from koord.syntax.source import visible
 from koord.syntax.system import System
 from koord.traces.trace import Numbers, Sources, Violation, ViolationKind, traced
 from koord.traces.trace import Trace as Recorded
@@ -25,28 +22,18 @@ from koord.verify.claims import Claim, ClaimKind, rule_of
 from koord.verify.engine_names import Engine
 from koord.verify.failures import Failure, failure_of
 from koord.verify.verdicts import (
-    Bounds,
     Counterexample,
     Outcome,
-    Report,
-    Vacuity,
-    as_invariant,
 )
 from koord.verify.verdicts import Verdict as Found
 
 if TYPE_CHECKING:
-    from koord.api.cones import Cones
     from koord.api.fairness import Fair
     from koord.refinement.compiled_replay import Rerun
     from koord.semantics.configurations import Configuration
     from koord.semantics.domain import Constant
     from koord.semantics.recordings import Step
-    from koord.syntax.analysis.premises import Premise
     from koord.verify.instants import Shadowed
-    from koord.verify.proof_core import ProofCore
-
-#: Changes when readers of the JSON have to change.
-VERDICTS_VERSION = 1
 
 _KINDS = {
     ClaimKind.PROPERTY: ViolationKind.PROPERTY,
@@ -295,236 +282,3 @@ def trace_of(sources: Sources, system: System, claim: Claim, run: Counterexample
     if kind is not None:
         violation = Violation(kind, claim.subject or claim.name, run.round - 1, run.robot)
     return traced(sources, system, Numbers.EXACT, run.recording, violation)
-
-
-class VerifyReport(Result, frozen=True):
-    """The verdicts on one program with its robots, and what was found on the way.
-
-    ``between`` and ``shadows`` are there if instants between the ends of rounds were asked about,
-    ``rests_on`` if it was asked what the proofs need. ``failed`` is what failed beside verdicts.
-    """
-
-    program: Program
-    system: System
-    bounds: Bounds
-    at_ends: Report
-    between: Report | None = None
-    shadows: Shadowed | None = None
-    rests_on: ProofCore | None = None
-    failed: tuple[Failure, ...] = ()
-    ends_at: float | None = None
-
-    @property
-    def verdicts(self) -> tuple[Verdict, ...]:
-        """One for each claim."""
-        return tuple(self._verdict(found) for found in self.report.verdicts)
-
-    def verdict(self, name: str) -> Verdict:
-        """The verdict on the claim of that name. Raises KeyError if there is none."""
-        for verdict in self.verdicts:
-            if verdict.name == name:
-                return verdict
-        raise KeyError(name)
-
-    @property
-    def outcome(self) -> Outcome:
-        """Violated if one claim is; else unknown if one is; else holds."""
-        return self.report.outcome
-
-    @property
-    def holds(self) -> bool:
-        """Whether every claim holds."""
-        return self.outcome is Outcome.HOLDS
-
-    @property
-    def vacuities(self) -> tuple[Vacuity, ...]:
-        """What makes verdicts say less than they seem to."""
-        return self.report.vacuities
-
-    @property
-    def engines(self) -> tuple[Engine, ...]:
-        """The engines that gave its verdicts."""
-        used = (verdict.engine for verdict in self.report.verdicts)
-        return tuple(dict.fromkeys(engine for engine in used if engine is not Engine.NONE))
-
-    @property
-    def not_looked_at(self) -> tuple[str, ...]:
-        """Of what nobody knows whether it ever happens: looking for that was given up."""
-        from koord.verify.vacuity.analysis import words
-
-        return tuple(words(each.what, each.subject) for each in self.report.unlooked)
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether it was ended before everything was known."""
-        return self.report.interrupted
-
-    @property
-    def seconds(self) -> float:
-        """For how long it took, in seconds of the wall."""
-        return self.report.seconds
-
-    @property
-    def counterexample(self) -> Trace | None:
-        """The shortest run that breaks a claim; None if no claim is violated."""
-        broken = [(v, v.found.counterexample) for v in self.verdicts]
-        runs = [(run.round, number) for number, (_, run) in enumerate(broken) if run is not None]
-        return self.verdicts[min(runs)[1]].counterexample if runs else None
-
-    @property
-    def invariants(self) -> str:
-        """The invariants that were found for proofs, as a file of properties; "" if none were."""
-        found = self.at_ends
-        if not found.found:
-            return ""
-        problem = self.problem
-        proofs = [verdict for verdict in found.verdicts if verdict.lemmas]
-        if all(verdict.engine is Engine.EVERY_N for verdict in proofs):
-            problem = replace(problem, kinds=None)
-        lines = [f"# Found for {visible(str(problem))}:", "# together they hold in every round."]
-        lines += [as_invariant(f"Found{k}", text) for k, text in enumerate(found.found, start=1)]
-        return "\n".join(lines) + "\n"
-
-    @property
-    def problem(self) -> Problem:
-        """What the verdicts are about."""
-        system = self.system
-        kinds = None if self.report.every_n else system.kinds
-        return self.program.problem(kinds, system.delta_s)
-
-    @property
-    def report(self) -> Report:
-        """What engines answered, of ends of rounds and of what is between them."""
-        if self.between is None:
-            return self.at_ends
-        return replace(
-            self.at_ends,
-            verdicts=self.at_ends.verdicts + self.between.verdicts,
-            seconds=self.at_ends.seconds + self.between.seconds,
-            interrupted=self.at_ends.interrupted or self.between.interrupted,
-            failures=(*self.at_ends.failures, *self.between.failures),
-        )
-
-    @property
-    def cones(self) -> Cones:
-        """What each claim cannot depend on."""
-        from koord.api.cones import cones_of
-
-        return cones_of(self.system, self.report)
-
-    @property
-    def is_vacuous(self) -> bool:
-        """Whether it is certain that verdicts say less than they seem to."""
-        return self.report.is_vacuous
-
-    @property
-    def asks_nothing_between(self) -> bool:
-        """Whether instants were asked about, and there is nothing to be said of them."""
-        shadows = self.shadows
-        return shadows is not None and not shadows.names and not shadows.unsaid
-
-    def _verdict(self, found: Found) -> Verdict:
-        shadows = self.shadows
-        if shadows is None or found.claim.name not in shadows.names:
-            return Verdict(found, self.program, self.system, None, self.ends_at)
-        return Verdict(found, self.program, shadows.system, shadows, self.ends_at)
-
-    def to_dict(self) -> dict[str, object]:
-        """As ``koord verify --json`` prints it; the schema is ``verdicts``."""
-        parts = Parts()
-        document = self.document(parts)
-        document["failures"] = [failure_dict(f) for f in (*self.failures, *parts.failures)]
-        return reports_dict([document])
-
-    @property
-    def failures(self) -> tuple[Failure, ...]:
-        """What engines ran into, and what is told beside verdicts."""
-        return (*self.report.failures, *self.failed)
-
-    def document(self, parts: Parts) -> dict[str, object]:
-        """One of the reports of :meth:`to_dict`; ``parts`` hears of what fails besides."""
-        report, problem = self.report, self.problem
-        document: dict[str, object] = {
-            "program": problem.texts[0],
-            "robots": None if problem.kinds is None else len(problem.kinds),
-            "delta_s": float(problem.delta_s),
-            "problem": problem.document(),
-            "rounds": self.bounds.rounds,
-            "outcome": report.outcome.value,
-            "seconds": round(report.seconds, 3),
-            "interrupted": report.interrupted,
-            "claims": [verdict.document(parts) for verdict in self.verdicts],
-            "found_invariants": list(report.found),
-            "vacuous": report.is_vacuous,
-            "vacuities": [_vacuity(vacuity) for vacuity in report.vacuities],
-            "not_looked_at": [
-                {"what": each.what.value, "subject": each.subject} for each in report.unlooked
-            ],
-            "failures": [failure_dict(failure) for failure in self.failures],
-        }
-        left_out: object = {}
-        with parts.enduring("what claims do not depend on"):
-            left_out = self.cones.left_out
-        document["left_out"] = left_out
-        if self.rests_on is not None:
-            document["rests_on"] = _rests_on(self.rests_on)
-        return document
-
-    def __repr__(self) -> str:
-        lines = "".join(f"\n  {verdict!r}" for verdict in self.verdicts)
-        vacuous = ", but vacuously" if self.report.is_vacuous and self.holds else ""
-        return f"<VerifyReport {self.problem}: {self.outcome.value}{vacuous}>{lines}"
-
-    def _repr_html_(self) -> str:
-        rows = [
-            (
-                v.name,
-                v.outcome.value,
-                "" if v.rounds is None else v.rounds,
-                v.engine.value,
-                v.reason,
-            )
-            for v in self.verdicts
-        ]
-        columns = ("claim", "outcome", "through round", "engine", "reason")
-        return html_table(f"{self.problem}: {self.outcome.value}", columns, rows)
-
-
-def reports_dict(documents: Iterable[dict[str, object]]) -> dict[str, object]:
-    """Several reports as one document."""
-    return {"version": VERDICTS_VERSION, "reports": list(documents)}
-
-
-def failure_dict(failure: Failure) -> dict[str, object]:
-    """What failed, as plain data."""
-    return {"who": failure.who, "what": failure.what, "place": failure.where or None}
-
-
-def _vacuity(vacuity: Vacuity) -> dict[str, object]:
-    place = vacuity.span
-    return {
-        "what": vacuity.what.value,
-        "subject": vacuity.subject or None,
-        "detail": vacuity.detail,
-        "certain": vacuity.certain,
-        "place": None if place is None else str(place),
-    }
-
-
-def _rests_on(found: ProofCore) -> dict[str, object]:
-    return {
-        "claims": list(found.claims),
-        "needed": [_premise(premise) for premise in found.needed],
-        "spare": [_premise(premise) for premise in found.spare],
-        "untried": [_premise(premise) for premise in found.untried],
-    }
-
-
-def _premise(premise: Premise) -> dict[str, object]:
-    return {
-        "kind": premise.kind.value,
-        "name": premise.name,
-        "promise": premise.promise,
-        "promises": premise.promises,
-        "place": str(premise.span),
-    }

@@ -26,7 +26,7 @@ from koord.syntax.system import System
 from koord.verify import engine_names
 
 if TYPE_CHECKING:
-    from koord.api.verdicts import VerifyReport
+    from koord.api.verify_report import VerifyReport
     from koord.verify.processes import Teller
     from koord.verify.proof_core import ProofCore
     from koord.verify.verdicts import Bounds, Report
@@ -296,7 +296,7 @@ def _named(question: Question, questions: Sequence[Question]) -> str:
 
 def _unanswered(question: Question, options: Options, end: str) -> VerifyReport:
     """What is known if the process of a system died."""
-    from koord.api.verdicts import VerifyReport
+    from koord.api.verify_report import VerifyReport
     from koord.verify.claims import claims_of, liveness_of
     from koord.verify.engine_names import Engine
     from koord.verify.obstacles import Failed
@@ -319,7 +319,8 @@ def _answer(
     interrupted: Callable[[], bool],
 ) -> VerifyReport:
     """The verdicts on one system: if any number of robots is asked for, an example of them."""
-    from koord.api.verdicts import Parts, VerifyReport
+    from koord.api.verdicts import Parts
+    from koord.api.verify_report import VerifyReport
     from koord.verify.claims import claims_of, liveness_of
     from koord.verify.effort import Deadline
     from koord.verify.strategy.time_limits import verify_apart

@@ -9,7 +9,7 @@ from koord.cli.verdicts import PAINT, outcome_of
 from koord.syntax.problem import Problem
 
 if TYPE_CHECKING:
-    from koord.api.verdicts import VerifyReport
+    from koord.api.verify_report import VerifyReport
 
 
 def heading(problem: Problem, style: Style) -> list[str]:

@@ -22,7 +22,7 @@ from koord.verify.verdicts import (
 )
 
 if TYPE_CHECKING:
-    from koord.api.verdicts import VerifyReport
+    from koord.api.verify_report import VerifyReport
 
     pass
 

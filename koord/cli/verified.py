@@ -13,14 +13,16 @@ from koord.cli.requests import Request
 from koord.cli.terminal import is_debugging, style_of
 
 if TYPE_CHECKING:
-    from koord.api.verdicts import Parts, VerifyReport
+    from koord.api.verdicts import Parts
+    from koord.api.verify_report import VerifyReport
     from koord.verify.failures import Failure
 
 
 def tell(report: VerifyReport, request: Request, told: list[dict[str, object]]) -> Exit:
     """Show the verdicts on one system, and keep what is to be kept; with --json add to ``told``."""
     # What verdicts are made of loads Z3, and the other commands start without it.
-    from koord.api.verdicts import Parts, failure_dict
+    from koord.api.verdicts import Parts
+    from koord.api.verify_report import failure_dict
 
     for failure in report.failed:
         _complain(failure)
@@ -97,7 +99,8 @@ def tell_sweep(
 ) -> Exit:
     """One number of robots after the other; Ctrl-C ends it with those that are done."""
     from koord.api import pictures
-    from koord.api.verdicts import Parts, failure_dict
+    from koord.api.verdicts import Parts
+    from koord.api.verify_report import failure_dict
     from koord.cli import sweeps
 
     style = style_of(sys.stdout)

@@ -39,7 +39,7 @@ from koord.cli.watching import watched
 from koord.syntax.diagnostics import KoordError
 
 if TYPE_CHECKING:
-    from koord.api.verdicts import VerifyReport
+    from koord.api.verify_report import VerifyReport
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -162,7 +162,7 @@ def _once(arguments: argparse.Namespace, request: Request) -> int:
         told: list[dict[str, object]] = []
         code = _verified(programs, request, told)
         if request.as_json:
-            from koord.api.verdicts import reports_dict
+            from koord.api.verify_report import reports_dict
 
             print(json.dumps(reports_dict(told), indent=2))
         return code

@@ -9,7 +9,7 @@ from random import Random
 import pytest
 
 import koord
-from koord.api.verdicts import VerifyReport
+from koord.api.verify_report import VerifyReport
 from koord.cli import verdicts
 from koord.cli.terminal import Style
 from koord.syntax import core
