@@ -35,7 +35,7 @@ def schema_text(document: str) -> str:
 
 
 #: Documents whose schema is made of structs, and published beside this file.
-GENERATED = ("diagnostics", "replay", "trace")
+GENERATED = ("diagnostics", "recheck", "replay", "trace")
 
 
 def generated(document: str) -> dict[str, Any]:
@@ -50,6 +50,11 @@ def generated(document: str) -> dict[str, Any]:
     others: dict[str, Any]
     head, whole, others = {
         "diagnostics": ({"title": "Diagnostics of koord"}, forms.Diagnostics, {}),
+        "recheck": (
+            {"title": "Verdicts of koord on a certificate"},
+            forms.Recheck,
+            forms.VALUES,
+        ),
         "replay": ({"title": "Verdicts of koord on a trace"}, forms.Replay, forms.VALUES),
         "trace": (
             {"$id": "koord-trace-3", "title": "koord trace, versions 1 to 3"},

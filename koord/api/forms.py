@@ -160,6 +160,119 @@ class Replay(Form):
     compiled: Annotated[Compiled | None, Meta(description="With --compiled, of a legal trace.")]
 
 
+# --- koord recheck --------------------------------------------------------------------------------
+
+
+def _words(*words: str) -> Meta:
+    return Meta(extra_json_schema={"enum": list(words)})
+
+
+class Place(Form):
+    """Where it begins; null where it stands in no text."""
+
+    file: str
+    line: Natural
+    column: Natural
+
+
+Met: TypeAlias = Annotated[
+    str, _words("met", "not met", "unknown"), Meta(description="Whether the obligation is met.")
+]
+
+
+class RecheckedClaim(Form):
+    kind: Annotated[str, _words("property", "fault", "lost update", "contract")]
+    subject: Annotated[
+        str, Meta(description="The variable of a lost update, or the contract; else empty.")
+    ]
+    name: Annotated[str, Meta(description="As in the text, or as follows from kind and subject.")]
+    statement: Annotated[
+        str, Meta(description="Koord, or what is asked of every program in words.")
+    ]
+    place: Place | None
+    shown_for: Annotated[
+        Literal["every number of robots", "these robots"] | None,
+        Meta(description="Null if it was not shown."),
+    ]
+
+
+class Premise(Form):
+    kind: Annotated[str, _words("assumption", "contract", "summary")]
+    name: str
+    statement: Annotated[str, Meta(description="Koord; empty if it is the library's.")]
+    place: Place | None
+
+
+class NotCovered(Form):
+    name: str
+    reason: str
+
+
+class Obligation(Form):
+    name: str
+    every_number: Annotated[bool, Meta(description="Whether it is about every number of robots.")]
+    answer: Met
+    claim: Annotated[
+        str,
+        Meta(description="The claim that does not follow, or is not known to; empty if all do."),
+    ]
+    configuration: Annotated[
+        list[str],
+        Meta(
+            description="Of an obligation that is not met: one in which the invariant holds, and "
+            "from which it fails."
+        ),
+    ]
+
+
+class Script(Form):
+    name: str
+    answer: Met
+    reason: Annotated[str, Meta(description="Why the answer is unknown.")]
+
+
+class Recheck(Form):
+    """What `koord recheck --json` prints. What the verdicts mean: specs/certificates/README.md."""
+
+    version: Annotated[
+        Literal[3], Meta(description="Changes when readers of this object have to change.")
+    ]
+    verdict: Annotated[str, _words("confirmed", "refuted", "unknown")]
+    reason: Annotated[str, Meta(description="Why it is not confirmed; empty if it is.")]
+    place: Annotated[Place | None, Meta(description="The construct that is not rechecked.")]
+    solver: Annotated[str, Meta(description="Which solver was asked, with its version.")]
+    program: Annotated[str, Meta(description="The name of the program in the certificate.")]
+    sha256: Annotated[
+        str,
+        Meta(
+            description="Of the program's text.",
+            extra_json_schema={"pattern": "^[0-9a-f]{64}$"},
+        ),
+    ]
+    problem: Problem
+    vacuous: Annotated[
+        list[str],
+        Meta(description="Why less is shown than it seems; exit code 4 if it is confirmed."),
+    ]
+    claims: Annotated[
+        list[RecheckedClaim], Meta(description="What is claimed to hold in every round, in full.")
+    ]
+    relies_on: Annotated[list[Premise], Meta(description="What is used and not shown.")]
+    not_covered: Annotated[
+        list[NotCovered],
+        Meta(description="Claims that hold as the certificate says, and that it is no proof of."),
+    ]
+    obligations: Annotated[
+        list[Obligation],
+        Meta(description="Those that were made anew; up to the first that is not met."),
+    ]
+    scripts: Annotated[
+        list[Script],
+        Meta(description="What came with the certificate; met is one that is unsatisfiable."),
+    ]
+    seconds: Annotated[float, Meta(ge=0)]
+
+
 # --- diagnostics ----------------------------------------------------------------------------------
 
 

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from itertools import starmap
+from typing import Final
 
+from msgspec import convert, to_builtins
+
+from koord.api import forms
 from koord.api.certify import Certificate as Written
 from koord.api.files import read_written
 from koord.api.programs import Text, source_of
@@ -13,13 +18,12 @@ from koord.api.results import Result, html_table
 from koord.recheck.certificate import REWRITE, Certificate, digest_of, read
 from koord.recheck.checking import Outcome, Rechecked
 from koord.recheck.checking import recheck as settle
-from koord.recheck.discharge import Settled
 from koord.recheck.solving import Answer, MissingSolverError, version
 from koord.syntax.diagnostics import refusal
 from koord.syntax.source import NOWHERE, Source, Span, visible
 
 #: Raised when the JSON changes in a way that its readers must know of.
-RECHECK_VERSION = 3
+RECHECK_VERSION: Final = 3
 
 
 class RecheckReport(Result, frozen=True):
@@ -56,55 +60,56 @@ class RecheckReport(Result, frozen=True):
 
     def to_dict(self) -> dict[str, object]:
         """As ``koord recheck --json`` prints it; the schema is ``recheck``."""
-        everyone, here = self.found.shown()
-        return {
-            "version": RECHECK_VERSION,
-            "verdict": self.found.outcome.value,
-            "reason": self.found.reason,
-            "place": _place(self.found.span),
-            "solver": self.solver,
-            "program": self.certificate.program.name,
-            "sha256": self.sha256,
-            "problem": self.found.about.problem.document(),
-            "vacuous": list(self.found.hollow),
-            "claims": [
-                {
-                    "kind": s.claimed.kind.value,
-                    "subject": s.claimed.subject,
-                    "name": s.claimed.name,
-                    "statement": s.text,
-                    "place": _place(s.span),
-                    "shown_for": "every number of robots"
+        found, about = self.found, self.found.about
+        everyone, here = found.shown()
+        form = forms.Recheck(
+            version=RECHECK_VERSION,
+            verdict=found.outcome.value,
+            reason=found.reason,
+            place=_place(found.span),
+            solver=self.solver,
+            program=self.certificate.program.name,
+            sha256=self.sha256,
+            problem=convert(about.problem.document(), forms.Problem),
+            vacuous=list(found.hollow),
+            claims=[
+                forms.RecheckedClaim(
+                    kind=s.claimed.kind.value,
+                    subject=s.claimed.subject,
+                    name=s.claimed.name,
+                    statement=s.text,
+                    place=_place(s.span),
+                    shown_for="every number of robots"
                     if s in everyone
                     else "these robots"
                     if s in here
                     else None,
-                }
-                for s in self.found.about.statements
+                )
+                for s in about.statements
             ],
-            "relies_on": [
-                {"kind": p.kind.value, "name": p.name, "statement": p.text, "place": _place(p.span)}
-                for p in self.found.about.premises
+            relies_on=[
+                forms.Premise(p.kind.value, p.name, p.text, _place(p.span)) for p in about.premises
             ],
-            "not_covered": [
-                {"name": name, "reason": reason} for name, reason in self.certificate.not_covered
-            ],
-            "obligations": [
-                _settled_json(one, every_number=part is self.found.everyone)
-                for part in (self.found.everyone, self.found.here)
+            not_covered=list(starmap(forms.NotCovered, self.certificate.not_covered)),
+            obligations=[
+                forms.Obligation(
+                    name=one.name,
+                    every_number=part is found.everyone,
+                    answer=_MET[one.answer],
+                    claim=one.claim,
+                    configuration=list(one.state),
+                )
+                for part in (found.everyone, found.here)
                 if part is not None
                 for one in part.settled
             ],
-            "scripts": [
-                {
-                    "name": opinion.name,
-                    "answer": _MET[opinion.answer],
-                    "reason": opinion.reason,
-                }
-                for opinion in self.found.opinions
+            scripts=[
+                forms.Script(one.name, _MET[one.answer], one.reason) for one in found.opinions
             ],
-            "seconds": round(self.found.seconds, 3),
-        }
+            seconds=round(found.seconds, 3),
+        )
+        plain: dict[str, object] = to_builtins(form)
+        return plain
 
     def __repr__(self) -> str:
         why = f": {self.reason}" if self.reason else ""
@@ -181,21 +186,11 @@ def rechecked(
         raise refusal("K942", "cvc5", message, hint) from None
 
 
-def _place(span: Span) -> dict[str, object] | None:
+def _place(span: Span) -> forms.Place | None:
     """A place in the text; None for what stands in none."""
     if span.file == NOWHERE.file:
         return None
-    return {"file": span.file, "line": span.line, "column": span.column}
+    return forms.Place(span.file, span.line, span.column)
 
 
 _MET = {Answer.SAT: "not met", Answer.UNKNOWN: "unknown", Answer.UNSAT: "met"}
-
-
-def _settled_json(one: Settled, *, every_number: bool) -> dict[str, object]:
-    return {
-        "name": one.name,
-        "every_number": every_number,
-        "answer": _MET[one.answer],
-        "claim": one.claim,
-        "configuration": list(one.state),
-    }
