@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,14 @@ def test_a_certificate_is_confirmed(certificate: koord.Certificate, tmp_path: Pa
     Draft202012Validator(koord.schema("recheck")).validate(document)
     certificate.save(tmp_path / "c.json")
     assert koord.recheck(tmp_path / "c.json").outcome is Outcome.CONFIRMED
+
+
+def test_threads_recheck_while_others_verify(certificate: koord.Certificate) -> None:
+    with ThreadPoolExecutor(3) as pool:
+        opinions = [pool.submit(koord.recheck, certificate) for _ in range(2)]
+        report = pool.submit(koord.verify, COUNTER, robots=1, rounds=3, engine="bmc")
+        assert [opinion.result().confirmed for opinion in opinions] == [True, True]
+        assert report.result().verdict("Low").holds
 
 
 def test_a_certificate_is_refused(certificate: koord.Certificate) -> None:
