@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias, assert_never
 import numpy as np
 from msgspec import Struct, field
 
-from koord.runtime.motion.arrays import Bools, Floats
+from koord.runtime.motion.arrays import Floats
 from koord.runtime.motion.automaton import Visit
 from koord.runtime.motion.bodies import Body, Level, PlannerName, Steering, type_of
-from koord.runtime.motion.driving import Measured
+from koord.runtime.motion.driving import Legs, Measured
 from koord.runtime.motion.group import Group
 from koord.runtime.motion.planners import planner
 from koord.runtime.motion.planning import PlanningEffort, Touched
@@ -191,10 +191,7 @@ def wheeled(setup: SquadSetup, told: Rolling, hull: Hull) -> Wheeled:
 class Tracker(Protocol):
     """The law by which vehicles on the ground follow the routes of their group."""
 
-    @property
-    def missed(self) -> Bools:
-        """Who stands at the end of its route and has not reached it."""
-        ...
+    legs: Legs
 
     def command(self, measured: Measured, dt_s: float) -> Floats:
         """Commands for the next step, shape ``(n, 2)``."""
@@ -220,7 +217,7 @@ class WheeledSquad:
         if self._ticks % self._every == 0:
             measured = Measured(position, heading, self.vehicles.speed)
             self._command = self.tracker.command(measured, self._every * STEPS * STEP_S)
-            self.group.replan(np.flatnonzero(self.tracker.missed).tolist())
+            self.group.replan(np.flatnonzero(self.tracker.legs.missed).tolist())
         self._ticks += 1
         self.vehicles.advance(self._delay.pass_on(self._command), STEP_S, STEPS)
 

@@ -38,11 +38,6 @@ class Turning:
         self._turn: Floats = np.zeros(group.count)
         self._turns: Bools = np.zeros(group.count, np.bool_)
 
-    @property
-    def missed(self) -> Bools:
-        """Who stands at the end of its route and has not reached it."""
-        return self.legs.missed
-
     def command(self, measured: Measured, dt_s: float) -> Floats:
         """The speeds of the wheels for the next step, shape ``(n, 2)``, left ones first."""
         group = self.group

@@ -44,6 +44,7 @@ class Legs:
     def __init__(self, group: Group, accel_mps2: float) -> None:
         self.group, self._accel = group, accel_mps2
         self.way: Floats = np.ones(group.count)
+        #: who stands at the end of its route and has not reached it
         self.missed: Bools = np.zeros(group.count, np.bool_)
         self._waited: Floats = np.zeros(group.count)
 
@@ -110,11 +111,6 @@ class Driving:
             from koord.runtime.motion.predictive import Predictive
 
             self._predictive = Predictive(group.count, self.car, horizon)
-
-    @property
-    def missed(self) -> Bools:
-        """Who stands at the end of its route and has not reached it."""
-        return self.legs.missed
 
     def command(self, measured: Measured, dt_s: float) -> Floats:
         """Speeds (negative: backwards) and steering angles, shape ``(n, 2)``, for the next step."""

@@ -22,7 +22,7 @@ from koord.runtime.motion.bodies import Body
 from koord.runtime.motion.field import Field
 from koord.runtime.motion.libraries import missing
 from koord.runtime.motion.planning import Ground, PlanningEffort, Pose, suits
-from koord.runtime.motion.world import Point
+from koord.runtime.motion.world import Point, World
 
 try:
     from ompl import base, geometric, util
@@ -100,12 +100,7 @@ class SpacePlanner(Struct, frozen=True):
             return direct
         util.RNG.setSeed(seed % 2**31 + 1)
         axes = 2 if body.ON_GROUND else 3
-        space = base.RealVectorStateSpace(axes)
-        bounds = base.RealVectorBounds(axes)
-        for axis in range(axes):
-            bounds.setLow(axis, world.low[axis])
-            bounds.setHigh(axis, world.high[axis])
-        space.setBounds(bounds)
+        space = _bounded(base.RealVectorStateSpace(axes), world, axes)
         reach = body.radius_m + MARGIN_M
         enough = _leaving(free, start.position, reach)
 
@@ -145,12 +140,7 @@ class CurvePlanner(Struct, frozen=True):
             return np.array([start.position, goal])
         free = self.ground.field(avoid)
         util.RNG.setSeed(seed % 2**31 + 1)
-        space = base.ReedsSheppStateSpace(body.turning_m * _WIDER)
-        bounds = base.RealVectorBounds(2)
-        for axis in range(2):
-            bounds.setLow(axis, world.low[axis])
-            bounds.setHigh(axis, world.high[axis])
-        space.setBounds(bounds)
+        space = _bounded(base.ReedsSheppStateSpace(body.turning_m * _WIDER), world, 2)
         valid = car_fits(free, body, start)
         query = _Query(space, valid, self.effort, self.optimal, range_m=2.5)
         begin = query.state()
@@ -169,6 +159,16 @@ class CurvePlanner(Struct, frozen=True):
         flat = spaced(fine)
         points = np.column_stack([flat, np.full(len(flat), world.ground)])
         return _pinned(points, start.position, goal)
+
+
+def _bounded(space: Any, world: World, axes: int) -> Any:
+    """The space, within the world."""
+    bounds = base.RealVectorBounds(axes)
+    for axis in range(axes):
+        bounds.setLow(axis, world.low[axis])
+        bounds.setHigh(axis, world.high[axis])
+    space.setBounds(bounds)
+    return space
 
 
 class _Query(Struct):

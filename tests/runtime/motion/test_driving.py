@@ -130,7 +130,7 @@ def test_a_car_that_missed_the_end_of_its_route_says_so() -> None:
     missed = False
     for _ in range(200):
         ride.tick()
-        if ride.driving.missed[0]:
+        if ride.driving.legs.missed[0]:
             missed = True
             ride.group.replan([0])
     assert missed
