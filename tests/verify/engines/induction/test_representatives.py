@@ -24,7 +24,6 @@ from koord.verify.engines.induction.proving import Inductive, prove
 from koord.verify.engines.induction.representatives import representatives
 from koord.verify.reduction.abstraction import abstracted
 from koord.verify.verdicts import Outcome
-from tests.sampling import sampled
 from tests.verify.asking import ask
 
 EXAMPLES = Path(__file__).parents[4] / "specs" / "examples"
@@ -88,12 +87,9 @@ def test_what_two_robots_break_is_broken_up_to_names(
     assert some.reasons == every.reasons
 
 
-@pytest.mark.parametrize("last", sampled(100, [300]))
-def test_proofs_of_generated_programs_are_the_same(
-    last: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_proofs_of_generated_programs_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     count: Counter[str] = Counter()
-    for seed in range(last):
+    for seed in range(300):
         found = system(Random(seed), FINITE)
         seen = representatives(found)
         if all(seen(claim) is claim or seen(claim) == claim for claim in claims_of(found)):
@@ -109,9 +105,9 @@ def test_proofs_of_generated_programs_are_the_same(
         count["systems"] += 1
         count["proved"] += sum(claim.stated is not None for claim in some.proved)
         count["not proved"] += sum(claim.stated is not None for claim in some.reasons)
-    assert count["systems"] >= last // 15
-    assert count["proved"] >= last // 30
-    assert count["not proved"] >= last // 30
+    assert count["systems"] >= 20
+    assert count["proved"] >= 10
+    assert count["not proved"] >= 10
 
 
 def test_opaque_values_to_start_with_are_no_obstacle() -> None:
