@@ -51,6 +51,7 @@ def test_processes_make_the_same_run(tmp_path: Path, capsys: pytest.CaptureFixtu
     same_run("follow_path", 3, capsys, tmp_path)
 
 
+@pytest.mark.slow
 def test_two_in_a_scene_with_a_scanner_make_the_same_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -83,6 +84,7 @@ def test_cars_among_processes_make_the_same_run(
     same_run("task", 30, capsys, tmp_path)
 
 
+@pytest.mark.slow
 def test_a_run_of_processes_ends_where_one_in_one_process_does(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -104,6 +104,7 @@ def judged(documents: Iterable[Document]) -> Counter[str]:
     return count
 
 
+@pytest.mark.slow
 def test_what_is_edited_is_confirmed_before() -> None:
     count = judged([written("count.krd", 1), written("switch.krd", 2)])
     assert count == Counter(confirmed=2, shown=count["shown"])

@@ -144,6 +144,7 @@ def test_equal_seeds_make_equal_runs() -> None:
     assert digest(rough, 1, 6.0) != digest(rough, 2, 6.0)
 
 
+@pytest.mark.slow
 def test_levels_change_what_happens_and_not_what_is_reached() -> None:
     ends = []
     for level in Level:

@@ -132,6 +132,7 @@ def test_a_line_forms(kind: DeviceModel) -> None:
     assert np.linalg.norm(run.fleet.positions() - line, axis=1).max() < 0.03
 
 
+@pytest.mark.slow
 def test_the_map_of_a_u_is_right_and_grows() -> None:
     world = World(
         (0, 0, 0),

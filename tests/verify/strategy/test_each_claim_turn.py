@@ -129,6 +129,7 @@ def test_where_nothing_can_be_forked_all_is_done_in_turn(
 
 
 @pytest.mark.parametrize("quick", first(1, [True, False]))
+@pytest.mark.slow
 def test_with_lemmas_and_without_at_the_same_time_is_one_after_the_other(
     system: System, quick: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:

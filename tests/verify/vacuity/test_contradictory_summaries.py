@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from msgspec.structs import replace
 
 from koord.syntax import core
@@ -81,6 +82,7 @@ def fun best(int n) -> Mode: extern fresh
     assert outcomes(ask(program, robots=1, rounds=2)) == {"Best": HOLDS, "More": VIOLATED}
 
 
+@pytest.mark.slow
 def test_functions_of_lists_are_asked_about_every_value() -> None:
     """What they answer depends on the value, though lists are held in many shapes."""
     invariants = "One: done implies b", "Three: not c", "Never: not b"
@@ -98,6 +100,7 @@ def test_lists_that_are_built_in_different_ways_are_one_question() -> None:
     assert outcomes(ask(program, robots=1, rounds=2)) == {"Same": HOLDS, "Else": VIOLATED}
 
 
+@pytest.mark.slow
 def test_every_list() -> None:
     """Proofs need a few of the lists only; so they hold however long others are."""
     declared = """
