@@ -7,7 +7,7 @@ from functools import partial
 
 from koord.verify.claims import Claim
 from koord.verify.failures import Failure
-from koord.verify.ledger import Ledger, Said
+from koord.verify.ledger import Extract, Ledger
 from koord.verify.processes import Pool, Progress, can_fork
 
 
@@ -15,7 +15,7 @@ def note_end(ledger: Ledger, claim: Claim, who: str, end: str) -> None:
     """The process that was to work on a claim is gone."""
     died = ledger.of([claim], ledger.report)
     died.fail(Failure(who, end))
-    ledger.take(died.said([claim]))
+    ledger.take(died.extract([claim]))
 
 
 def each_alone(
@@ -33,14 +33,14 @@ def each_alone(
                 with own.enduring(who):
                     work(own, claim)
             finally:
-                ledger.take(own.said([claim]))
+                ledger.take(own.extract([claim]))
         return
 
-    def ask(claim: Claim, tell: Progress) -> Said:
+    def ask(claim: Claim, tell: Progress) -> Extract:
         own = ledger.of([claim], tell)
         with own.stopping(), own.enduring(who):
             work(own, claim)
-        return own.said([claim])
+        return own.extract([claim])
 
     jobs = {claim: pool.submit(claim.name, partial(ask, claim)) for claim in claims}
     with ledger.waiting():

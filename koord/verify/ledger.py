@@ -76,7 +76,7 @@ class Reach(Struct, frozen=True):
 Interval: TypeAlias = "tuple[float, float]"
 
 
-class Said(Struct, frozen=True):
+class Extract(Struct, frozen=True):
     """What was found out about some claims on a ledger of its own, to be put into another one."""
 
     verdicts: Mapping[Claim, Verdict]
@@ -291,7 +291,7 @@ class Ledger(Struct):
             clock=self.clock,
         )
 
-    def said(self, claims: Iterable[Claim]) -> Said:
+    def extract(self, claims: Iterable[Claim]) -> Extract:
         """What is known of claims by now."""
         asked = list(claims)
         verdicts = {claim: self.verdicts[claim] for claim in asked if claim in self.verdicts}
@@ -299,20 +299,20 @@ class Ledger(Struct):
         self._put_down_time()
         spans = {claim: tuple(self._spans.get(claim, ())) for claim in asked}
         failures = dict(self.failures)
-        return Said(verdicts, reaches, self.stopped, self.interrupted, failures, spans)
+        return Extract(verdicts, reaches, self.stopped, self.interrupted, failures, spans)
 
-    def take(self, said: Said) -> None:
+    def take(self, extract: Extract) -> None:
         """Put down what was found out elsewhere about claims that are open here."""
-        self.stopped = self.stopped or said.stopped
-        self.interrupted = self.interrupted or said.interrupted
-        for failure, claims in said.failures.items():
+        self.stopped = self.stopped or extract.stopped
+        self.interrupted = self.interrupted or extract.interrupted
+        for failure, claims in extract.failures.items():
             self.failures[failure] = self.failures.get(failure, frozenset()) | claims
             self.failed(failure)
         for claim in self.open():
-            self._spans.setdefault(claim, []).extend(said.spans.get(claim, ()))
-            if claim in said.verdicts:
-                self.settle({claim: replace(said.verdicts[claim], claim=claim)})
-            for reach in said.reaches.get(claim, ()):
+            self._spans.setdefault(claim, []).extend(extract.spans.get(claim, ()))
+            if claim in extract.verdicts:
+                self.settle({claim: replace(extract.verdicts[claim], claim=claim)})
+            for reach in extract.reaches.get(claim, ()):
                 self.leave([claim], reach)
 
     def verdict(self, claim: Claim) -> Verdict:

@@ -53,7 +53,7 @@ CERTIFIED = (
     ),
     Mutant(
         "ranges are not said",
-        "verify.engines.bits.invariant_printer.said",
+        "verify.engines.bits.invariant_printer.invariant_texts",
         "[*_ranges(found.ranged, table), *clauses]",
         "[*clauses]",
         (LEMMAS,),

@@ -82,7 +82,7 @@ def test_who_waits_for_others_does_not_count() -> None:
             own = ledger.of([claim], lambda text: None)
             clock.now += seconds
             own.settle(held(claim))
-            ledger.take(own.said([claim]))
+            ledger.take(own.extract([claim]))
     assert ledger.verdict(a).seconds == 11
     assert ledger.verdict(b).seconds == 21
 
@@ -92,12 +92,12 @@ def test_two_who_work_at_the_same_time_count_once() -> None:
     ledger, a, _ = begun(clock)
     one, two = (ledger.of([a], lambda text: None) for _ in range(2))
     clock.now += 10
-    first = one.said([a])
+    first = one.extract([a])
     clock.now += 5
     two.settle(held(a))
     with ledger.waiting():
         ledger.take(first)
-        ledger.take(two.said([a]))
+        ledger.take(two.extract([a]))
     assert ledger.verdict(a).seconds == 15
 
 

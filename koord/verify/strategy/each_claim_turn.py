@@ -18,7 +18,7 @@ from koord.verify.each_claim import note_end
 from koord.verify.effort import Effort
 from koord.verify.engine_names import Engine
 from koord.verify.failures import Failure
-from koord.verify.ledger import Ledger, Said, reach_of
+from koord.verify.ledger import Extract, Ledger, reach_of
 from koord.verify.processes import Job, Pool, Progress, Teller, can_fork
 from koord.verify.strategy.turns import AnyTurn
 from koord.verify.verdicts import Outcome, Verdict
@@ -44,7 +44,7 @@ AT_LAST = _Slice(None, False)
 class _Looked(Struct, frozen=True):
     """What was found out about one claim, round by round. ``tired``: there is more to be found."""
 
-    said: Said
+    said: Extract
     unreplayed: tuple[str, int | None] | None
     tired: bool
 
@@ -98,12 +98,14 @@ class EachClaimTurn(Struct, frozen=True):
                 break
             tired = self._taken(ledger, self._submitted(ledger, tired, slice_))
 
-    def _proving(self, ledger: Ledger, claims: Sequence[Claim], first: int) -> Job[Said]:
+    def _proving(self, ledger: Ledger, claims: Sequence[Claim], first: int) -> Job[Extract]:
         """The proofs from one of them on, in a process of their own."""
         proofs = list(enumerate(self.proofs))[first:]
         return self.pool.submit("", partial(asked, ledger, claims, proofs))
 
-    def _behind(self, ledger: Ledger, claims: Sequence[Claim], died: Job[Said]) -> Job[Said] | None:
+    def _behind(
+        self, ledger: Ledger, claims: Sequence[Claim], died: Job[Extract]
+    ) -> Job[Extract] | None:
         """Where the process of proofs died, what it had told of counts, and the next one is asked.
 
         None if there is nothing to go on with.
@@ -133,7 +135,7 @@ class EachClaimTurn(Struct, frozen=True):
             with own.stopping(), own.enduring(self.name):
                 unrolling.through(own, own.bounds.rounds, effort)
             bounded = unrolling.of(own)
-            return _Looked(own.said([claim]), bounded.unreplayed.get(claim), bounded.tired)
+            return _Looked(own.extract([claim]), bounded.unreplayed.get(claim), bounded.tired)
 
         until = ledger.deadline.at_last()
         return {c: self.pool.submit(c.name, partial(look, c), until=until) for c in claims}
@@ -166,7 +168,7 @@ def _slices(ledger: Ledger) -> Sequence[_Slice]:
 
 def asked(
     ledger: Ledger, claims: Sequence[Claim], engines: Iterable[tuple[int, AnyTurn]], tell: Teller
-) -> Said:
+) -> Extract:
     """What engines say of some claims, in turn, in a process of its own.
 
     It tells whose turn it is, and what is known by then.
@@ -183,4 +185,4 @@ def asked(
                     tell.lasting(ended)
                     with own.enduring(engine.name):
                         engine.work(own)
-    return own.said(claims)
+    return own.extract(claims)

@@ -14,7 +14,7 @@ from koord.verify.effort import Deadline
 from koord.verify.engine_names import Engine
 from koord.verify.engines.engine import Workers
 from koord.verify.failures import VACUITY, Failure
-from koord.verify.ledger import Ledger, Reach, Said
+from koord.verify.ledger import Extract, Ledger, Reach
 from koord.verify.obstacles import Unreplayed, WholeRuns, what
 from koord.verify.processes import Pool, Progress
 from koord.verify.reduction.influence import Cone, Part
@@ -164,7 +164,7 @@ class _Asking(Struct):
             with self.ledger.waiting():
                 self.steps.take(part.stage, turn, name, work, inner, is_last=is_last)
         finally:
-            self.ledger.take(inner.said(asked))
+            self.ledger.take(inner.extract(asked))
 
     def _on_circuit(self, part: _Part, turn: EngineTurn, ledger: Ledger) -> None:
         """Ask the circuit of a slice, with opaque values where there are any."""
@@ -196,7 +196,7 @@ class _Asking(Struct):
 
 def _put_down(ledger: Ledger, verdict: Verdict, claim: Claim, inner: Ledger) -> None:
     """What became known of a claim on a ledger of its own."""
-    said = inner.said([verdict.claim])
+    said = inner.extract([verdict.claim])
     first = next(iter(verdict.obstacles), None)
     reach = Reach(Engine.BITS, None, verdict.reason, verdict.seconds, obstacle=first)
     settled = verdict.outcome is not Outcome.UNKNOWN
@@ -237,10 +237,10 @@ def _without_lemmas_first(
         ledger.fail(Failure(turn.name, ahead.end))
 
 
-def _asked(ledger: Ledger, turn: EngineTurn, tell: Progress) -> tuple[Said, list[Vacuity]]:
+def _asked(ledger: Ledger, turn: EngineTurn, tell: Progress) -> tuple[Extract, list[Vacuity]]:
     """What is found in a process of its own."""
     own = ledger.of(ledger.open(), tell)
     alone = replace(turn, workers=Workers(Pool(1), of_runs=True))
     with own.stopping(), own.enduring(turn.name):
         alone.work(own)
-    return own.said(ledger.open()), alone.workers.tools.vacuities
+    return own.extract(ledger.open()), alone.workers.tools.vacuities

@@ -105,7 +105,7 @@ class _Asking(Struct):
     def _tell(self, ledger: Ledger) -> None:
         """Put down what was found out by now."""
         own = self._own()
-        said = self.inner.said(own)
+        said = self.inner.extract(own)
 
         def outer(found: Mapping[Claim, T]) -> dict[Claim, T]:
             return {self.part.claims[identity(claim)]: each for claim, each in found.items()}

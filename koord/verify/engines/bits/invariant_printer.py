@@ -35,7 +35,7 @@ NUMBERS = ("k", "l", "number1", "number2")
 ANY_NUMBER = -10_000_000
 
 
-class Said(Struct, frozen=True):
+class InvariantText(Struct, frozen=True):
     """A statement in Koord; ``at_round``: it holds of the ends of rounds, maybe not within them."""
 
     text: str
@@ -54,7 +54,7 @@ class _Clause(Struct, frozen=True):
     over: tuple[int, int] | None = None
 
 
-def said(system: System, table: Table, found: Needed) -> list[Said]:
+def invariant_texts(system: System, table: Table, found: Needed) -> list[InvariantText]:
     """An invariant in Koord: first ranges, then clauses. Raises UnsaidError."""
     words = _Words(system, table)
     clauses = _joined([_Clause(orbit.first) for orbit in found.orbits], table)
@@ -174,7 +174,7 @@ class _Words:
             event.urgent for agent in program.agents for event in agent.events
         )
 
-    def clause(self, clause: _Clause) -> Said:
+    def clause(self, clause: _Clause) -> InvariantText:
         """A clause, for all robots that it may be about."""
         table = self.table
         alike = [table.places[k] for k in clause.alike or ()]
@@ -204,7 +204,7 @@ class _Words:
             conclusions, premises = [speaking.different(*alike)], premises[1:]
         text = _implied([*self._who(names), *premises], conclusions)
         moves = any(place.moves for place in (*alike, *(place for place, _ in parts)))
-        return Said(self._quantified(text, names, speaking), moves or self._hurried)
+        return InvariantText(self._quantified(text, names, speaking), moves or self._hurried)
 
     def _free(self, names: Sequence[str]) -> list[str]:
         free = [name for name in names if name not in self._taken]

@@ -14,7 +14,7 @@ from koord.verify.engines.bits.circuit import Circuit
 from koord.verify.engines.bits.clauses import NoAnswerError
 from koord.verify.engines.bits.ic3 import Cube, Question
 from koord.verify.engines.bits.invariant_core import needed
-from koord.verify.engines.bits.invariant_printer import Said, said
+from koord.verify.engines.bits.invariant_printer import InvariantText, invariant_texts
 from koord.verify.engines.bits.prime_implicants import Primes, Table, UnsaidError
 from koord.verify.engines.bits.robot_permutations import speaking_last
 from koord.verify.engines.bits.state_decoder import places_of
@@ -28,7 +28,7 @@ class Lemmas(Struct, frozen=True):
     unsaid: str = ""
 
 
-def _text(statement: Said) -> str:
+def _text(statement: InvariantText) -> str:
     return (AT_ROUND if statement.at_round else "") + statement.text
 
 
@@ -55,7 +55,7 @@ def lemmas(
         primes = Primes(table, question, cubes, deadline)
         try:
             found = needed(circuit, table, primes.orbits(), claims, given, deadline)
-            return Lemmas(tuple(map(_text, said(system, table, found))))
+            return Lemmas(tuple(map(_text, invariant_texts(system, table, found))))
         except UnsaidError as error:
             reason = primes.unsaid or str(error)
         except NoAnswerError:
