@@ -380,6 +380,9 @@ def _length(c: Context, depth: int) -> core.Expr | None:
     if not types:
         return None
     whole = expression(c, c.draft.pick(types), depth)
+    if isinstance(whole.type, MapType):  # its keys are as many
+        listed = ListType(whole.type.key)
+        whole = core.Builtin(ListOp.KEYS, (whole,), listed, span=c.draft.span())
     return core.Builtin(ListOp.LENGTH, (whole,), INT, span=c.draft.span())
 
 
