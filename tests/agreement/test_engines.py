@@ -280,10 +280,10 @@ def test_what_no_round_with_it_can_end_is_looked_at() -> None:
 
 
 def test_a_start_that_was_not_looked_at_whole_is_no_round() -> None:
-    assert compare(FAMILIES["symmetric"], 50_138)["search: too many ways to start"] == 1
+    assert compare(FAMILIES["symmetric"], 50_136)["search: too many ways to start"] == 1
 
 
-@pytest.mark.parametrize("seeds", sampled(range(20, 27), [range(20, 40), range(40, 60)]))
+@pytest.mark.parametrize("seeds", sampled(range(26, 33), [range(20, 40), range(40, 60)]))
 def test_all_engines_agree_with_the_search_where_numbers_are_large(seeds: range) -> None:
     count = many(FAMILIES["large"], seeds)
     assert count["systems"] >= 0.85 * len(seeds), count
