@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import socket
 from typing import assert_never
 
 from koord.runtime.configuration.forms import Carrier
@@ -10,9 +11,13 @@ from koord.runtime.configuration.model import Configuration
 from koord.runtime.transports.routed import Routed
 from koord.runtime.transports.transport import Transport, TransportError
 from koord.runtime.transports.udp import Plan, Reach, Udp, on_this_machine
+from koord.syntax.forking import FORKING
 
 #: Where ports for robots on this machine are looked for.
 _FIRST_PORT, _PORTS = 20_000, 30_000
+
+#: Others may use some of them: so many are tried.
+_TRIES = 20
 
 
 def plan_of(configuration: Configuration) -> Plan:
@@ -37,11 +42,24 @@ def plan_of(configuration: Configuration) -> Plan:
 
 def local_plan(configuration: Configuration, robots: int) -> Plan:
     """All robots on this machine, each with a port, whatever addresses they will have outside."""
-    port = _FIRST_PORT + secrets.randbelow(_PORTS)
     unicast = configuration.talk.carrier is Carrier.UNICAST
-    if unicast or robots == 1 or not hears_itself(port):
-        return on_this_machine(robots, port, group=None)
-    return on_this_machine(robots, port)
+    with FORKING:  # else a robot of another thread keeps the sockets that are tried here
+        ports = (_FIRST_PORT + secrets.randbelow(_PORTS) for _ in range(_TRIES))
+        port = next((port for port in ports if _are_free(port, robots)), _FIRST_PORT)
+        if unicast or robots == 1 or not hears_itself(port):
+            return on_this_machine(robots, port, group=None)
+        return on_this_machine(robots, port)
+
+
+def _are_free(port: int, robots: int) -> bool:
+    """Whether nobody else uses the ports of a plan now."""
+    try:
+        for address in on_this_machine(robots, port, group=None).addresses:
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+                one.bind(address)
+    except OSError:
+        return False
+    return True
 
 
 def hears_itself(port: int) -> bool:
