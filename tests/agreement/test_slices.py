@@ -72,8 +72,14 @@ def told(of: System, choice: Engine | None, slices: type[Slices] = Slices) -> To
 
 
 def is_small(of: System) -> bool:
+    """Whether there are few states, and any at all.
+
+    A program that cannot start breaks nothing. A slice without what keeps it from starting may,
+    and is not believed: then nothing is known of a program whose junk has no end.
+    """
     limits = Limits(states=300, rounds=10)
-    return isinstance(survey(of, of.program.properties, limits).end, Exhausted)
+    end = survey(of, of.program.properties, limits).end
+    return isinstance(end, Exhausted) and end.states > 0
 
 
 def compare(of: System, choice: Engine | None, seed: int) -> Counter[str]:
@@ -116,7 +122,7 @@ def compared(choice: Engine | None, seeds: Iterable[int]) -> Counter[str]:
 
 
 #: So many programs of each family are looked at by default.
-FEW = {Engine.SEARCH: 3, Engine.BMC: 2, Engine.INDUCTION: 1, Engine.BITS: 2, None: 1}
+FEW = {Engine.SEARCH: 3, Engine.BMC: 2, Engine.INDUCTION: 2, Engine.BITS: 2, None: 1}
 
 
 @pytest.mark.parametrize("choice", FEW)
